@@ -1,4 +1,4 @@
-//! Frame lengths against values worked out by hand and by an independent script, and against the worst case.
+//! Frame lengths, against manually computed values, an independent script, and the worst case.
 
 use proptest::prelude::*;
 use protocol_core::frame::{Frame, Id, extended, standard};
@@ -24,7 +24,7 @@ fn standard_frames() {
         (0x7FF, &[0xFF; 8], 98, 15),
         (0x555, &[0x55; 8], 98, 1),
         (0x078, &[0x3C; 8], 98, 20),
-        // the worst one that a search found; 24 would be the limit
+        // the worst case that a search found; the limit would be 24
         (0x07C, &[0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3F], 98, 21),
     ] {
         assert_eq!(data(standard(id), bytes).on_wire(), raw + stuff + 10, "{id:03X} {bytes:X?}");
@@ -70,12 +70,12 @@ fn two_frames_part_where_the_first_bit_differs() {
     assert_eq!(parting.bit, other.bit);
     assert_eq!(parting.bit, 19 + 1 + 2);
     assert_eq!(a.first_difference(a), None);
-    // Different lengths part in the length code.
+    // Frames of different lengths differ in the length code.
     let longer = data(standard(0x700), &[0x7F, 0]).first_difference(a).unwrap();
     assert_eq!(longer.bit, 1 + 11 + 3 + 2 + 2);
 }
 
-/// The stuff bits of a frame, bit by bit, as ISO 11898-1, 10.5 puts it.
+/// Returns the number of stuff bits of a frame, bit by bit, as in ISO 11898-1, 10.5.
 fn stuffed_bit_by_bit(bits: &[bool]) -> u32 {
     let (mut count, mut run, mut last) = (0, 0, None);
     for bit in bits {
@@ -89,7 +89,7 @@ fn stuffed_bit_by_bit(bits: &[bool]) -> u32 {
 }
 
 proptest! {
-    /// The table counts what the rule says, also up to a bit in the middle of a frame.
+    /// The table agrees with the rule, also for a part of a frame.
     #[test]
     fn the_table_counts_as_the_rule_says(value: u128, len in 1..=118_u32, part in 1..=118_u32) {
         // A start of frame is dominant.
@@ -100,7 +100,7 @@ proptest! {
         prop_assert_eq!(FrameBits { value, len }.stuff_bits(part), expected);
     }
 
-    /// ISO 11898-1: after the first five bits at most every fourth one is followed by a stuff bit.
+    /// ISO 11898-1: after the first five bits, at most every fourth bit is followed by a stuff bit.
     #[test]
     fn no_frame_is_longer_than_the_worst_case(raw in 0..=0x1FFF_FFFF_u32, long: bool, bytes: [u8; 8], len in 0..=8_usize) {
         let id: Id = if long { extended(raw).into() } else { standard(raw as u16).into() };

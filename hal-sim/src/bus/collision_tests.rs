@@ -1,4 +1,4 @@
-//! Senders of one identifier with different data (ISO 11898-1, 10.11 and 12.1): who is out, who comes back, and when.
+//! Senders of one identifier with different data (ISO 11898-1, 10.11 and 12.1): the loser, its return, and the times.
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
@@ -6,12 +6,12 @@ use protocol_core::time::Duration;
 use super::rig::{Rig, bits, frame, micros};
 use super::{BusError, Event, EventKind, FrameBits, PortId};
 
-/// The frames of `a` and `b`: that of `a` is dominant where they part.
+/// The identifier of `a` and `b`; the frame of `a` is dominant at the first difference.
 const ID: u16 = 0x700;
 const DOMINANT: &[u8] = &[0x05];
 const RECESSIVE: &[u8] = &[0x7F];
 
-/// Lets `a` and `b` collide until both are error-passive.
+/// Makes `a` and `b` collide until both are error-passive.
 fn both_passive(rig: &mut Rig) {
     for _ in 0..16 {
         rig.send(0, frame(ID, DOMINANT));
@@ -32,7 +32,7 @@ fn the_loser_of_a_bit_neither_receives_nor_acknowledges() {
     rig.send(0, frame(ID, DOMINANT));
     rig.send(1, frame(ID, RECESSIVE));
     let (_, ended) = rig.next();
-    // Nobody else is there.
+    // No other port acknowledges.
     assert_eq!((ended.error, ended.frame), (Some(BusError::Acknowledgement), frame(ID, DOMINANT)));
     assert_eq!((rig.counters(0), rig.counters(1)), ((128, 0), (136, 0)));
     assert_eq!(rig.receive(1), None);
@@ -48,7 +48,7 @@ fn the_loser_of_a_bit_waits_before_it_sends_again() {
     assert_eq!((ended.error, ended.frame), (None, frame(ID, DOMINANT)));
     assert_eq!((rig.receive(1), rig.receive(2)), (None, Some(frame(ID, DOMINANT))));
     assert_eq!(rig.counters(1), (136, 0), "a frame that is not received counts nothing down");
-    // Intermission, and suspend transmission of an error-passive sender.
+    // The intermission, and suspend transmission of an error-passive sender.
     let (sent, ended) = rig.next();
     assert_eq!((ended.error, ended.frame), (None, frame(ID, RECESSIVE)));
     assert_eq!(sent, won + bits(3 + 8 + FrameBits::of(&ended.frame).on_wire()));

@@ -1,4 +1,4 @@
-//! A bus without devices, for the tests: ports `a`, `b`, `c` … and what was on the wire.
+//! A bus without devices, for the tests: ports `a`, `b`, `c` … and the record of the wire.
 
 use std::sync::Arc;
 
@@ -25,13 +25,13 @@ pub(super) fn bits(count: u32) -> Duration {
     Duration::from_nanos(bit_times(count, RATE))
 }
 
-/// What was on the wire.
+/// A frame or error frame that has ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Ended {
-    /// Who sent it; the first of several that sent the same.
+    /// The sender; the first of several equal ones.
     pub(super) from: Arc<str>,
     pub(super) frame: Frame,
-    /// Why it is not a frame but an error frame.
+    /// The error of an error frame.
     pub(super) error: Option<BusError>,
 }
 
@@ -84,7 +84,7 @@ impl Rig {
         self.run(self.now + time);
     }
 
-    /// Runs until something ended.
+    /// Runs until a frame or error frame ends.
     pub(super) fn next(&mut self) -> (Instant, Ended) {
         let known = self.ended.len();
         self.bus.begin(self.now);

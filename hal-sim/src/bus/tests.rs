@@ -66,7 +66,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
     let first = rig.next();
     assert_eq!(first.1.error, Some(BusError::Acknowledgement));
     assert_eq!(first.1.from.as_ref(), "a");
-    // Up to the ACK slot, error flag and delimiter; after the intermission it tries again.
+    // An attempt up to the ACK slot, error flag and delimiter; the retry follows after the intermission.
     let attempt = FrameBits::of(&sent).to_ack_slot() + 6 + 8;
     assert_eq!(first.0, micros(10_000) + bits(attempt));
     assert_eq!(rig.next().0, first.0 + bits(3 + attempt));
@@ -81,7 +81,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
     rig.run_for(Duration::from_secs(2));
     assert_eq!((rig.counters(0), rig.mode(0)), ((128, 0), BusErrorMode::ErrorPassive));
 
-    // Somebody comes who acknowledges: the frame gets through at last.
+    // A late listener acknowledges: the frame gets through.
     let late = rig.bus.add_client_port("late".into(), RATE, rig.now);
     rig.run_for(Duration::from_millis(5));
     assert_eq!(rig.frames(), [sent]);
@@ -105,7 +105,7 @@ fn a_sender_that_nobody_understands_goes_bus_off_and_recovers() {
     assert_eq!(rig.mode(0), BusErrorMode::BusOff);
     assert_eq!(rig.mode(1), BusErrorMode::ErrorActive);
 
-    // An idle bus: 128 × 11 bits later it is back, and what it had to send goes out at once.
+    // On an idle bus, 128 × 11 bits later the port is back and sends its waiting frame at once.
     let back = last + bits(128 * 11);
     rig.run(back - Duration::from_micros(1));
     assert_eq!(rig.mode(0), BusErrorMode::BusOff);
@@ -152,7 +152,7 @@ fn a_listener_at_another_rate_disturbs_until_it_is_error_passive() {
     assert_eq!(ended.error, Some(BusError::Stuff));
     assert_eq!((rig.counters(0), rig.counters(1), rig.counters(2)), ((8, 0), (0, 1), (0, 9)));
     rig.run_for(Duration::from_millis(50));
-    // 15 × 9 = 135: passive, and the frame gets through.
+    // 15 × 9 = 135: the listener is error-passive, and the frame gets through.
     assert_eq!(rig.ended.len(), 16);
     assert_eq!(rig.frames(), [sent]);
     assert_eq!(rig.mode(2), BusErrorMode::ErrorPassive);
@@ -200,7 +200,7 @@ fn one_identifier_with_different_data_collides_until_one_gives_up_loudly() {
     assert_eq!(at, micros(10_000) + bits(parting + 1 + 20));
     assert_eq!((rig.counters(0), rig.counters(1), rig.counters(2)), ((8, 0), (8, 0), (0, 1)));
     rig.run_for(Duration::from_millis(40));
-    // Both are error-passive after 16 attempts; then the recessive one can no longer destroy the dominant one.
+    // Both are error-passive after 16 attempts; from then on the recessive sender cannot destroy the dominant frame.
     let errors = rig.ended.iter().filter(|(_, ended)| ended.error.is_some()).count();
     assert_eq!(errors, 16);
     assert_eq!(rig.frames(), [frame(0x700, &[0x05]), frame(0x700, &[0x7F])]);
@@ -239,7 +239,7 @@ fn a_controller_takes_part_after_eleven_recessive_bits() {
     let length = FrameBits::of(&frame(0x123, &[])).on_wire();
     assert_eq!(rig.next().0, micros(10_000) + bits(11 + length));
 
-    // One that comes while a frame is on the wire does not hear it, and has seen enough with its end.
+    // A port that joins during a frame does not receive it, and has seen enough bits at its end.
     rig.run_for(bits(3));
     let now = rig.now;
     rig.send(0, frame(0x124, &[]));

@@ -2,7 +2,7 @@
 
 use crate::explain::tests::{check, explainer, frame};
 
-/// The frames of block transfers that others make (CiA 301 7.2.4.3.9 on) which name themselves.
+/// The frames of other nodes' block transfers that identify themselves (CiA 301 7.2.4.3.9 on).
 #[test]
 fn service_data_in_blocks() {
     check(&[
@@ -21,7 +21,7 @@ fn service_data_in_blocks() {
     ]);
 }
 
-/// The frames of a bus one after the other, each explained as the trace does.
+/// Explains the frames of a bus in sequence, as the trace does.
 fn follow(cases: &[(&str, &str)]) {
     let mut explainer = explainer();
     for (text, meaning) in cases {
@@ -30,18 +30,17 @@ fn follow(cases: &[(&str, &str)]) {
     }
 }
 
-/// Segments look like other requests and answers: the initiation before them tells that they are none (CiA 301
-/// 7.2.4.3.11).
+/// Segments look like other requests and answers: only the initiation before them identifies them (CiA 301 7.2.4.3.11).
 #[test]
 fn the_segments_of_a_block_download() {
     follow(&[
         ("605: C6 00 20 01 12 00 00 00", "master → node 0x05: SDO block write 0x2000:1, 18 bytes"),
         ("585: A4 00 20 01 02 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 2"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
-        // another pair of client and server has nothing to do with it
+        // another client and server are unaffected
         ("606: 02 01 02 03 04 05 06 07", "master → node 0x06: SDO write, segment 01 02 03 04 05 06, toggle 0"),
         ("605: 02 41 42 43 44 45 46 47", "master → node 0x05: SDO block write, segment 2: \"ABCDEFG\""),
-        // the server lost one: it comes again, with a number of the new block
+        // the server lost a segment: it is repeated, with a number of the new block
         ("585: A2 01 7F 00 00 00 00 00", "node 0x05: SDO block write, received up to 1, next block of 127"),
         ("605: 01 41 42 43 44 45 46 47", "master → node 0x05: SDO block write, segment 1: \"ABCDEFG\""),
         ("605: 82 0F 10 11 12 00 00 00", "master → node 0x05: SDO block write, last segment 2: 0F 10 11 12 00 00 00"),
@@ -83,20 +82,20 @@ fn a_block_transfer_that_ends_early_names_nothing_after_it() {
             "valve: SDO abort 0x100A:0 (Manufacturer software version): unknown command specifier (0x05040001)",
         ),
         ("5A0: 01 41 50 50 2D 5F 53 36", "valve: SDO answer, last segment \"APP-_S6\", toggle 0"),
-        // given up between two segments, by either of them
+        // aborted between two segments, by either side
         ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 127"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
         ("605: 80 00 20 01 00 00 00 08", "master → node 0x05: SDO abort 0x2000:1: general error (0x08000000)"),
         ("605: 02 01 02 03 04 05 06 07", "master → node 0x05: SDO write, segment 01 02 03 04 05 06, toggle 0"),
-        // forgotten by its client, which asks for something else
+        // abandoned by its client, which sends another request
         ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 127"),
         ("605: 40 18 10 01 00 00 00 00", "master → node 0x05: SDO read 0x1018:1"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO write, last segment 01 02 03 04 05 06 07, toggle 0"),
-        // a segment that its number does not announce
+        // a segment with an unexpected number
         ("585: A4 00 20 01 01 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 1"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
         ("605: 02 01 02 03 04 05 06 07", "master → node 0x05: SDO write, segment 01 02 03 04 05 06, toggle 0"),
-        // acknowledgements that follow nothing
+        // acknowledgements without a segment
         ("585: A2 05 7F 00 00 00 00 00", "node 0x05: SDO block write, received up to 5, next block of 127"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO write, last segment 01 02 03 04 05 06 07, toggle 0"),
     ]);

@@ -1,4 +1,4 @@
-//! Frames and what is said of them.
+//! Frames and their explanations.
 
 use protocol_core::device::{hat, pve};
 use protocol_core::frame::standard;
@@ -19,7 +19,7 @@ pub(super) fn explainer() -> Explainer {
     ])
 }
 
-/// A frame in the manual's notation.
+/// Parses a frame in the manual's notation.
 pub(super) fn frame(text: &str) -> Frame {
     text.parse().unwrap_or_else(|error| panic!("{text}: {error}"))
 }
@@ -148,7 +148,7 @@ fn service_data() {
         ("620: 20 53 60 00 00 00 00 00", "master → valve: SDO write 0x6053:0 (Device description), in segments"),
         ("620: 00 00 01 02 03 04 05 06", "master → valve: SDO write, segment 00 01 02 03 04 05 06, toggle 0"),
         ("620: 0F 00 00 00 00 00 00 00", "master → valve: SDO write, last segment of no bytes, toggle 0"),
-        // a size that the object does not have, and none
+        // a size that differs from the object's, and none
         ("620: 2F 40 60 00 0F 00 00 00", "master → valve: SDO write 0x6040:0 (Device control word) = 0x0F"),
         (
             "620: 22 40 60 00 0F 00 00 00",
@@ -224,7 +224,7 @@ fn diagnostics() {
     ]);
 }
 
-/// Its answer has one identifier, whatever the node ID is: that of other answers of node 0x81.
+/// The answer has one identifier for all node IDs: the one of other answers from node 0x81.
 #[test]
 fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
     let mut explainer = explainer();
@@ -249,7 +249,7 @@ fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
     }
     assert_eq!(explain(&mut explainer, "1BC408F1: 03 6E 10 01"), any);
     assert_eq!(explain(&mut explainer, "1BC408F1: 03 6E 10 01"), any);
-    // On the simulated bus it is known.
+    // On the simulated bus the sender is known.
     let told = explainer.explain(&written, Some("rear"));
     assert_eq!(told, "rear → tool 0xF1: UDS written 0x1001 (node ID)");
 }
@@ -394,7 +394,7 @@ fn error_frames() {
     assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 of valve");
 }
 
-/// The bytes after the register are the manufacturer's own, and the stand-ins' codes are not everybody's.
+/// The manufacturer defines the bytes after the register, and other manufacturers have other codes than the stand-ins.
 #[test]
 fn emergencies_of_foreign_nodes() {
     check(&[

@@ -1,16 +1,16 @@
-//! Damage that passes for an entry, of any length (SPEC 6): what lies behind it is found, and the memory can be written as
-//! before.
+//! Damage that looks like an entry, of any length (SPEC 6): entries behind it are found, and the memory remains
+//! writable.
 
 use super::tests::{held, numbered, payload, record, with_history};
 use super::*;
 
-/// An entry begins with a mark, its key, its length, whether it is a beginning, its sequence number and its checksum.
+/// The header of an entry: mark, key, length, beginning flag, sequence number and checksum.
 const HEADER: usize = 12;
 
-/// Lengths that an entry can have, and others.
+/// Possible lengths of an entry, and impossible ones.
 const LENGTHS: [u8; 7] = [0, 1, 40, 127, 128, 129, 255];
 
-/// Where the entries of the first sector begin, and where the next one would.
+/// Returns the offsets of the entries in the first sector, and of the next one.
 fn items(flash: &Flash) -> Vec<usize> {
     let mut starts = vec![0];
     loop {
@@ -24,14 +24,14 @@ fn items(flash: &Flash) -> Vec<usize> {
     }
 }
 
-/// Puts the header of an entry of this length there, with a sequence number that would make it the newest.
+/// Writes the header of an entry with this length, and with the newest sequence number.
 fn with_header(flash: &Flash, at: usize, length: u8) -> Flash {
     let mut image = flash.image();
     image[at..at + HEADER].copy_from_slice(&[0x4E, 3, length, 0, 0, 0, 0, 0x7F, 0x11, 0x11, 0x11, 0x11]);
     Flash::from_image(image).unwrap()
 }
 
-/// Stores each record but the factory's, until the sector was changed; nothing is lost.
+/// Stores each record but the factory's, until the sector changes; checks that nothing is lost.
 #[track_caller]
 fn lives_on(memory: &mut Memory, factory: &Option<Vec<u8>>, what: &str) {
     let mut expected = [const { None }; RecordKey::ALL.len()];
@@ -67,7 +67,7 @@ fn an_item_of_any_length_hides_only_itself() {
             for key in RecordKey::ALL {
                 match image.payload(key, 1) {
                     Ok(Some(found)) if newest[key.position()].as_deref() == Some(found) => {}
-                    // The factory record has no older one, and the inventory says that it is missing.
+                    // The factory record has no older version, and the inventory reports it missing.
                     Ok(Some(found)) => {
                         assert!(key != RecordKey::Factory && found == numbered(u32::from(found[0])), "{what}");
                         older += 1;
@@ -115,7 +115,7 @@ fn a_sector_that_makes_no_sense_beside_one_that_does() {
     for count in [8, 160] {
         let (memory, newest) = with_history(count);
         let used = if memory.flash().erases() == 0 { 0 } else { SECTOR };
-        // The last two are those of a sector that is full, and of one that is in use.
+        // The last two are the marks of a full sector, and of one in use.
         let marks = [(ERASED, 0), (ERASED, ERASED), (0, 0), (0, ERASED)];
         for (seed, (front, end)) in marks.into_iter().cycle().take(8).enumerate() {
             let mut random = fastrand::Rng::with_seed(seed as u64);
@@ -159,7 +159,7 @@ fn nothing_is_lost_in_a_gap_between_items() {
             image[*from..*to].fill(ERASED);
             let mut memory = Memory::with_flash(Flash::from_image(image).unwrap());
             let mut stored = Vec::new();
-            // What is stored first lies in the gap, and what comes later closes it.
+            // The first record stored lies in the gap, and the later ones close it.
             for number in 100..106 {
                 let key = RecordKey::ALL[1 + number as usize % 5];
                 memory.store(key, &record(&numbered(number))).unwrap();
@@ -190,7 +190,7 @@ fn a_sector_without_its_mark_keeps_its_items() {
     }
 }
 
-/// A begin of a sector that was lost: what lies behind it is found.
+/// Entries behind the lost beginning of a sector are found.
 #[test]
 fn what_lies_behind_a_lost_begin_is_there() {
     let mut memory = Memory::in_ram();

@@ -1,5 +1,5 @@
-//! Power cuts and failures at any word write or erase, whatever a torn erase leaves behind (SPEC 6): each record is old
-//! or new, and what was left behind does no harm later.
+//! Power cuts and failures at any word write or erase, with any result of a torn erase (SPEC 6): each record is old or
+//! new, and the remains do no harm later.
 
 use protocol_core::memory::seal;
 
@@ -8,13 +8,13 @@ use super::*;
 const VERSION: u8 = 1;
 type Held = [Option<Vec<u8>>; RecordKey::ALL.len()];
 
-/// A memory just before a store, and that store.
+/// A memory before a store, with that store.
 struct Moment {
     flash: Flash,
     before: Held,
     key: RecordKey,
     number: u32,
-    /// How many word writes and erases the store takes.
+    /// The number of word writes and erases of the store.
     operations: u64,
 }
 
@@ -35,13 +35,13 @@ fn operations(flash: &Flash) -> u64 {
 }
 
 impl Moment {
-    /// Each store of a memory's life until it has erased a sector for the `erases`th time, as far as `wanted` says.
+    /// Returns the stores of a memory's life until the `erases`th erase of a sector, filtered by `wanted`.
     fn all_until(erases: u64, wanted: impl Fn(&Self) -> bool) -> Vec<Self> {
         let mut memory = Memory::in_ram();
         let mut before = Held::default();
         let mut moments = Vec::new();
         for number in 0.. {
-            // The factory record is written once and has to survive all that follows.
+            // The factory record is written once and must survive.
             let key = if number == 0 { RecordKey::Factory } else { RecordKey::ALL[1 + number as usize % 5] };
             let flash = memory.flash().clone();
             memory.store(key, &record(number)).unwrap();
@@ -58,7 +58,7 @@ impl Moment {
         moments
     }
 
-    /// The stores that erase a sector, the first `erases` of them.
+    /// Returns the first `erases` stores that erase a sector.
     fn erasing(erases: u64) -> Vec<Self> {
         Self::all_until(erases, Self::erases)
     }
@@ -84,7 +84,7 @@ impl Moment {
         memory.store(self.key, &record(self.number))
     }
 
-    /// What is found is the old or the new state, and the record can be stored, without a loss.
+    /// Checks that the content is the old or the new state, and that the record can be stored without a loss.
     #[track_caller]
     fn check(&self, mut memory: Memory, what: &str) {
         let found = held(&mut memory);
@@ -97,7 +97,7 @@ impl Moment {
 #[test]
 fn a_cut_at_any_word_leaves_each_record_old_or_new() {
     let mut cuts = 0;
-    // The first of each record, the stores that begin a sector, and some others.
+    // The first store of each record, the stores that begin a sector, and some others.
     for moment in Moment::all_until(2, |moment| moment.number < 6 || moment.operations > 28 || moment.number % 97 == 0)
     {
         let torn_erases = if moment.erases() { &TornErase::ALL[..] } else { &TornErase::ALL[..1] };
@@ -121,7 +121,7 @@ fn a_cut_at_any_word_leaves_each_record_old_or_new() {
 #[test]
 fn an_erase_that_is_cut_leaves_nothing_that_does_harm() {
     for moment in Moment::erasing(2) {
-        // The erase, the note that it is done, and the record follow each other at the end of the store.
+        // The erase, its completion mark and the record follow each other at the end of the store.
         let erase = (0..moment.operations).rev().find(|cut| {
             let mut memory = moment.memory(TornErase::Front, 0);
             memory.flash_mut().cut_power_after(*cut);
@@ -154,7 +154,7 @@ fn a_cut_of_the_recovery_from_a_cut_does_no_harm() {
                     memory.power_up();
                     memory
                 };
-                // Reading recovers what it can, the store the rest.
+                // The read recovers a part, the store the rest.
                 let mut memory = cut_once();
                 let before = operations(memory.flash());
                 memory.read_image();

@@ -1,17 +1,17 @@
-//! How often the flash is read, at the worst: on the board, a start waits for it.
+//! The worst-case number of flash reads: on the board, a start waits for them.
 
 use protocol_core::memory::seal;
 
 use super::*;
 
-/// Reads of one operation.
+/// The reads of one operation.
 struct Reads {
     start: u64,
     store: u64,
     store_that_erases: u64,
 }
 
-/// The most that there is to read: a sector full of records with so long a payload.
+/// Returns the worst case: a sector full of records with this payload.
 fn worst(payload: &[u8]) -> Reads {
     let mut memory = Memory::in_ram();
     let record = seal(1, payload).unwrap();
@@ -37,10 +37,10 @@ fn worst(payload: &[u8]) -> Reads {
 fn a_start_reads_each_entry_twice_and_a_store_a_few_times() {
     for (payload, entries) in [(1, 819), (90, 151)] {
         let Reads { start, store, store_that_erases } = worst(&vec![1; payload]);
-        // Of each entry the first word, the header and the whole; then what is left of the sectors.
+        // For each entry the first word, the header and the whole; then the rest of the sectors.
         let walk = 3 * entries + 460;
         assert!(start <= walk, "{start} for a start, {payload} bytes");
-        // What is there before, where there is room, and what is there then.
+        // One walk for the content, one for the free space, one for the result.
         assert!(store <= 3 * walk + 20, "{store} for a store, {payload} bytes");
         assert!(store_that_erases <= 5 * walk + 100, "{store_that_erases} for an erase, {payload} bytes");
     }

@@ -1,4 +1,4 @@
-//! The flash, the records in it, and what is left of them after every kind of accident.
+//! The flash, its records, and their state after every kind of accident.
 
 use protocol_core::memory::{Corrupt, seal};
 
@@ -14,19 +14,19 @@ pub(super) fn payload(image: &Image, key: RecordKey) -> Option<Vec<u8>> {
     image.payload(key, VERSION).unwrap().map(<[u8]>::to_vec)
 }
 
-/// A payload of 90 bytes, so that a sector is full after some 150 stores.
+/// Returns a payload of 90 bytes, so that a sector is full after some 150 stores.
 pub(super) fn numbered(number: u32) -> Vec<u8> {
     let mut bytes = vec![number as u8; 90];
     bytes[..4].copy_from_slice(&number.to_le_bytes());
     bytes
 }
 
-/// A memory with `count` stores to changing keys; what each key holds.
+/// Returns a memory after `count` stores to changing keys, and the content of each key.
 pub(super) fn with_history(count: u32) -> (Memory, Vec<Option<Vec<u8>>>) {
     let mut memory = Memory::in_ram();
     let mut held = vec![None; RecordKey::ALL.len()];
     for number in 0..count {
-        // The factory record is written once and has to survive all that follows.
+        // The factory record is written once and must survive.
         let key = if number == 0 { 0 } else { 1 + number as usize % 5 };
         memory.store(RecordKey::ALL[key], &record(&numbered(number))).unwrap();
         held[key] = Some(numbered(number));

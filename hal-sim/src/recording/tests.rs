@@ -1,4 +1,4 @@
-//! What is written in a format is read as it was; bytes of whatever kind are named, line by line.
+//! Written recordings are read back unchanged; arbitrary bytes are reported line by line.
 
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -10,7 +10,7 @@ use protocol_core::frame::{Frame, extended, standard};
 use super::*;
 use crate::log::{Entry, ErrorClass, ErrorFrame, Record, Timestamp};
 
-/// The wall time of the first entry, in microseconds: no whole millisecond.
+/// The wall time of the first entry, in microseconds, with a fraction of a millisecond.
 const START: u64 = 1_700_000_000_000_042;
 
 const FORMATS: [Format; 3] = [Format::Candump, Format::Asc, Format::Pcapng];
@@ -21,7 +21,7 @@ fn written(format: Format, records: &[Record]) -> Vec<u8> {
     writer.finish().unwrap()
 }
 
-/// Gives one byte a time, as a slow pipe may.
+/// A reader that returns one byte at a time, as a slow pipe may.
 struct Slow(Cursor<Vec<u8>>);
 
 impl Read for Slow {
@@ -31,7 +31,7 @@ impl Read for Slow {
     }
 }
 
-/// All entries, and the errors as they are told.
+/// Reads all entries, and the errors as reported.
 fn read(source: impl Read + Send + 'static, ending: Format) -> (Vec<Record>, Vec<String>) {
     let (mut records, mut errors) = (Vec::new(), Vec::new());
     match Reader::new(source, ending) {
@@ -83,13 +83,13 @@ fn records() -> impl Strategy<Value = Vec<Record>> {
     })
 }
 
-/// Bytes of a text of short lines, some of them remarks.
+/// Returns bytes of a text of short lines, some of them remarks.
 fn bytes_of_lines() -> impl Strategy<Value = u8> {
     prop_oneof![20 => any::<u8>(), 2 => Just(b'\n'), 1 => Just(b'#'), 1 => Just(b'/'), 1 => Just(b' ')]
 }
 
 proptest! {
-    /// To the microsecond; ASC alone has no class of an error frame.
+    /// Times are kept to the microsecond; only ASC lacks the class of an error frame.
     #[test]
     fn what_is_written_is_read(records in records()) {
         for format in FORMATS {
@@ -100,15 +100,15 @@ proptest! {
                 }
                 _ => *record,
             });
-            // Nothing says of an empty file what it is.
+            // An empty file has no format.
             let is_empty = format == Format::Candump && records.is_empty();
             prop_assert_eq!(errors.len(), usize::from(is_empty), "{:?}", errors);
             prop_assert_eq!(read, expected.collect::<Vec<_>>());
         }
     }
 
-    /// A line is an entry or is named, or the file as a whole. Blank lines and remarks are neither; in ASC other events
-    /// are not, either.
+    /// A line is an entry or is reported, or the file is refused as a whole. Blank lines and remarks are skipped; so
+    /// are other events in ASC.
     #[test]
     fn any_bytes_end_with_names(bytes in vec(bytes_of_lines(), 0..400), head in 0..6_usize) {
         let head = [&b""[..], b"date x\n", b"\n\r\r\n", b"(1.0) can0 ", b"# a remark\n", b"\xEF\xBB\xBF"][head];
@@ -130,7 +130,7 @@ proptest! {
         }
     }
 
-    /// A file with a few wrong bytes, and one that is cut off.
+    /// A file with a few wrong bytes, and a truncated one.
     #[test]
     fn broken_files_are_read_as_far_as_they_go(
         records in records(), at in any::<prop::sample::Index>(), wrong in any::<u8>(), cut in any::<bool>()
@@ -181,14 +181,14 @@ fn asc_as_others_write_it() {
     assert_eq!(records, [frame(begin + 1000, "5A0: 43 FF"), frame(begin + 3500, "1D000000: R8"), error]);
 }
 
-/// A byte order mark, ends of lines of Windows, blank lines and comments.
+/// A byte order mark, Windows line ends, blank lines and comments.
 #[test]
 fn texts_as_editors_write_them() {
     let candump = "\u{FEFF}# the valve boots\r\n\r\n(1.0) can0 720#00\r\n# and goes on\r\n(2.0) can0 720#7F\r\n";
     assert_eq!(text(candump), (vec![frame(1_000_000, "720: 00"), frame(2_000_000, "720: 7F")], vec![]));
     let asc = "\u{FEFF}date Thu Jan 1 00:00:01 1970\r\nbase hex  timestamps absolute\r\n 1.0 1 720 Rx d 1 00\r\n";
     assert_eq!(text(asc), (vec![frame(2_000_000, "720: 00")], vec![]));
-    // Room that was never written, as after a power cut of the logger.
+    // Unwritten space, as after a power cut of the logger.
     let (_, errors) = text(&"\0".repeat(100));
     assert!(errors.len() == 1 && errors[0].starts_with("1: not a line of candump: "), "{errors:?}");
 }
@@ -217,7 +217,7 @@ fn pcap_is_refused() {
     }
 }
 
-/// Files of other tools, and rubbish, in one line each however many they have.
+/// Files of other tools, and rubbish, are refused in one line each.
 #[test]
 fn what_is_no_recording_is_refused_as_a_whole() {
     let rubbish = b"\x7FELF\x02\x01\x01\n\n\xFF\xFE\n".repeat(50);
@@ -244,23 +244,23 @@ fn what_is_no_recording_is_refused_as_a_whole() {
     }
     let (_, errors) = read(Cursor::new(b"\x1F\x8B\x08\0".to_vec()), Format::Candump);
     assert_eq!(errors, ["a gzip file; accepted: its unpacked content"]);
-    // Some lines before the first entry are named, one by one.
+    // Some unreadable lines before the first entry are reported individually.
     let (records, errors) = text("Script started\n$ candump -L can0\n(1.0) can0 080#\nhello\n");
     assert_eq!((records.len(), errors.len()), (1, 3), "{errors:?}");
 }
 
-/// What is in the file counts more than its ending.
+/// The content takes precedence over the extension.
 #[test]
 fn a_log_of_candump_may_be_called_asc() {
     let log = Cursor::new(b"(1.0) can0 720#00\n(2.0) can0 720#7F\n".to_vec());
     let (records, errors) = read(log, Format::Asc);
     assert_eq!((records.len(), errors), (2, vec![]));
-    // Where it says nothing, the ending does.
+    // Without a clue in the content, the extension decides.
     let (records, errors) = read(Cursor::new(b"0.5 1 720 Rx d 1 00\n".to_vec()), Format::Asc);
     assert_eq!((records, errors), (vec![frame(500_000, "720: 00")], vec![]));
 }
 
-/// The times of each trigger block count from the start of the measurement; a date begins another one.
+/// The times of a trigger block count from the start of the measurement; a date begins a new measurement.
 #[test]
 fn asc_with_several_trigger_blocks() {
     let block = "Begin Triggerblock Thu Jan 1 00:01:00 1970";
@@ -275,7 +275,7 @@ fn asc_with_several_trigger_blocks() {
     assert_eq!(records, frames);
 }
 
-/// Controllers for CAN FD log frames of classic CAN in lines of their own.
+/// CAN FD controllers log classic CAN frames in another form.
 #[test]
 fn asc_of_a_controller_for_can_fd() {
     let (records, errors) = text(
@@ -291,7 +291,7 @@ fn asc_of_a_controller_for_can_fd() {
     assert!(errors.len() == 2 && errors.iter().all(|error| error.contains("a CAN FD frame")), "{errors:?}");
 }
 
-/// The name of the bus is that of the channel, as candump would call it.
+/// The bus has the name of the channel, in candump's form.
 #[test]
 fn asc_has_several_channels() {
     let lines = b"base hex\n0.1 2 720 Rx d 1 00\n0.2 1 720 Rx d 1 00\n0.3 3 ErrorFrame\n".to_vec();
@@ -318,7 +318,7 @@ fn what_is_no_line_is_named_and_the_rest_is_read() {
     assert_eq!(errors[0], "3: fewer bytes than the length: \"0.1 1 1A0 Rx d 2 00\"");
 }
 
-/// A text of fewer than ten lines, as a report of JUnit, is refused in one line as a longer one is.
+/// A text of fewer than ten lines, such as a JUnit report, is refused in one line like a longer one.
 #[test]
 fn a_short_text_of_another_kind_is_refused_as_a_whole() {
     let (records, errors) = text("<testsuites>\n<testsuite>\n</testsuite>\n</testsuites>\n");
@@ -336,14 +336,14 @@ fn a_line_without_an_end_does_not_fill_the_memory() {
     assert!(errors.len() == 1 && errors[0].starts_with("1: a line that is too long: \"###"), "{errors:?}");
 }
 
-/// The screen of candump may have no times: each line has that of the one before.
+/// Lines of candump's screen without times have the time of the previous line.
 #[test]
 fn lines_without_a_time() {
     let (records, _) = text("  can0  080   [0]\n (5.5)  can0  181   [1]  00\n  can0  080   [0]\n");
     assert_eq!(records, [frame(0, "080:"), frame(5_500_000, "181: 00"), frame(5_500_000, "080:")]);
 }
 
-/// Big-endian, nanoseconds, an offset of the clock, 16 bytes a packet, a packet of another link, and blocks of no
+/// Big-endian, nanoseconds, a clock offset, 16-byte padding, a packet of another link type, and blocks without a
 /// packet.
 #[test]
 fn pcapng_as_others_write_it() {

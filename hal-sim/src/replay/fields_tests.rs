@@ -12,7 +12,7 @@ const ENCODINGS: [Encoding; 7] = [
     Encoding::Retract,
 ];
 
-/// Each value comes back as just the positions that have it.
+/// A value decodes to exactly the positions that encode to it.
 #[test]
 fn a_value_comes_back_as_its_positions() {
     for encoding in ENCODINGS {

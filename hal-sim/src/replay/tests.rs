@@ -1,4 +1,4 @@
-//! Logs of sessions in virtual time, replayed as they are and with something changed.
+//! Recorded sessions in virtual time, replayed unchanged and with changes.
 
 mod changes;
 mod logs;
@@ -22,10 +22,10 @@ use crate::world::{ClientPortId, EventKind, NodeId, SUPPLY_JITTER, World};
 
 const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_042);
 
-/// How often a session notes where its devices are.
+/// The interval at which a session records the positions.
 const SAMPLE: Duration = Duration::from_micros(500);
 
-/// The options of `pve-sim replay`, as they are written on a command line.
+/// Parses the options of `pve-sim replay` from a command line.
 fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
     let (mut devices, mut links) = (Vec::new(), Vec::new());
     let (mut tolerance_ms, mut from_boot_up) = (5, false);
@@ -47,19 +47,19 @@ fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
     ReplayOptions { file: file.path().to_owned(), devices, links, tolerance, from_boot_up }
 }
 
-/// Devices and a master, recorded from the power-up on.
+/// Devices and a master, recorded from power-up.
 struct Session {
     world: World,
     master: ClientPortId,
     records: Vec<Record>,
-    /// Who sent each record.
+    /// The sender of each record.
     senders: Vec<Arc<str>>,
-    /// Where each device was, and whether it floated.
+    /// The positions of the devices, and whether they floated.
     ways: Vec<(Instant, NodeId, i32, bool)>,
 }
 
 impl Session {
-    /// Switches the devices of a command line on as `run` does.
+    /// Switches on the devices of a command line, as `run` does.
     fn new(line: &str) -> Self {
         let options = options(line, &NamedTempFile::new().unwrap());
         let first = &options.devices[0];
@@ -99,7 +99,7 @@ impl Session {
         }
     }
 
-    /// Sends frames, so many milliseconds and something apart.
+    /// Sends frames at this interval, with some jitter.
     fn send(&mut self, ms: u64, frames: &[&str]) -> &mut Self {
         for (number, text) in frames.iter().enumerate() {
             self.world.send(self.master, frame(text));
@@ -129,7 +129,7 @@ fn replayed(line: &str, file: &NamedTempFile) -> Outcome {
     replay(&options(line, file)).unwrap()
 }
 
-/// Sees that a log replays as it is; returns how many frames were compared.
+/// Fails unless a log replays without a difference; returns the number of compared frames.
 fn as_logged(line: &str, file: &NamedTempFile) -> u64 {
     let options = options(line, file);
     let outcome = replay(&options).unwrap();
@@ -139,7 +139,7 @@ fn as_logged(line: &str, file: &NamedTempFile) -> u64 {
 
 const VALVE: &str = "--device pvea-canopen@0x20";
 
-/// A valve at rest: SDO, NMT, heartbeats every 100 ms, EMCY of a master that is gone.
+/// Returns a session of a valve at rest: SDO, NMT, heartbeats every 100 ms, EMCY of a missing master.
 fn at_rest() -> Session {
     let mut session = Session::new(VALVE);
     session.send(3, &["620: 40 18 10 01 00 00 00 00", "620: 2B 17 10 00 64 00 00 00", "000: 01 20"]);
@@ -149,7 +149,7 @@ fn at_rest() -> Session {
     session
 }
 
-/// A valve whose spool is on its way most of the time.
+/// Returns a session of a valve whose spool moves most of the time.
 fn moving() -> Session {
     let mut session = Session::new(VALVE);
     session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
@@ -173,7 +173,7 @@ fn is_of_valve(record: &Record) -> bool {
     ["0A0:", "1A0:", "5A0:", "720:"].iter().any(|id| frame.to_string().starts_with(id))
 }
 
-/// The stand-in does not answer for what is after the log.
+/// The stand-in may send frames after the end of the log.
 #[test]
 fn a_log_may_be_cut_off() {
     let records = at_rest().records;
@@ -219,7 +219,7 @@ fn a_valve_on_isobus_and_its_master() {
     assert!(as_logged(device, &session.log()) > 20);
 }
 
-/// Somebody else claims the valve's address with its identifier: once in vain, once for good.
+/// Another node claims the valve's address with its identifier: once without success, once for good.
 #[test]
 fn a_contender_is_no_stand_in() {
     let device = "--device pvea-isobus@0x83";
@@ -232,8 +232,8 @@ fn a_contender_is_no_stand_in() {
     assert!(as_logged(device, &session.log()) >= 5);
 }
 
-/// A valve of the same product contends for the address: before the stand-in claims it, and later; the stand-in has the
-/// NAME that is logged.
+/// A valve of the same product contends for the address, before the stand-in's claim and later; the stand-in has the
+/// logged NAME.
 #[test]
 fn a_twin_is_no_stand_in() {
     let device = "--device pvea-isobus@0x83,serial=7";
@@ -265,7 +265,7 @@ fn the_first_claim_tells_the_name() {
     assert!(outcome.told.iter().all(|difference| difference.what == What::Different));
 }
 
-/// A sensor that a valve moves, with PDOs by SYNC; and each alone: the other's frames are played.
+/// A sensor moved by a valve, with PDOs by SYNC; and each alone, with the other's frames played.
 #[test]
 fn several_devices() {
     let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k --link pvea-canopen=hat1000";
@@ -288,7 +288,7 @@ fn several_devices() {
     assert!(valve > 30 && all > valve + 60, "{all} {valve}");
 }
 
-/// A blank valve gets a node ID by LSS, and its TPDO another COB-ID: what nobody knew before the log.
+/// A blank valve gets a node ID by LSS, and its TPDO another COB-ID: identifiers unknown before the log.
 #[test]
 fn identifiers_that_change() {
     let blank = "--device pvea-canopen,blank";
@@ -305,7 +305,7 @@ fn identifiers_that_change() {
     let own: usize = ["7E4:", "731:", "0B1:", "5B1:", "1C2:"].into_iter().map(sent).sum();
     let file = session.log();
     assert_eq!(as_logged(blank, &file), own as u64);
-    // In one round the frames of the TPDO were sent to the stand-in: that is no comparison.
+    // A single round sends the frames of the TPDO to the stand-in, which compares nothing.
     let options = options(blank, &file);
     let error = play_rounds(&options, &Timeline::find(&options).unwrap(), 1).unwrap_err().to_string();
     assert!(error.ends_with("after 4 rounds: 1C2"), "{error}");

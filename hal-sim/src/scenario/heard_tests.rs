@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What is said of the failures of a scenario, each with its line: one that runs with these devices and steps.
+/// Returns the failures of a scenario with these devices and steps, each with its line.
 fn failures(devices: &str, steps: &str) -> Vec<(usize, String)> {
     let text = format!("devices = [{devices}]\nsteps = [\n{steps}\n]");
     let outcome = Scenario::parse(&text).unwrap_or_else(|error| panic!("{text}: {error:?}")).run(1);
@@ -24,7 +24,7 @@ const LEFT_VALVE: &str = "pvea-canopen runs at 250 kbit/s and the bus at 500 kbi
 
 const VALVE: &str = "\"pvea-canopen\"";
 
-/// LSS: configuration, 500 kbit/s.
+/// The steps that configure 500 kbit/s by LSS.
 const CONFIGURED: &str = "{ expect = \"720#00\" }, { send = \"7E5#0401 0000 0000 0000\" }, \
                           { send = \"7E5#1300 0200 0000 0000\", expect = \"7E4#1300 0000 0000 0000\" },";
 
@@ -47,7 +47,7 @@ fn a_device_that_is_asked_to_run_at_another_rate_fails_although_nothing_else_doe
     }
 }
 
-/// A bus that has the rate of the device a moment later had another one when that was switched on.
+/// A bus that gets the device's rate a moment later had another one at the power-up.
 #[test]
 fn the_first_power_up_has_no_second() {
     let text = "bit_rate = 250000\ndevices = [\"hat1000,bit-rate=500k\"]\n\
@@ -57,7 +57,7 @@ fn the_first_power_up_has_no_second() {
     assert_eq!(told, [(2, DEAF_SENSOR)]);
 }
 
-/// The remedy names what was written of the device, or what the product can do.
+/// The remedy fits the setup of the device and the rates of the product.
 #[test]
 fn the_remedy_fits_the_device() {
     for (device, remedy) in [
@@ -100,7 +100,7 @@ fn errors_of_the_bus_are_in_the_report() {
     assert!(report.contains(wanted) && report.contains("hat1000: error-passive after error frames ×"), "{report}");
 }
 
-/// The master that changes its rate has a second for the device, and the device for the master.
+/// The master and the device each have a second to follow the other's change of rate.
 #[test]
 fn the_bus_and_a_device_meet_again_within_a_second() {
     let activate = format!("{CONFIGURED} {{ send = \"7E5#1500 0000 0000 0000\" }},");
@@ -118,7 +118,7 @@ fn the_bus_and_a_device_meet_again_within_a_second() {
     assert_eq!(failures(VALVE, &leads(1001)), [(3, LEFT_VALVE.to_owned())]);
 }
 
-/// A rate that was stored over SDO comes into force by reset node.
+/// A rate stored over SDO comes into force by reset node.
 #[test]
 fn a_reset_to_a_stored_rate_is_a_change_of_it() {
     let reset = "{ expect = \"701#00\" },\n\
@@ -140,7 +140,7 @@ fn the_end_of_the_scenario_and_of_a_never_wait_for_nobody() {
     assert_eq!(failures(VALVE, left), [(3, LEFT_VALVE.to_owned())]);
     let and_back = "{ bus = { bit_rate = 250000 } }, { after_ms = 2000 }";
     for never in ["\"0B0\"", "{ nmt = \"stopped\" }"] {
-        // The silence of a valve that cannot speak proves nothing.
+        // The silence of a valve that cannot communicate proves nothing.
         let silence = format!("{left}\n{{ never = {never}, for_ms = 100 }},\n");
         for pause in ["", "{ after_ms = 100 },", "{ after_ms = 500 },"] {
             let told = failures(VALVE, &format!("{silence}{pause}{and_back}"));
@@ -148,11 +148,12 @@ fn the_end_of_the_scenario_and_of_a_never_wait_for_nobody() {
             assert_eq!(told.into_iter().map(|(_, told)| told).collect::<Vec<_>>(), wanted, "{never} {pause}");
         }
     }
-    // A valve that is switched off is missed by nobody.
+    // A valve without power is not reported.
     passes(VALVE, &format!("{left} {{ power = {{ on = false }} }}"));
 }
 
-/// Activate bit timing with a delay: the valve is silent until the second delay is over, whenever the master changes.
+/// Activate bit timing with a delay: the valve is silent until the end of the second delay, whenever the master
+/// changes.
 #[test]
 fn the_time_of_a_switch_by_lss_does_not_count() {
     let activate = format!("{CONFIGURED}\n{{ send = \"7E5#15B8 0B00 0000 0000\" }},"); // 3 s, twice
@@ -162,7 +163,7 @@ fn the_time_of_a_switch_by_lss_does_not_count() {
         passes(VALVE, &joins(ms));
     }
     assert_eq!(failures(VALVE, &joins(7100)), [(4, DEAF_VALVE.to_owned())]);
-    // Its silence can be looked at, and the bus is to be the right one at the end.
+    // Its silence can be checked, and the bus has the right rate at the end.
     let silent = format!("{activate} {{ never = \"7??\", for_ms = 5900 }},");
     passes(VALVE, &format!("{silent} {{ bus = {{ bit_rate = 500000 }} }}, {{ after_ms = 2000 }}"));
     assert_eq!(failures(VALVE, &silent), [(4, DEAF_VALVE.to_owned())]);
@@ -181,7 +182,7 @@ fn a_later_power_up_at_a_stored_rate_counts_as_the_first() {
     passes(VALVE, &format!("{} {{ bus = {{ bit_rate = 500000 }} }}, {boots}", cycle("")));
     let late = format!("{} {{ after_ms = 10, bus = {{ bit_rate = 500000 }} }}, {boots}", cycle(""));
     assert_eq!(failures(VALVE, &late), [(4, DEAF_VALVE.to_owned())]);
-    // Twice deaf, told twice.
+    // Two periods, two reports.
     let twice = format!(
         "{} {{ after_ms = 10, power = {{ on = false }} }}, {{ after_ms = 10, power = {{ on = true }} }}",
         cycle("")

@@ -1,4 +1,4 @@
-//! What each step does and when, what is refused and in which words, and what a failure says.
+//! The effect and the time of each step, refusals, and the text of failures.
 
 use std::collections::BTreeSet;
 
@@ -21,7 +21,7 @@ fn passes(steps: &str) {
     assert!(outcome.is_success(), "{steps}\n{}", outcome.failures("x.toml"));
 }
 
-/// Runs the steps, of which so many fail; returns what is said of them.
+/// Runs the steps, of which this many fail; returns the report.
 fn fails(steps: &str, failures: usize) -> String {
     let outcome = outcome(steps);
     let text = outcome.failures("x.toml");
@@ -29,24 +29,24 @@ fn fails(steps: &str, failures: usize) -> String {
     text
 }
 
-/// The line and the reason of a scenario that is refused.
+/// Returns the line and the reason of a refused scenario.
 fn refusal(text: &str) -> (Option<usize>, String) {
     let ReadError { line, reason } = Scenario::parse(text).expect_err(text);
     assert!(!reason.contains('\n'), "one line: {reason}");
     (line, reason)
 }
 
-/// The reason why a step of one valve is refused.
+/// Returns the reason why a step of one valve is refused.
 fn refused(step: &str) -> String {
     let (line, reason) = refusal(&format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [\n  {step},\n]"));
     assert_eq!(line, Some(3), "{step}: {reason}");
     reason
 }
 
-/// The valve is in ACTIVE with a set-point of 25 %, in a cycle of 100 ms.
+/// The steps into ACTIVE with a set-point of 25 %, in a cycle of 100 ms.
 const ACTIVE: &str = r#"{ send = "000#0120" }, { send = "220#0F00 0010", every_ms = 100, expect = { dsm = "active", position = 4096 } }"#;
 
-/// A spool of 1000 ms and back in 600 is half way after half of that.
+/// A spool of 1000 ms forward and 600 ms back is half-way after half of that.
 #[test]
 fn a_spool_takes_the_times_that_are_written() {
     let half_way = |ms: u32| {
@@ -87,12 +87,12 @@ fn never_holds_up_to_its_last_instant_and_from_its_first() {
     let text = fails(&trip(2000), 1);
     assert!(text.contains("never a state of pvea-canopen for 2000 ms: failed at 3000.000 ms"), "{text}");
     assert!(text.contains("seen      dsm = \"fault-hold\""), "{text}");
-    // Violated from the first instant, told once, and the next steps go on.
+    // Violated from the first instant, reported once; the next steps continue.
     let text = fails(r#"{ never = { powered = true } }, { send = "000#0120", expect = { nmt = "operational" } }"#, 1);
     assert!(text.contains("x.toml:4: never a state") && text.contains("powered = true"), "{text}");
 }
 
-/// What is on its way while the command waits for the bus is of the time before it.
+/// Frames during a command's wait for the bus are from before the prohibition.
 #[test]
 fn never_begins_when_what_is_done_is_done() {
     let busy = r#"{ send = "000#0120" }, { send = "220#0F00 0010", every_ms = 1 }"#;
@@ -103,7 +103,7 @@ fn never_begins_when_what_is_done_is_done() {
     }
 }
 
-/// What must not come is looked at while time passes: in no time nothing can come.
+/// A prohibition is checked while time passes: without time nothing is checked.
 #[test]
 fn never_needs_time_in_which_something_could_come() {
     let last = "never: the scenario ends with this step; accepted: for_ms, or steps after it";
@@ -128,7 +128,7 @@ fn never_needs_time_in_which_something_could_come() {
         passes(&format!("{{ {never} }}, {{ after_ms = 1 }}"));
         passes(&format!("{{ {never} }}, {{ never = {{ powered = false }}, for_ms = 1 }}"));
         passes(&format!("{{ never = {{ powered = false }}, for_ms = 1 }}, {{ {never} }}"));
-        // Whether time passes shows in the run alone.
+        // Only the run shows whether time passes.
         let text = fails(&format!("{{ {never} }}, {{ expect = {{ powered = true }} }}"), 1);
         assert!(
             text.contains("x.toml:4: never: failed at ") && text.contains("no time has passed: nothing was checked"),
@@ -143,7 +143,7 @@ fn never_needs_time_in_which_something_could_come() {
     }
 }
 
-/// Numbers are named in words of TOML.
+/// Numbers are described in the words of TOML.
 #[test]
 fn a_number_that_is_none_says_what_is_accepted() {
     for (key, number) in [("after_ms", "-1"), ("at_ms", "1.5"), ("at_ms", "4294967296"), ("after_ms", "\"1\"")] {
@@ -152,7 +152,7 @@ fn a_number_that_is_none_says_what_is_accepted() {
     }
 }
 
-/// One frame that fits several expectations takes none away from another.
+/// A frame that matches several patterns leaves none without a frame.
 #[test]
 fn frames_in_any_order_are_given_to_whom_they_fit() {
     let text = |expected: &str| {
@@ -173,10 +173,10 @@ fn a_frame_that_must_not_come_is_shown_with_what_was_before() {
     assert!(text.contains("x.toml:4: never 5A0: ..: failed at "), "{text}");
     assert!(text.contains("seen      5A0: 43 00 10 00 98 01 00 00  at "), "{text}");
     assert!(text.contains("->  620: 40 00 10 00 00 00 00 00  master → pvea-canopen: SDO read"), "{text}");
-    // Up to the end of the scenario, or of its span.
+    // Up to the end of the scenario, or of its duration.
     passes(r#"{ never = "5A0", for_ms = 10 }, { after_ms = 11, send = "620#4000 1000 0000 0000" }, { after_ms = 5 }"#);
     passes(r#"{ never = "5A0" }, { after_ms = 5 }"#);
-    // The span of the last step is waited for.
+    // The scenario waits for the end of the last step's duration.
     let text = fails(r#"{ send = "620#2B17 1000 6400 0000" }, { never = "720#7F", for_ms = 150 }"#, 1);
     assert!(text.contains("seen      720: 7F"), "{text}");
 }
@@ -205,7 +205,7 @@ fn frames_in_order_and_in_any_order() {
     assert!(text.contains("came      0A0: ..") && text.contains("expected  720: 00"), "{text}");
 }
 
-/// The window of an expectation begins with its step: an answer to an earlier request is of the time before.
+/// The window of an expectation begins with its step: an answer to an earlier request does not count.
 #[test]
 fn a_frame_from_before_the_step_fulfils_nothing() {
     // The status word is 0x0008 (INIT) at the first request, and 0x0009 (DISABLED) at the second.
@@ -224,7 +224,7 @@ fn a_frame_from_before_the_step_fulfils_nothing() {
         let text = fails(&twice(expected), 1);
         assert!(text.contains("a matching frame came before the step, at "), "{text}");
     }
-    // The same for every other thing that a step can do, and for a pause.
+    // The same for all other actions, and for a pause.
     let request = r#"{ send = "620#4000 1000 0000 0000" }, { send = "700#05" }, { send = "700#05" }"#;
     for step in [
         r#"expect = "5A0#43..""#,
@@ -240,7 +240,7 @@ fn a_frame_from_before_the_step_fulfils_nothing() {
     }
 }
 
-/// A frame that comes while the frame of the same step waits for the bus is within the step.
+/// A frame during the wait of the step's own frame for the bus belongs to the step.
 #[test]
 fn nothing_is_lost_within_a_step() {
     passes(r#"{ send = "620#4000 1000 0000 0000" }, { send = "700#05", expect = "5A0#43.." }"#);
@@ -266,7 +266,7 @@ fn a_wrong_byte_is_marked_and_every_failure_is_told() {
 
 #[test]
 fn a_power_cut_in_the_middle_of_a_write_is_a_power_cut() {
-    // "save" is not answered, and the defaults are there after the next start.
+    // "save" has no answer, and the defaults are back after the next start.
     passes(
         r#"{ send = "620#2B17 1000 6400 0000", expect = "5A0#60.." }, { send = "620#2310 1001 7361 7665" },
            { power = { on = false } }, { never = "5A0" }, { expect = { powered = false }, within_ms = 0 }, { after_ms = 10, power = { on = true } },
@@ -334,7 +334,7 @@ fn a_spool_is_broken_and_mended_by_a_word() {
     }
 }
 
-/// Numbers stay numbers, and a text is hexadecimal.
+/// Numbers are numbers, and text is hexadecimal.
 #[test]
 fn identifiers_of_steps() {
     for (stop, disturb) in
@@ -379,11 +379,11 @@ fn what_is_null_in_json_is_none() {
     }
 }
 
-/// A scenario whose failures tell when its devices started.
+/// A scenario whose failures depend on the start times of its devices.
 const WITH_FAILURES: &str = "devices = [\"pvea-canopen@0x20\", \"hat1000,bit-rate=250k\"]\nsteps = [\n\
     { send = \"000#0100\", after_ms = 10 }, { expect = \"111#\" }, { device = \"hat1000\", expect = { position = 1 } } ]";
 
-/// Two of all seeds may start the devices at the same instants; of these none does.
+/// Some two seeds may start the devices at the same instants; these do not.
 #[test]
 fn another_seed_starts_the_devices_at_other_instants() {
     let scenario = Scenario::parse(WITH_FAILURES).expect("a scenario");
@@ -394,7 +394,7 @@ fn another_seed_starts_the_devices_at_other_instants() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(10)))]
 
-    /// Two runs with one seed are the same to the last byte.
+    /// Two runs with the same seed are byte-identical.
     #[test]
     fn one_seed_is_one_run(seed: u64) {
         let scenario = Scenario::parse(WITH_FAILURES).expect("a scenario");
@@ -403,7 +403,7 @@ proptest! {
         prop_assert_eq!(one.to_string(), other.to_string());
     }
 
-    /// Any text is a scenario or refused in one line.
+    /// Any text is a scenario, or refused in one line.
     #[test]
     fn nothing_panics(text in "(devices|steps|=|\\[|\\]|\\{|\\}|\"|send|pvea-canopen|expect|720#00|,|\n| ){0,40}") {
         if let Err(ReadError { reason, .. }) = Scenario::parse(&text) {

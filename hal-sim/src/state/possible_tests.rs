@@ -1,4 +1,4 @@
-//! The table against the devices: nothing that they show is outside of it, and everything in it is shown.
+//! The table against the devices: their states have only values of the table, and show all of them.
 
 use std::collections::BTreeMap;
 
@@ -14,13 +14,13 @@ use crate::world::{ClientPortId, NodeId, World};
 
 const NAME: &str = "boom";
 
-/// A device on a bus, with every state that it showed.
+/// A device on a bus, with all its states so far.
 struct Rig {
     world: World,
     master: ClientPortId,
     node: NodeId,
     kind: Kind,
-    /// The values of each key, with power and without, and how often each came.
+    /// The values of each key, with and without power, and their numbers.
     seen: BTreeMap<(bool, String), Vec<Json>>,
 }
 
@@ -37,7 +37,7 @@ impl Rig {
         rig
     }
 
-    /// Lets time pass, and takes note of each state in it: none is outside of the table.
+    /// Advances time and records each state, which must be in the table.
     fn pass(&mut self, ms: u32) {
         for _ in 0..ms {
             self.world.run_for(Duration::from_millis(1));
@@ -88,7 +88,7 @@ impl Rig {
         }
     }
 
-    /// Goes through the faults of a valve; `neutral`, `full` and `float` are its commands.
+    /// Shows the faults of a valve; `neutral`, `full` and `float` are its commands.
     fn break_valve(&mut self, neutral: &str, full: &str, float: &str, recover: &[&str]) {
         let faults = [
             (neutral, json!({"supply_mv": 8000}), json!({"supply_mv": 24000}), neutral, 2200),
@@ -111,7 +111,7 @@ impl Rig {
         self.pass(400);
     }
 
-    /// Fails unless everything in the table was shown by one of the rigs: words, faults, and how far a position goes.
+    /// Fails unless the rigs have shown all of the table: words, faults, and the range of positions.
     fn assert_all_seen(rigs: &[Self]) {
         let kind = rigs[0].kind;
         for powered in [true, false] {
@@ -211,7 +211,7 @@ fn an_angle_sensor_shows_the_table_and_nothing_else() {
     }
 }
 
-/// Null is named in the words of whoever asks.
+/// Null is named in the words of the caller.
 #[test]
 fn what_a_key_can_be_is_told_in_order() {
     let told = |key, none| accepted(key, Kind::Pve(pve::Kind::PveaCanopen), NAME, none);

@@ -1,4 +1,4 @@
-//! The world as its users see it: time, power, plant, effects, trace.
+//! The world from the outside: time, power, plant, effects, trace.
 
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::{Senses, StartCause};
@@ -63,7 +63,7 @@ impl Rig {
         self.world.send(self.client, command(what, id, data));
     }
 
-    /// The frames and error frames since this was last asked.
+    /// Takes the frames and error frames since the last call.
     fn trace(&mut self) -> Vec<Event> {
         let of_bus = |event: &Event| event.frame().is_some() || event.is_error_frame();
         self.world.take_events().filter(of_bus).collect()
@@ -119,14 +119,14 @@ fn clients_hear_each_other_but_not_themselves() {
     let mut rig = Rig::of(0);
     let other = rig.world.add_client_port("other");
     for byte in 0..10 {
-        // Clients keep their order, whatever the identifiers.
+        // Clients keep their order, regardless of the identifiers.
         rig.world.send(rig.client, std_frame(0x700 - u16::from(byte), &[byte]));
     }
     rig.run_for(100);
     assert_eq!(rig.received(), []);
     let heard: Vec<_> = rig.world.take_received(other).map(|(_, frame)| frame.data()[0]).collect();
     assert_eq!(heard, (0..10).collect::<Vec<_>>());
-    // Alone on the bus again, nobody acknowledges; a client that goes takes its frames along.
+    // Alone on the bus again, without acknowledgement; a client that leaves takes its frames along.
     rig.world.remove_client_port(other);
     rig.world.send(rig.client, std_frame(1, &[]));
     rig.run_for(100);
@@ -147,7 +147,7 @@ fn clients_come_and_go_without_a_trace() {
         rig.run_for(1);
         let heard: Vec<_> = rig.world.take_received(visitor).map(|(_, frame)| frame).collect();
         assert_eq!(heard, [std_frame(ECHO_ANSWER + 1, &round.to_le_bytes())]);
-        // Gone in the middle of a frame of its own.
+        // Removed in the middle of a frame of its own.
         rig.world.send(visitor, std_frame(0x123, &[]));
         rig.world.step();
         rig.world.remove_client_port(visitor);
@@ -245,7 +245,7 @@ fn a_power_cut_at_any_moment_of_a_write_leaves_the_old_or_the_new_record() {
             Some(b"after") => new += 1,
             other => panic!("cut after {cut} us: {other:?}"),
         }
-        // And it can be written again.
+        // And the memory can be written again.
         rig.command(Command::Store, 1, b"again");
         rig.run_for(100);
         assert_eq!(rig.probe(0).stored.last().unwrap().1, Ok(()));
@@ -278,7 +278,7 @@ fn power_off_is_at_once() {
     assert!(rig.world.outputs(rig.nodes[0]).is_some());
     rig.run_for(5);
     assert_eq!(rig.received(), [std_frame(HEARTBEAT + 1, &[5])]);
-    // A watchdog reset starts a running device anew, power that is already there does not.
+    // A watchdog reset restarts a running device; repeated power-on does not.
     rig.world.power(rig.nodes[0], true);
     assert_eq!(rig.probe(0).cause, StartCause::Watchdog);
     rig.world.power_with(rig.nodes[0], StartCause::Watchdog);
@@ -296,7 +296,7 @@ fn a_restart_reads_the_memory_again() {
     rig.run_for(100);
     let probe = rig.probe(0);
     assert_eq!((probe.restarts, probe.parameters.as_deref()), (1, Some(&b"abc"[..])));
-    // The answer to the command was not swallowed.
+    // The answer to the command was not lost.
     assert_eq!(rig.received().last(), Some(&std_frame(DONE + 1, &[4])));
 }
 
@@ -308,7 +308,7 @@ fn the_plant_reaches_the_device_at_once() {
     rig.world.set_senses(node, low);
     let expected = Senses { bus: BusErrorMode::ErrorActive, ..low };
     assert_eq!(rig.probe(0).senses, expected);
-    // The plant stays as it is while the device is off.
+    // The plant is unchanged while the device is off.
     rig.world.power(node, false);
     rig.world.power(node, true);
     assert_eq!(rig.probe(0).senses, expected);
@@ -334,7 +334,7 @@ fn bus_off_is_sensed_and_so_is_the_recovery() {
     rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
     rig.run_for(100);
     assert_eq!(rig.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
-    // The switch outlasts the power.
+    // The forced bus-off outlasts the power.
     rig.world.force_bus_off(node, true);
     rig.world.power(node, false);
     rig.world.power(node, true);
@@ -389,7 +389,7 @@ fn a_device_at_another_bit_rate_is_not_heard() {
     rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
     rig.run_for(100);
     assert_eq!((rig.received(), rig.probe(0).heard), (vec![], 0));
-    // It has disturbed 15 attempts, then it is error-passive.
+    // It has destroyed 15 attempts, then it is error-passive.
     let errors = rig.trace().iter().filter(|event| event.is_error_frame()).count();
     assert_eq!((errors, rig.probe(0).senses.bus), (15, BusErrorMode::ErrorPassive));
     assert_eq!(rig.probe(1).heard, 1);

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A frame of the valve, its place in the log, and what is done to it.
+/// A change of a frame in the log.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     Byte(usize, u8),
@@ -25,7 +25,7 @@ fn changes() -> impl Strategy<Value = Change> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(5)))]
 
-    /// Whatever is changed of one frame of the valve but its first, exactly that is told.
+    /// A change of any frame of the valve but the first is reported exactly.
     #[test]
     fn exactly_what_is_changed_is_told(at in any::<prop::sample::Index>(), change in changes()) {
         let mut records = at_rest().records;
@@ -46,7 +46,7 @@ proptest! {
                 What::Additional
             }
             Change::Insert => {
-                // Between the frame and the next one, with data that no frame there has.
+                // Between the frame and the next one, with data that no nearby frame has.
                 let at = Timestamp::from_micros(at.as_micros() + 1);
                 records.insert(place + 1, Record { at, entry: Entry::Frame(frame.refilled([0xA5; 8])) });
                 line = line.map(|line| line + 1);
@@ -62,7 +62,7 @@ proptest! {
                 What::Early(Duration::from_millis(20))
             }
         };
-        // Frames of the same identifier right before and after it are not told from a swap.
+        // Frames with the same identifier right before and after cannot be distinguished from a swap.
         let near = |other: &usize| *other != place && {
             let Some(Record { at: other_at, entry: Entry::Frame(other) }) = at_rest().records.get(*other).copied() else {
                 return false;
@@ -87,7 +87,7 @@ proptest! {
     }
 }
 
-/// Every second heartbeat was lost by the logger: each is told, and nothing else.
+/// The logger lost every second heartbeat: each is reported, and nothing else.
 #[test]
 fn many_frames_may_be_lost() {
     let mut records = at_rest().records;

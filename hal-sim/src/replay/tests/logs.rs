@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// No log has the instant of a power-up: the first frame of each device gives it, or it was on before. Said, as another
-/// time of that frame changes nothing.
+/// A log has no power-up: the first frame of each device determines it, or the device was on before. The report says
+/// so, because another time of that frame makes no difference.
 #[test]
 fn what_gives_the_power_up_is_said() {
     let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k";
@@ -44,7 +44,7 @@ fn a_log_may_begin_with_an_earlier_life() {
     assert!(error.ends_with(": no boot-up or address claim of pvea-canopen in the log"), "{error}");
 }
 
-/// The logger came later: the valve has booted before.
+/// The logger started later: the valve has booted before.
 #[test]
 fn a_log_may_begin_after_the_boot_up() {
     let records = at_rest().records;
@@ -70,7 +70,7 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
 
-/// A blank device that nobody asks says nothing: a log without it is not as logged.
+/// A blank device without requests sends nothing: a log without it does not match.
 #[test]
 fn a_device_of_which_nothing_is_compared_is_told() {
     let file = at_rest().log();
@@ -84,7 +84,7 @@ fn a_device_of_which_nothing_is_compared_is_told() {
     }
 }
 
-/// A clock that was set must not make the stand-in live for years.
+/// A clock that was set must not make the stand-in run for years.
 #[test]
 fn a_time_that_is_wrong_is_told() {
     let mut records = at_rest().records;
@@ -96,7 +96,7 @@ fn a_time_that_is_wrong_is_told() {
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
 }
 
-/// Times that go back are of two logs, or are counted from the entry before: they tell no order.
+/// Decreasing times come from two logs, or count from the previous entry: they define no order.
 #[test]
 fn a_time_that_goes_back_is_told() {
     let records = at_rest().records;
@@ -105,7 +105,7 @@ fn a_time_that_goes_back_is_told() {
     assert!(!outcome.is_as_logged());
     let named = format!(":{}: earlier than the previous entry", records.len() + 1);
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread[0]);
-    // Two loggers that write into one file are apart by less than the tolerance.
+    // The lines of two loggers in one file differ by less than the tolerance.
     let mut records = records;
     let place = records.iter().position(is_of_valve).unwrap() + 4;
     records[place].at = Timestamp::from_micros(records[place - 1].at.as_micros() - 1000);
@@ -115,7 +115,7 @@ fn a_time_that_goes_back_is_told() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(4)))]
 
-    /// Whatever a log has, in whatever order of time.
+    /// Any frames in any order of time.
     #[test]
     fn any_log_comes_to_its_end(
         frames in prop::collection::vec((0..2_000_000_u64, 0..0x800_u16, any::<[u8; 8]>(), 0..=8_u8, any::<u32>()), 0..60),

@@ -1,4 +1,4 @@
-//! Recordings of every kind with one frame of the device changed: a change that breaks a promise is told.
+//! Recordings of every kind with one changed frame of the device: a change that breaks a promise is reported.
 //!
 //! `REPLAY_MUTATIONS=10000 cargo test --release -p hal-sim --lib mutations -- --nocapture` makes so many of each kind, and prints how
 //! many were told. What may pass, and why:
@@ -16,10 +16,10 @@ use super::*;
 /// The tolerance of the replays, in microseconds.
 const TOLERANCE: u64 = 5_000;
 
-/// How many changes there are of each kind, unless the environment says.
+/// The number of changes of each kind, unless the environment sets another.
 const FEW: u64 = 25;
 
-/// A number in the data of a frame that tells the position: its first byte, its length, and what it holds.
+/// A position field in the data of a frame: its first byte, its length, and its encoding.
 type Carried = (usize, usize, fn(i32, bool) -> i32);
 
 /// A recording of a device.
@@ -27,9 +27,9 @@ struct Recording {
     line: String,
     is_hat: bool,
     records: Vec<Record>,
-    /// The places of the device's frames.
+    /// The indices of the device's frames.
     own: Vec<usize>,
-    /// The positions of the device at instants, and whether it floats.
+    /// The positions of the device over time, and whether it floats.
     way: Vec<(u64, i32, bool)>,
 }
 
@@ -51,9 +51,9 @@ impl Recording {
         (at.as_micros(), frame)
     }
 
-    /// Whether a frame in the place of another one says the same, within a time around both.
+    /// Returns whether a frame in the place of another one is equivalent, within a time around both.
     fn alike(&self, (at, frame): (u64, Frame), (other_at, other): (u64, Frame)) -> bool {
-        // The tolerance, and what a frame waits for the bus.
+        // The tolerance, and the longest wait of a frame for the bus.
         const AROUND: u64 = TOLERANCE + 2_500;
         if frame == other {
             return true;
@@ -72,14 +72,14 @@ impl Recording {
             other.refilled(data) == frame
         };
         let way: Vec<i32> = near().map(|(_, position, _)| *position).collect();
-        // Between two looks it comes at most as far again as it comes at its fastest.
+        // Between two samples the position moves by at most the fastest step.
         let step = way.windows(2).map(|pair| around_turn(pair[1] - pair[0], self.is_hat)).max_by_key(|step| step.abs());
         let step = step.unwrap_or_default().abs();
         way.iter().any(|at| (at - step..=at + step).any(|at| told(if self.is_hat { at & 0x3FFF } else { at }, false)))
             || near().any(|(.., floats)| *floats) && told(16_384, true)
     }
 
-    /// Whether each frame of the device is there, in its order and its time.
+    /// Returns whether each frame of the device is present, in its order and at its time.
     fn is_kept_by(&self, records: &[Record]) -> bool {
         let end = records.iter().map(|record| record.at.as_micros()).max().unwrap();
         let mut keys: Vec<u32> = self.own.iter().map(|place| self.frame(*place).1.key()).collect();
@@ -100,12 +100,12 @@ impl Recording {
     }
 }
 
-/// Returns a way of a shaft the shorter way round; that of a spool as it is.
+/// Returns the distance of a shaft the shorter way round; that of a spool unchanged.
 fn around_turn(way: i32, is_hat: bool) -> i32 {
     if is_hat { (way + 8192).rem_euclid(16_384) - 8192 } else { way }
 }
 
-/// Where a frame carries the position of its sender, in the mappings of the recordings here.
+/// Returns the position fields of a frame, in the mappings of these recordings.
 fn carried(frame: &Frame) -> Vec<Carried> {
     fn on(position: i32, full: i32) -> i32 {
         (position.abs() * full * 2 + 16_384) / 32_768 * position.signum()
@@ -131,7 +131,7 @@ fn carried(frame: &Frame) -> Vec<Carried> {
     }
 }
 
-/// What is done to a frame of the device.
+/// A change of a frame of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     Byte(usize, u8),
@@ -169,7 +169,7 @@ impl Mutation {
         }
     }
 
-    /// Returns the recording with a frame changed.
+    /// Returns the recording with a changed frame.
     fn apply(self, records: &[Record], place: usize) -> Vec<Record> {
         let mut records = records.to_vec();
         let Record { at, entry: Entry::Frame(frame) } = records[place] else { unreachable!() };
@@ -196,13 +196,13 @@ impl Mutation {
             Self::Dropped => drop(records.remove(place)),
             Self::Duplicated(later) => records.push(Record { at: shifted(later as i64), ..records[place] }),
         }
-        // As a logger writes them.
+        // In the order of a logger.
         records.sort_by_key(|record| record.at);
         records
     }
 }
 
-/// Sees that a recording has at least so many different frames that timeline and go on so.
+/// Fails unless a recording has this many different frames with this beginning and continuation.
 fn has(recording: &Recording, frames: &[(&str, &str, usize)]) {
     let own: BTreeSet<String> = recording.own.iter().map(|place| recording.frame(*place).1.to_string()).collect();
     for (start, rest, least) in frames {
@@ -211,7 +211,7 @@ fn has(recording: &Recording, frames: &[(&str, &str, usize)]) {
     }
 }
 
-/// Changes a recording in many ways, and sees that each one that breaks a promise is told, and no other.
+/// Changes a recording in many ways, and fails unless exactly the changes that break a promise are reported.
 fn mutate(recording: &Recording) {
     let told_of = |records: &[Record]| {
         let file = log(records, Format::Candump);
@@ -246,7 +246,7 @@ fn mutate(recording: &Recording) {
             "not told: REPLAY_SEED={seed}, turn {turn}: {line}: {mutation:?} of {frame}, line {}\n{report}",
             place + 1
         );
-        // A frame before the boot-up says that the device was on before.
+        // A frame before the boot-up means that the device was on before.
         let is_before = matches!(mutation, Mutation::WithinTolerance(by)
             if recording.frame(place).0.saturating_add_signed(by) <= recording.frame(recording.own[0]).0);
         let is_harmless = matches!(mutation, Mutation::WithinTolerance(_)) && is_kept && !is_power_up && !is_before;
@@ -263,8 +263,8 @@ fn mutate(recording: &Recording) {
     );
 }
 
-/// SDO of all sorts, EMCY, heartbeats, the default mapping and another one under another COB-ID, each while the spool
-/// moves, float, LSS.
+/// All kinds of SDO, EMCY, heartbeats, the default mapping and another one under another COB-ID, each while the spool
+/// moves; float; LSS.
 fn valve_on_canopen(kind: &str) {
     let recording = Recording::new(&format!("--device {kind}@0x20"), kind, |session| {
         session
@@ -291,7 +291,7 @@ fn valve_on_canopen(kind: &str) {
         session.send(3, &remap);
         session.send(6, &["220: 0F 00 00 C0"; 20]);
         session.send(9, &["220: 0F 00 FF 7F"; 50]);
-        // Nobody commands: the time guard.
+        // No commands: the time guard.
         session.send(400, &["620: 40 00 20 00 00 00 00 00"]);
         session.send(30, &["000: 80 20", "7E5: 04 01 00 00 00 00 00 00", "7E5: 5E 00 00 00 00 00 00 00"]);
     });
@@ -339,7 +339,7 @@ fn pveo_isobus() {
     valve_on_isobus("pveo-isobus");
 }
 
-/// A shaft that a valve turns, over the end of the turn: by SYNC, by a timer under a 29-bit identifier, and in SDO.
+/// A shaft moved by a valve across the end of the turn: by SYNC, by a timer under a 29-bit identifier, and in SDO.
 fn sensor(kind: &str) {
     let both =
         format!("--device {kind}@1,bit-rate=250k --device pvea-canopen@0x20 --link pvea-canopen={kind},rate=9000");

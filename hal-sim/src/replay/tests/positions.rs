@@ -1,8 +1,8 @@
-//! What may differ: the position of a spool on its way.
+//! The tolerance of positions, for a moving spool.
 
 use super::*;
 
-/// A log of a real valve has another origin of time, and frames that are late by what its logger takes.
+/// A log of a real valve has another origin of time, and the delays of its logger.
 #[test]
 fn loggers_are_late() {
     let mut records = moving().records;
@@ -13,7 +13,7 @@ fn loggers_are_late() {
     as_logged(VALVE, &log(&records, Format::Candump));
 }
 
-/// A spool with times of its own is played with these.
+/// A spool with its own times is replayed with these.
 #[test]
 fn a_measured_spool_moves_as_it_was_measured() {
     let measured = format!("{VALVE},stroke-ms=500,return-ms=400");
@@ -24,7 +24,7 @@ fn a_measured_spool_moves_as_it_was_measured() {
     assert!(!replayed(VALVE, &session.log()).is_as_logged());
 }
 
-/// The actual value is on four scales, and the answer of SDO tells it on each.
+/// The actual value has four scales, and SDO reads it in each.
 #[test]
 fn loggers_are_late_on_every_scale() {
     for object in ["01 63 01", "01 33 00", "02 33 00", "04 33 00"] {
@@ -40,7 +40,7 @@ fn loggers_are_late_on_every_scale() {
     }
 }
 
-/// A spool that is somewhere else than it can have come to is told, also while it moves.
+/// A position that the spool cannot have reached is reported, also while it moves.
 #[test]
 fn a_position_beyond_the_tolerance_is_told() {
     let mut records = moving().records;
@@ -59,7 +59,7 @@ fn a_position_beyond_the_tolerance_is_told() {
     assert_eq!((outcome.differences, outcome.told[0].what), (1, What::Different));
 }
 
-/// While a spool moves, its position may differ, and nothing else that looks like one.
+/// The position of a moving spool may differ, but no other data.
 #[test]
 fn only_the_position_of_a_moving_spool_may_differ() {
     let is = |record: &Record, start: &str| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with(start));
@@ -94,7 +94,7 @@ fn only_the_position_of_a_moving_spool_may_differ() {
     }
 }
 
-/// Every bit of a moving AVEF, and flow out of both ports at once.
+/// Every bit of an AVEF with a moving spool, and flow out of both ports at once.
 #[test]
 fn every_bit_of_a_moving_flow_is_compared() {
     let device = "--device pvea-isobus@0x83";

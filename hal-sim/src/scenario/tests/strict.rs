@@ -1,4 +1,4 @@
-//! Strict scenarios: each frame of a device is claimed by a step, in order, and those that come again keep their cycle.
+//! Strict scenarios: a step claims each frame of a device, in order, and cyclic frames keep their period.
 
 use super::*;
 
@@ -7,7 +7,7 @@ fn strictly(steps: &str) -> Outcome {
     Scenario::parse(&text).unwrap_or_else(|error| panic!("{error:?}")).run(1)
 }
 
-/// Runs the steps, after a line each for the boot and the start, with one failure; returns what is said of it.
+/// Runs the steps after the boot and the start, with one failure; returns the report.
 fn differs(steps: &str) -> String {
     let outcome = strictly(&format!("{BOOT}\n{steps}"));
     let text = outcome.failures("x.toml");
@@ -24,7 +24,7 @@ const BOOT: &str =
     "{ expect = [\"720#00\", \"0A0#0000 0000 0000 0000\"] },\n{ send = \"000#0100\" },\n{ send = \"220#0000 0000\" },";
 /// The answer to that set-point.
 const ANSWER: &str = "{ expect = \"1A0#0800 0000\" },";
-/// A set-point in a cycle of 100 ms, and its answers.
+/// A set-point in a cycle of 100 ms, with its answers.
 const CYCLE: &str = "{ send = \"220#0000 0000\", every_ms = 100 }, { expect = \"1A0#0800 0000\", every_ms = 100 },";
 
 #[test]
@@ -32,9 +32,9 @@ fn a_frame_that_no_step_expects_fails_at_the_step_in_which_it_comes() {
     agrees(&format!("{ANSWER} {{ after_ms = 200 }}"));
     for (steps, said) in [
         ("{ after_ms = 200 }", "x.toml:7: strict: failed at "),
-        // Too early for the step that expects it.
+        // Too early for the step that expects the frame.
         ("{ after_ms = 20, expect = \"1A0\" }", "x.toml:7: strict: failed at "),
-        // Another one is expected before it.
+        // Another frame is expected before it.
         ("\n{ expect = [\"720\", \"1A0\"] }", "x.toml:8: expect 2 frames, of which 0 came within 1000 ms: failed at "),
         // The state never comes; the frame does.
         ("{ expect = { dsm = \"active\" } }", "x.toml:7: strict: failed at "),
@@ -64,7 +64,7 @@ fn frames_come_in_their_order_unless_any_will_do() {
     assert!(strictly(&format!("{{ expect = {swapped}, any_order = true }}")).is_success());
 }
 
-/// A frame of a cycle may come at any time, but in its cycle, until another one of its identifier, or a stop.
+/// A cyclic frame may come at any time within its period, until another expectation of its identifier, or a stop.
 #[test]
 fn a_frame_that_comes_again_keeps_its_cycle() {
     let start = format!("{ANSWER} {CYCLE}");
@@ -80,17 +80,17 @@ fn a_frame_that_comes_again_keeps_its_cycle() {
         "{start} {{ after_ms = 95, send = \"220#0300 0000\", every_ms = 100 }},\n{{ after_ms = 500 }}"
     ));
     assert!(text.contains("no step expects  1A0: "), "other data: {text}");
-    // None comes again after another one of its identifier was expected.
+    // The cycle ends with another expectation of its identifier.
     let text = differs(&format!("{start} {{ expect = \"1A0\" }},\n{{ after_ms = 500 }}"));
     assert!(text.contains("x.toml:8: strict: ") && text.contains("no step expects  1A0: "), "{text}");
-    // None has to after a stop.
+    // The cycle ends with a stop.
     let stopped = "{ stop = \"220\" }, { stop = \"1A0\" }, { after_ms = 1000 }";
     agrees(&format!("{start} {stopped}"));
     let text = differs(&format!("{start} {{ stop = \"220\" }},\n{{ after_ms = 1000 }}"));
     assert!(text.contains("not again since "), "{text}");
 }
 
-/// A frame that comes while the step's own frame waits for the bus is the step's.
+/// A frame during the wait of the step's own frame for the bus belongs to the step.
 #[test]
 fn what_comes_while_the_step_sends_is_the_steps() {
     let steps = "{ expect = \"720#00\" }, { send = \"7FF#00\", expect = \"0A0#0000 0000 0000 0000\" }";
@@ -121,6 +121,6 @@ fn a_strict_scenario_that_cannot_look_is_refused() {
         assert_eq!(reason, "every_ms: accepted with send; in a strict scenario also with one expected frame");
     }
     assert!(refusal("{ expect = \"720\", every_ms = 0 }").1.starts_with("every_ms 0: "));
-    // Not strict: the frame is not sent.
+    // Not strict: the step sends no frame.
     assert!(refused("{ expect = \"720\", every_ms = 100 }").starts_with("every_ms: accepted with send"));
 }

@@ -1,10 +1,10 @@
-//! Clients that a program owns, as firmware owns its CAN controller.
+//! Clients owned by the caller, as firmware owns its CAN controller.
 
 use embedded_can::nb::Can;
 
 use super::*;
 
-/// What a client has received.
+/// Returns the frames that a client has received.
 fn received(client: &mut Client) -> Vec<Frame> {
     std::iter::from_fn(|| client.receive().ok()).collect()
 }
@@ -64,7 +64,7 @@ fn a_client_stays_with_its_world_and_the_clone_has_another_one() {
     let mut clone = rig.world.clone();
     drop(client);
     rig.run_for(10);
-    // The frame that was under way is the clone's, too, whether its client was taken or not.
+    // The clone has the pending frame, too, whether its client was taken or not.
     clone.run_for(Duration::from_millis(10));
     let mut taken = clone.take_client("controller").unwrap();
     assert_eq!(received(&mut taken), [answer]);

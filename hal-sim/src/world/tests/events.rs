@@ -1,8 +1,8 @@
-//! What a world tells of what happened.
+//! The recorded events of a world.
 
 use super::*;
 
-/// The events of one controller or device since this was last asked, frames and error frames aside.
+/// Takes the events of one controller or device since the last call, except for frames and error frames.
 fn changes(rig: &mut Rig, who: &str) -> Vec<EventKind> {
     let of_bus = |event: &Event| event.frame().is_some() || event.is_error_frame();
     let events = rig.world.take_events().filter(|event| &*event.who == who && !of_bus(event));
@@ -58,7 +58,7 @@ fn frames_that_a_device_dropped_are_told() {
         rig.run_for(10);
         assert_eq!(changes(&mut rig, "probe-2"), [EventKind::FramesDropped { count: count.into() }]);
     }
-    // A new start counts from the beginning.
+    // A new start resets the count.
     rig.world.power(rig.nodes[1], false);
     rig.world.power(rig.nodes[1], true);
     rig.run_for(10);
