@@ -1,5 +1,5 @@
-//! What clients of `pve-sim` get, by the wall clock: `cargo bench --package pve-sim --bench clients`, on a machine that
-//! does nothing else. It prints figures and has no limits: they are those of a machine.
+//! The throughput of clients of `pve-sim`, by the wall clock: `cargo bench --package pve-sim --bench clients`, on an
+//! otherwise idle machine. Prints figures without limits, because they depend on the machine.
 
 #![allow(missing_docs, reason = "a program")]
 
@@ -10,10 +10,10 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How long each scene is measured.
+/// The duration of each measurement.
 const SCENE: Duration = Duration::from_secs(5);
 
-/// A running simulator whose trace is read and dropped.
+/// A running simulator whose trace is discarded.
 struct Simulator {
     process: Child,
     port: u16,
@@ -33,7 +33,7 @@ impl Simulator {
         Self { process, port }
     }
 
-    /// Returns a client that gets what is on the bus.
+    /// Returns a client that receives all frames.
     fn join(&self) -> Client {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).expect("a connection");
         stream.set_nodelay(true).expect("an option");
@@ -46,7 +46,7 @@ impl Simulator {
         client
     }
 
-    /// Returns the processor time that it has used, in clock ticks of 10 ms.
+    /// Returns the used processor time, in clock ticks of 10 ms.
     fn ticks(&self) -> u64 {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.process.id())).unwrap_or_default();
         let fields: Vec<&str> = stat.rsplit(") ").next().unwrap_or_default().split(' ').collect();
@@ -71,7 +71,7 @@ impl Client {
         self.stream.write_all(text.as_bytes()).expect("a connection");
     }
 
-    /// Returns the next message.
+    /// Reads the next message.
     fn hear(&mut self) -> String {
         loop {
             if let Some(end) = self.heard.iter().position(|byte| *byte == b'>') {
@@ -127,7 +127,7 @@ fn poll() {
     println!("127 valves read in turn, --speed 1: {:.0} a second", f64::from(reads) / start.elapsed().as_secs_f64());
 }
 
-/// Measures twenty valves whose heartbeats fill the bus, and clients that listen.
+/// Measures twenty valves whose heartbeats fill the bus, with listening clients.
 fn listeners(count: usize) {
     let devices: String = (1..=20).map(|id| format!("--device pvea-canopen@{id} ")).collect();
     let simulator = Simulator::start(&arguments(&format!("{devices} --speed 5")));

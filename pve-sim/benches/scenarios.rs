@@ -1,5 +1,5 @@
-//! How long 1,000 scenarios of 10 s virtual time take: `cargo bench --package pve-sim --bench scenarios`, on a machine
-//! that does nothing else. It prints figures and has no limits: they are those of a machine.
+//! The time of 1,000 scenarios of 10 s virtual time: `cargo bench --package pve-sim --bench scenarios`, on an otherwise
+//! idle machine. Prints figures without limits, because they depend on the machine.
 
 #![allow(missing_docs, reason = "a program")]
 
@@ -7,10 +7,10 @@ use std::fs;
 use std::process::Command;
 use std::time::Instant;
 
-/// How many files are given on one command line.
+/// The number of files on one command line.
 const FILES: usize = 1_000;
 
-/// Ten seconds of a valve at work: set-points every 100 ms, a fault of the supply, and the way back.
+/// Ten seconds of a moving valve: set-points every 100 ms, a fault of the supply, and the recovery.
 const VALVE: &str = r#"
 devices = ["pvea-canopen@0x20"]
 steps = [

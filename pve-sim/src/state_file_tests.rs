@@ -1,4 +1,4 @@
-//! State files: what is kept, what is refused, what is put aside.
+//! State files: kept, refused, and put aside.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -39,7 +39,7 @@ fn path(dir: &TempDir) -> PathBuf {
     dir.path().join("valve.nvm")
 }
 
-/// What is in the directory, but for the locks.
+/// Returns the names in the directory, except for the locks.
 fn names(dir: &Path) -> Vec<String> {
     let mut names: Vec<_> =
         fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -71,7 +71,7 @@ fn the_clone_of_a_memory_leaves_the_file_to_the_original() {
     clone.store(RecordKey::Parameters, &record(b"in RAM")).unwrap();
     assert_eq!(parameters(&clone.read_image()), Some(&b"in RAM"[..]));
     drop(memory);
-    // The file is free, and as the original left it, although the clone is there.
+    // The file is unlocked and unchanged since the original, although the clone exists.
     assert_eq!(parameters(&open(&dir).read_image()), Some(&b"kept"[..]));
 }
 
@@ -86,7 +86,7 @@ fn the_file_is_a_header_and_the_flash() {
     assert!(bytes[HEADER..] == *memory.flash().image());
 }
 
-/// Programs before this one take the number behind the kind for a part of it, and refuse the file as it is.
+/// Earlier programs treat the layout version as a part of the kind, and refuse the file unchanged.
 #[test]
 fn a_file_of_a_later_program_is_refused_and_left_alone() {
     let dir = directory();
@@ -213,7 +213,7 @@ fn a_cut_write_is_cut_in_the_file_too() {
     assert_eq!(memory.take_warnings(), [""; 0]);
 }
 
-/// Whatever else stands in the folder: nothing of it is read, and nothing is written through it.
+/// Other files in the folder are neither read nor written.
 #[cfg(unix)]
 #[test]
 fn other_names_in_the_folder_are_left_alone() {
@@ -232,7 +232,7 @@ fn other_names_in_the_folder_are_left_alone() {
     assert_eq!(names(dir.path()), [".valve.nvm", "valve.nvm", "valve.nvm.new", "valve.nvm.tmp"]);
 }
 
-/// A process that is killed while it writes leaves an unfinished file; its name is another one each time.
+/// A process killed during a write leaves an unfinished file, each with another name.
 #[test]
 fn what_a_killed_process_left_unfinished_is_removed() {
     let dir = directory();
@@ -243,7 +243,7 @@ fn what_a_killed_process_left_unfinished_is_removed() {
     for name in kept {
         fs::write(dir.path().join(name), "of somebody").unwrap();
     }
-    // A memory that is only taken changes nothing.
+    // A memory that is only opened changes nothing.
     let taken = StateFile::open(dir.path(), "valve", KIND).unwrap();
     assert_eq!(names(dir.path()).len(), 6);
     drop(taken.memory().unwrap());
@@ -253,7 +253,7 @@ fn what_a_killed_process_left_unfinished_is_removed() {
 #[test]
 fn a_file_that_cannot_be_read_or_written_is_named() {
     let dir = directory();
-    // A directory in the file's place cannot be read as a file, whoever asks.
+    // A directory in the file's place cannot be read as a file, even by root.
     fs::create_dir(path(&dir)).unwrap();
     let error = in_file(dir.path(), "valve", KIND).unwrap_err();
     assert!(matches!(error, StateFileError::Io { action: "read", .. }));
@@ -279,7 +279,7 @@ fn a_store_that_the_file_does_not_take_has_failed() {
     assert_eq!(names(dir.path()), ["valve.nvm"], "no unfinished file stays");
 }
 
-/// The file is replaced at each write; its permissions are its user's.
+/// Each write replaces the file, but keeps its permissions.
 #[cfg(unix)]
 #[test]
 fn permissions_of_the_file_are_kept() {
@@ -296,7 +296,7 @@ fn permissions_of_the_file_are_kept() {
     assert_eq!(told(&dir), 0o664);
 }
 
-/// What was told as failed is not there later, whether the memory goes on or is read again.
+/// A failed store leaves nothing behind, in the running memory and in the file.
 #[test]
 fn a_store_that_has_failed_leaves_nothing_behind() {
     let dir = directory();
@@ -317,14 +317,14 @@ fn a_store_that_has_failed_leaves_nothing_behind() {
 #[test]
 fn a_file_is_taken_by_one_at_a_time() {
     let dir = directory();
-    // Before there is one, too.
+    // Also before the file exists.
     let mut memory = open(&dir);
     for stored in [b"first", b"other"] {
         let error = in_file(dir.path(), "valve", KIND).unwrap_err();
         assert!(matches!(error, StateFileError::InUse { .. }));
         let line = error.to_string();
         assert!(line.contains("valve.nvm is in use by another pve-sim"), "{line}");
-        // Each write makes a new file.
+        // Each write creates a new file.
         memory.store(RecordKey::Parameters, &record(stored)).unwrap();
     }
     in_file(dir.path(), "lever", KIND).unwrap();
@@ -338,7 +338,7 @@ fn a_link_is_followed_and_kept() {
     let (dir, elsewhere) = (directory(), directory());
     let target = elsewhere.path().join("memory");
     std::os::unix::fs::symlink(&target, path(&dir)).unwrap();
-    // What it leads to may be on a disk that is not there at the moment.
+    // Its target may be on a disk that is not mounted at the moment.
     let error = in_file(dir.path(), "valve", KIND).unwrap_err();
     assert!(error.to_string().contains("valve.nvm: cannot follow the link"), "{error}");
     assert!(!target.exists());

@@ -45,7 +45,7 @@ fn printed(line: &str) -> String {
     }
 }
 
-/// What is quoted from the command line adds no lines of its own.
+/// Quoted arguments add no lines to a refusal.
 #[test]
 fn a_refusal_is_one_line_whatever_it_quotes() {
     for argument in ["--device=pvea\npve-sim ready", "\rhello", "--speed=1\u{1B}[2J", "--what\n\n"] {
@@ -137,21 +137,21 @@ fn default_names_avoid_those_that_were_given() {
     assert_eq!(names, ["pvea-canopen", "pvea-canopen-3", "pvea-canopen-2"]);
 }
 
-/// Each device is told apart: by its LSS address on CANopen, by its NAME on ISOBUS.
+/// Devices are distinct: by their LSS address on CANopen, by their NAME on ISOBUS.
 #[test]
 fn default_serial_numbers_are_the_next_free_ones() {
     let serials = |line: &str| -> Vec<u32> {
         run(line).devices.iter().map(|device| device.setup.serial.expect("a number")).collect()
     };
-    // One product code for both kinds: numbers of one do for the other.
+    // Both kinds have one product code, and share the serial numbers.
     let three = "--device pvea-canopen@1 --device pveo-canopen@2 --device pvea-canopen,blank";
     assert_eq!(serials(three), [0x5B2E_0100, 0x5B2E_0101, 0x5B2E_0102]);
     let isobus = "--device pvea-isobus@128 --device pvea-canopen@2 --device pveo-isobus@129";
     assert_eq!(serials(isobus), [1, 0x5B2E_0100, 2]);
-    // Numbers that were asked for come first, wherever they stand.
+    // Requested numbers take precedence, in any position.
     let asked = "--device pvea-canopen@1 --device pvea-canopen@2 --device pvea-canopen@3,serial=0x5B2E0100";
     assert_eq!(serials(asked), [0x5B2E_0101, 0x5B2E_0102, 0x5B2E_0100]);
-    // A NAME has 21 bits of it.
+    // A NAME holds 21 bits of the serial number.
     assert_eq!(serials("--device pvea-isobus@128 --device pvea-isobus@129,serial=0x200001"), [2, 0x0020_0001]);
 }
 
@@ -424,7 +424,6 @@ fn interfaces_of_the_kernel() {
     }
 }
 
-/// The help names them one by one.
 #[test]
 fn a_carriage_return_at_the_end_of_an_argument_is_no_error() {
     let words = ["pve-sim", "--device\r", "pvea-canopen@5\r", "--bit-rate", "250k\r"];
@@ -434,7 +433,6 @@ fn a_carriage_return_at_the_end_of_an_argument_is_no_error() {
     }
 }
 
-/// No line of `--device` is broken on the 100 columns that help takes at the most: its keys would lose their columns.
 #[test]
 fn every_kind_of_bus_and_all_at_once() {
     let urls = ["slcan://[::1]:0", "udp-multicast://239.74.163.2:43113", "udp-multicast://[ff15::1]:7", "slcan://a:1"];

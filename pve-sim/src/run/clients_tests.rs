@@ -1,4 +1,4 @@
-//! Clients of a world without devices: what each of them gets, and in which order frames go out.
+//! Clients of a world without devices: their messages, and the order of their frames.
 
 use std::time::Duration as WallDuration;
 
@@ -21,10 +21,10 @@ fn frame(id: u16, data: &[u8]) -> Frame {
 }
 
 impl Rig {
-    /// So many clients that listen.
+    /// Returns a rig with this many listening clients.
     fn new(count: usize) -> Self {
         let mut world = World::new(BitRate::Kbit250, 1);
-        // somebody who acknowledges
+        // a controller that acknowledges
         world.add_gateway("somebody");
         world.record_events(true);
         let clients = Clients::new(&mut world, false);
@@ -47,7 +47,7 @@ impl Rig {
         self.apply(ToWorld::Send(self.client_ends[client].0, frame));
     }
 
-    /// Lets everything go out; returns what did, all of it frames.
+    /// Runs until all frames are sent; returns them.
     fn run(&mut self) -> Vec<Frame> {
         let end = self.world.now() + Duration::from_secs(10);
         let mut sent = Vec::new();
@@ -62,7 +62,7 @@ impl Rig {
         sent
     }
 
-    /// What a client got.
+    /// Takes the frames of a client.
     fn heard(&mut self, client: usize) -> Vec<Frame> {
         let queue = &mut self.client_ends[client].1.queue;
         std::iter::from_fn(|| queue.try_recv().ok())
@@ -109,7 +109,7 @@ fn urgent_frames_overtake_those_of_other_clients_only() {
     rig.send(0, frame(0x001, &[]));
     rig.send(1, frame(0x100, &[]));
     let sent: Vec<String> = rig.run().iter().map(ToString::to_string).collect();
-    // The first one had the bus already.
+    // The first one was on the bus already.
     assert_eq!(sent, ["700: 00", "100:", "700: 01", "700: 02", "001:"]);
 }
 
@@ -127,7 +127,7 @@ fn what_a_client_sent_before_it_left_goes_out() {
     assert_eq!(rig.heard(0), frames);
 }
 
-/// A flood of clients that send and leave.
+/// Many clients send and leave at once.
 #[test]
 fn what_departed_clients_leave_behind_is_bounded() {
     let mut rig = Rig::new(1);
@@ -141,7 +141,7 @@ fn what_departed_clients_leave_behind_is_bounded() {
         rig.apply(ToWorld::Leave(id));
         rig.apply(ToWorld::Leave(id));
     }
-    // A modest one keeps its only frame.
+    // A client with a single frame keeps it.
     let (to_client, _client_end) = ClientQueue::new();
     let modest = ClientId::next();
     rig.apply(ToWorld::Join(modest, to_client));
@@ -150,13 +150,13 @@ fn what_departed_clients_leave_behind_is_bounded() {
     let waiting: usize = rig.clients.waiting.values().map(VecDeque::len).sum();
     assert!(waiting <= LEFT_BEHIND, "{waiting}");
     assert!(rig.clients.waiting.contains_key(&modest));
-    // The one that the controller had already counts no more.
+    // The frame in the controller no longer counts.
     assert_eq!(rig.clients.take_dropped(), 100 * PERMITS - waiting);
     assert_eq!(rig.run().len(), waiting + 1);
     assert_eq!(rig.clients.left_behind, 0);
 }
 
-/// Something on the bus destroys all of it.
+/// All frames are destroyed.
 #[test]
 fn a_frame_that_is_destroyed_ends_with_its_client() {
     let mut world = World::new(BitRate::Kbit250, 1);
@@ -177,7 +177,7 @@ fn a_frame_that_is_destroyed_ends_with_its_client() {
         clients.send(&mut world);
         events.iter().filter(|event| event.is_error_frame()).count()
     };
-    // Nobody gives up a frame whose client is there.
+    // Frames of connected clients are not withdrawn.
     let tried: usize = (0..200).map(|_| step(&mut clients)).sum();
     assert!(tried > 20, "{tried}");
     clients.let_go(id);
@@ -186,7 +186,7 @@ fn a_frame_that_is_destroyed_ends_with_its_client() {
     assert!(clients.waiting.is_empty() && clients.sending.is_none());
 }
 
-/// Error frames come to those who want them, and as they are told.
+/// Error frames go to the clients that want them, as reported.
 #[test]
 fn error_frames_are_for_clients_that_want_them() {
     for wanted in [false, true] {

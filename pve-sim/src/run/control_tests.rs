@@ -1,4 +1,4 @@
-//! Calls of the control interface, on a wall clock that passes only when the driver waits.
+//! Calls of the control interface, on a wall clock that advances only while the driver waits.
 
 use tokio::sync::oneshot::{Receiver, error::TryRecvError};
 
@@ -6,7 +6,7 @@ use super::*;
 use crate::control::{Answer, Message};
 use hal_sim::simulation::{Command, Refusal, Reply};
 
-/// The end of an answer's way.
+/// The receiver of an answer.
 type Way<T> = Receiver<Result<T, Refusal>>;
 
 impl Rig {
@@ -23,7 +23,7 @@ impl Rig {
         way
     }
 
-    /// Makes a call with a body as clients send it.
+    /// Makes a call with a body in the form of clients.
     fn change(&mut self, at: WallDuration, change: &str) -> Way<Reply> {
         let change = serde_json::from_str(change).expect("a change");
         self.call(at, |answer| Message::Execute(Command::Plant("valve".to_owned(), change), answer))
@@ -78,7 +78,7 @@ fn calls_are_answered_however_slow_time_is() {
     assert_eq!(told(valve)["powered"], true);
 }
 
-/// A stall is no time on the bus: neither for a wait, nor for cyclic frames.
+/// A stall does not advance virtual time, for waits or for cyclic frames.
 #[test]
 fn a_stall_moves_no_stamp() {
     let mut rig = Rig::with_desk(1.0);
@@ -110,7 +110,7 @@ fn what_is_typed_and_what_is_called_change_the_same_plant() {
     assert_eq!(plant, expected);
 }
 
-/// A plant that is changed on stdin answers those who wait at that instant, as one that is changed by a call does.
+/// A plant change on stdin completes waits at that instant, like a change by a call.
 #[test]
 fn what_is_typed_is_what_is_waited_for() {
     let mut rig = Rig::with_desk(1.0);
@@ -120,7 +120,7 @@ fn what_is_typed_is_what_is_waited_for() {
     assert_eq!(told(waited)["t_us"], 200_000);
 }
 
-/// Clients that are gone are forgotten, and a simulator without a control interface answers nobody.
+/// Clients that are gone are dropped, and a simulator without a control interface has no answers.
 #[test]
 fn nobody_is_kept_in_mind() {
     let mut rig = Rig::with_desk(1.0);

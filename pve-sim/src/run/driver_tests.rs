@@ -1,5 +1,5 @@
-//! Time as clients see it, on a wall clock that passes only when the driver waits: hours of quiet, and processes that
-//! stand still, take no time here.
+//! Time as clients see it, on a wall clock that advances only while the driver waits: hours of quiet, and pauses of the
+//! process, take no time here.
 
 use protocol_core::controller::BitRate;
 use std::sync::{Arc, Mutex};
@@ -18,22 +18,22 @@ mod control_tests;
 /// Events from the platform, in the order of time.
 enum PlatformEvent {
     Message(ToWorld),
-    /// The process stands still for so long; what arrives meanwhile is found afterwards.
+    /// The process pauses for this time; messages that arrive meanwhile are read afterwards.
     Stall(WallDuration),
 }
 
-/// A wall clock that passes only when the driver waits.
+/// A wall clock that advances only while the driver waits.
 struct Script {
     now: WallInstant,
-    /// How long everything takes that the driver does between two looks at the clock.
+    /// The time of the driver's work between two looks at the clock.
     work: WallDuration,
     end: WallInstant,
     plan: VecDeque<(WallInstant, PlatformEvent)>,
-    /// How often the driver has waited.
+    /// The number of waits.
     waits: u64,
-    /// How often it slept.
+    /// The number of sleeps.
     sleeps: u64,
-    /// How long it was awake while it waited.
+    /// The time spent spinning.
     awake: WallDuration,
 }
 
@@ -76,7 +76,7 @@ impl Platform for Script {
     }
 }
 
-/// What is written to stderr.
+/// The text on stderr.
 #[derive(Clone, Default)]
 struct Said(Arc<Mutex<Vec<u8>>>);
 
@@ -90,7 +90,7 @@ impl Write for Said {
     }
 }
 
-/// A valve at node ID 0x20, and two clients: the one that sends, and one that listens.
+/// A valve at node ID 0x20, and two clients: a sender and a listener.
 struct Rig {
     driver: Driver<Script>,
     start: WallInstant,
@@ -106,7 +106,7 @@ fn millis(millis: u64) -> WallDuration {
     WallDuration::from_millis(millis)
 }
 
-/// Returns the driver of a valve, which has power, with what has happened before that.
+/// Returns the driver of a powered valve, after the events `before`.
 fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, said: Said) -> Driver<Script> {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
     simulation.add(&NamedDevice::new("valve", Kind::Pve(pve::Kind::PveaCanopen)), Memory::in_ram());
@@ -155,7 +155,7 @@ impl Rig {
         }
     }
 
-    /// The listener reads what came.
+    /// Reads the listener's messages.
     fn listen(&mut self) {
         let micros = |at: Timestamp| at.to_string().replace('.', "").parse().expect("digits");
         while let Ok(message) = self.client_end.queue.try_recv() {
@@ -165,23 +165,23 @@ impl Rig {
         }
     }
 
-    /// When a frame was on the bus, in microseconds.
+    /// Returns the times of a frame on the bus, in microseconds.
     fn times_of(&self, wanted: &str) -> Vec<u64> {
         self.heard.iter().filter(|(_, frame)| frame.to_string() == wanted).map(|(at, _)| *at).collect()
     }
 
-    /// The frames of an identifier.
+    /// Returns the frames with an identifier.
     fn frames_of(&self, id: &str) -> Vec<String> {
         self.heard.iter().map(|(_, frame)| frame.to_string()).filter(|frame| frame.starts_with(id)).collect()
     }
 
-    /// What the user was told.
+    /// Ends the run; returns the messages for the user.
     fn end(self) -> Vec<String> {
         self.driver.trace.finish();
         String::from_utf8(self.said.0.lock().unwrap().clone()).unwrap().lines().map(str::to_owned).collect()
     }
 
-    /// Boots the valve into ACTIVE within 100 ms, as use case 1 does.
+    /// Boots the valve into ACTIVE within 100 ms, as in use case 1.
     fn activate(&mut self) {
         self.send(millis(20), "000: 01 00");
         for at in [40, 60, 80] {
@@ -189,7 +189,7 @@ impl Rig {
         }
     }
 
-    /// Whether the valve told ACTIVE, and from then on no other state.
+    /// Returns whether the valve reported ACTIVE, and afterwards no other state.
     fn stayed_active(&self) -> bool {
         let states = self.frames_of("1A0:");
         let first = states.iter().position(|state| state.starts_with(ACTIVE)).expect("it was activated");
@@ -232,7 +232,7 @@ fn an_answer_follows_its_request_after_hours_of_quiet() {
     assert!(answers.iter().all(|answer| !answer.starts_with("5A0: 80")), "{answers:?}");
 }
 
-/// Guarding allows 250 ms.
+/// Time guarding allows 250 ms.
 #[test]
 fn set_points_up_to_240_ms_apart_keep_a_valve_active() {
     let mut rig = Rig::new(1.0);
@@ -274,7 +274,7 @@ fn a_process_that_stands_still_is_no_master_that_does() {
     }
 }
 
-/// The set-point that came in the meantime is found after the pause.
+/// A set-point sent during the pause is read afterwards.
 #[test]
 fn a_master_goes_on_while_the_process_stands_still() {
     let mut rig = Rig::new(1.0);
@@ -327,7 +327,7 @@ fn pauses_are_told_once_a_minute() {
     assert!(said[2].contains("(2 times)"), "{said:?}");
 }
 
-/// A valve with heartbeats of 10 ms at a speed that asks for a billion of them a second.
+/// A valve with heartbeats of 10 ms, at a speed that would need a billion of them per second.
 #[test]
 fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     let mut rig = Rig::new(1e7);
@@ -341,7 +341,7 @@ fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     assert_eq!(said, ["pve-sim: --speed 10000000 is out of reach: time runs as fast as this machine can"]);
 }
 
-/// The machine does 125 virtual seconds a second, and was away for 3 s: it takes 12 s to catch up.
+/// The machine simulates 125 virtual seconds per second and pauses for 3 s: it takes 12 s to catch up.
 #[test]
 fn a_pause_does_not_prove_a_speed_out_of_reach() {
     let mut rig = Rig::new(100.0);
@@ -356,7 +356,7 @@ fn a_pause_does_not_prove_a_speed_out_of_reach() {
     assert_eq!(rig.end(), [""; 0]);
 }
 
-/// A controller at another bit rate than everybody else's repeats its frame thousands of times a second.
+/// A controller at another bit rate than all others repeats its frame thousands of times a second.
 #[test]
 fn a_busy_bus_that_nobody_listens_to_wakes_nobody_up() {
     let mut rig = Rig::new(1.0);
@@ -371,7 +371,7 @@ fn a_busy_bus_that_nobody_listens_to_wakes_nobody_up() {
     assert!(rig.driver.simulation.world().now() > Instant::from_secs(10), "{:?}", rig.driver.simulation.world().now());
 }
 
-/// The bus counts nanoseconds in 64 bits: a frame on the wire must not overrun them.
+/// The bus counts nanoseconds in 64 bits, which a frame on the wire must not overrun.
 #[test]
 fn the_end_of_virtual_time_is_told_once() {
     for speed in [1e10, 1e300] {
@@ -394,7 +394,7 @@ fn a_speed_that_is_reached_is_not_complained_about() {
     assert_eq!(rig.end(), [""; 0]);
 }
 
-/// A gateway to a network joins before the world begins.
+/// A gateway to a network joins before the world starts.
 #[test]
 fn who_has_joined_before_the_devices_start_hears_their_boot_up() {
     let (id, (to_client, mut client_end)) = (ClientId::next(), ClientQueue::new());
@@ -406,7 +406,7 @@ fn who_has_joined_before_the_devices_start_hears_their_boot_up() {
     assert!(heard.iter().any(|message| matches!(message, ToClient::Frame(_, frame) if *frame == boot_up)));
 }
 
-/// Supplies come up within 5 ms: at a thousandth of the speed that would be seconds.
+/// Supplies come up within 5 ms, which would be seconds at a thousandth of the speed.
 #[test]
 fn nobody_waits_for_devices_to_start() {
     let mut rig = Rig::new(0.001);
@@ -435,7 +435,7 @@ fn an_idle_world_is_looked_at_a_few_times_a_second() {
     assert!(rig.driver.platform.waits < 100 * 60, "{}", rig.driver.platform.waits);
 }
 
-/// 100 requests in 10 ms: a thread that slept between them would keep the client waiting for its wake-ups.
+/// 100 requests in 10 ms: sleeps between them would delay the client by their wake-ups.
 #[test]
 fn above_speed_1_nothing_sleeps_while_a_client_works_back_to_back() {
     let mut rig = Rig::new(100.0);
@@ -453,7 +453,7 @@ fn above_speed_1_nothing_sleeps_while_a_client_works_back_to_back() {
     assert_eq!(rig.frames_of("5A0:").len(), 101);
 }
 
-/// 100 requests, each with its answer: two frames for which the thread wakes up in good time.
+/// 100 requests with answers: the thread wakes up in time for two frames each.
 #[test]
 fn at_speed_1_a_client_at_work_lets_the_machine_sleep() {
     let mut rig = Rig::new(1.0);

@@ -1,4 +1,4 @@
-//! Files that a log may replace, and those that it must not.
+//! Files that a log may or must not replace.
 
 use std::fs;
 
@@ -9,7 +9,7 @@ fn log(path: &Path, overwrite: bool) -> LogOptions {
     LogOptions { path: path.to_owned(), overwrite }
 }
 
-/// Why the file is refused; empty when it is not.
+/// Returns the refusal of a file; empty if it is accepted.
 fn refusal(path: &Path, overwrite: bool, state: Option<&Path>) -> String {
     Log::check(&log(path, overwrite), state).err().map(|error| error.to_string()).unwrap_or_default()
 }
@@ -49,7 +49,7 @@ fn what_is_no_regular_file_is_refused() {
 fn nothing_in_the_folder_of_the_state_files_is_a_log() {
     let dir = tempfile::tempdir().unwrap();
     let state = dir.path().join("state");
-    // Before the folder is there, too.
+    // Also before the folder exists.
     assert!(refusal(&state.join("frames.log"), false, Some(&state)).contains("--state"));
     fs::create_dir(&state).unwrap();
     let memory = state.join("valve.nvm");
@@ -61,7 +61,7 @@ fn nothing_in_the_folder_of_the_state_files_is_a_log() {
         let line = refusal(path, true, Some(&state));
         assert!(line.contains("--state"), "{}: {line}", path.display());
     }
-    // A link in the folder that leads to a memory elsewhere.
+    // A link in the folder to a memory elsewhere.
     let elsewhere = dir.path().join("elsewhere");
     fs::write(&elsewhere, "stored").unwrap();
     assert_eq!(refusal(&elsewhere, true, Some(&state)), "");
@@ -70,7 +70,7 @@ fn nothing_in_the_folder_of_the_state_files_is_a_log() {
     assert_eq!(fs::read_to_string(&memory).unwrap(), "stored");
 }
 
-/// Paths that lead into the folder only once that is made.
+/// Paths that lead into the folder only once it exists.
 #[cfg(unix)]
 #[test]
 fn a_state_file_that_was_not_there_before_the_log_is_safe_from_it() {

@@ -1,4 +1,4 @@
-//! Web pages: a browser sends what any of them wants to any port of this machine.
+//! Web pages: any page can make a browser send data to any port of this machine.
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -7,7 +7,7 @@ use rustix::process::Signal;
 
 use super::simulator::*;
 
-/// The beginnings of what a browser sends: requests with a method of the page's choice, and a hello of TLS.
+/// The beginnings of a browser's data: requests with a method of the page's choice, and a TLS client hello.
 const BEGINNINGS: [&str; 5] = [
     "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: text/plain\r\n\r\n",
     "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n\r\n",
@@ -16,7 +16,7 @@ const BEGINNINGS: [&str; 5] = [
     "\u{16}\u{3}\u{1}\u{2}\0\u{1}\0",
 ];
 
-/// Sends a text in segments of so many bytes, until the connection is closed; returns what it was told.
+/// Sends a text in segments of this size until the connection is closed; returns the received text.
 fn visit(mut client: TcpStream, text: &str, segment: usize) -> String {
     client.set_nodelay(true).expect("an option");
     for part in text.as_bytes().chunks(segment) {
@@ -52,7 +52,7 @@ fn a_web_page_sends_nothing_to_the_bus() {
                 assert!(told.is_empty() || told == "< hi >", "{begin}: {told}");
             }
         }
-        // The same text of a client.
+        // The same text from a client.
         let mut client = connect(port);
         client.write_all(text.replacen("101", "102", 1).as_bytes()).expect("room");
         assert_eq!(frame(&mut witness), "102#01");

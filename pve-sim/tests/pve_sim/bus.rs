@@ -1,4 +1,4 @@
-//! The bus that clients join: frames, errors, and clients that come and go.
+//! The bus that clients join: frames, errors, and arriving and leaving clients.
 
 use std::fs;
 use std::io::Read as _;
@@ -18,7 +18,7 @@ fn the_ready_line_names_every_bus_with_the_port_that_was_bound() {
     assert!(one != 0 && two != 0);
     let ready = format!("pve-sim ready bus=socketcand://127.0.0.1:{one}/pve0 bus=socketcand://127.0.0.1:{two}/can1");
     assert_eq!(simulator.ready, ready);
-    // Both lead to one bus.
+    // Both URLs lead to one bus.
     let mut near = simulator.join();
     let mut far = connect(two);
     expect(&mut far, "< hi >");
@@ -165,7 +165,7 @@ fn error_frames_are_told_and_not_poured() {
     }
 }
 
-/// More clients than file descriptors: devices still store.
+/// More clients than file descriptors: devices can still store.
 #[test]
 fn clients_leave_enough_descriptors_to_store() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -186,13 +186,13 @@ fn clients_leave_enough_descriptors_to_store() {
     assert!(crowd.len() >= 20, "{}", crowd.len());
     say(&mut client, "< send 620 8 22 10 10 1 73 61 76 65 >");
     await_frame(&mut client, "5A0#6010100100000000");
-    // There is room again for those who come later.
+    // Later clients find places again.
     drop(crowd);
     simulator.join();
     simulator.end(Signal::TERM);
 }
 
-/// The last of a queue is refused before the first ones have waited for their places one after the other.
+/// The last client of a queue is refused without waiting for the earlier ones.
 #[test]
 fn clients_without_a_place_are_refused_side_by_side() {
     const CLIENTS: usize = 128;
@@ -207,7 +207,7 @@ fn clients_without_a_place_are_refused_side_by_side() {
     simulator.join();
 }
 
-/// What SavvyCAN sends, with Qt 5 and with Qt 6, which takes identifiers and bytes for signed numbers.
+/// The text of SavvyCAN, with Qt 5 and with Qt 6, which treats identifiers and bytes as signed numbers.
 #[test]
 fn savvycan_shares_the_bus() {
     let simulator = Simulator::serve(&["--device", "pvea-canopen", "--device", "pvea-isobus@0x83"]);

@@ -1,4 +1,4 @@
-//! What a person types into the terminal of a running simulator, and what that answers.
+//! The console of a running simulator: typed lines and their answers.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::Stdio;
@@ -15,7 +15,7 @@ fn a_valve_is_broken_by_hand() {
     let mut simulator = Simulator::spawn(pve_sim(&arguments).stdin(Stdio::piped()));
     let mut stdin = simulator.process.stdin.take().expect("a pipe");
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe"));
-    // a script with lines as Windows writes them
+    // a script with Windows line ends
     stdin.write_all(b"supply_mv 8000\r\nspool bent\nstatus\n").expect("it reads");
     let mut answers = String::new();
     while !answers.contains("supply_mv 8000, ") {
@@ -23,7 +23,7 @@ fn a_valve_is_broken_by_hand() {
     }
     assert!(answers.contains("\nok\n"), "{answers}");
     assert!(answers.contains("pve-sim: 'spool bent' is not understood; accepted: supply_mv N"), "{answers}");
-    // The end of stdin is not the end: the monitor reports after its two seconds.
+    // The end of stdin does not end the run: the monitor reports after its two seconds.
     drop(stdin);
     while !simulator.line().contains("EMCY: supply too low") {}
     simulator.process.stderr = Some(stderr.into_inner());
@@ -39,7 +39,7 @@ fn the_start_names_the_panel_and_the_words() {
     assert!(said.contains("\nType help for the console commands\n"), "{said}");
 }
 
-/// Before the ready line, so that whoever has read that line finds the warning.
+/// Before the ready line, so that a reader of that line finds the warning.
 #[test]
 fn another_bit_rate_than_that_of_the_bus_is_told_at_the_start() {
     let device = ["--device", "pvea-canopen,bit-rate=250k"];
@@ -53,7 +53,7 @@ fn another_bit_rate_than_that_of_the_bus_is_told_at_the_start() {
     );
 }
 
-/// The first device's memory decides the rate of the bus, and a device with a new one takes it.
+/// The first device's memory determines the rate of the bus, and a device with a new memory takes it.
 #[test]
 fn a_stored_bit_rate_is_that_of_the_bus() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -67,14 +67,14 @@ fn a_stored_bit_rate_is_that_of_the_bus() {
     };
     let told = run(&["--device", "hat1000,bit-rate=125k"]);
     assert!(!told.contains("cannot communicate"), "{told}");
-    // A written rate fills a new memory only.
+    // A bit rate on the command line fills a new memory only.
     let told = run(&["--device", "hat1000,bit-rate=1M", "--device", "pvea-canopen"]);
     assert!(!told.contains("cannot communicate"), "{told}");
     let told = run(&["--device", "hat1000", "--device", "pvea-canopen,bit-rate=500k"]);
     assert!(!told.contains("cannot communicate"), "the valve has 125k stored: {told}");
     let told = run(&["--device", "hat1000", "--device", "hat3000@2,bit-rate=500k"]);
     assert!(told.contains("use hat3000@0x02,bit-rate=125k, or a bus at 500k"), "{told}");
-    // Now that it has 500k stored, no rate that is written is a remedy.
+    // With 500k in its memory, no rate on the command line is a remedy.
     let told = run(&["--device", "hat1000", "--device", "hat3000@2,bit-rate=500k"]);
     assert!(told.contains("will disturb the bus; use a bus at 500k"), "{told}");
     let told = run(&["--device", "hat1000", "--device", "hat3000@2,bit-rate=125k"]);

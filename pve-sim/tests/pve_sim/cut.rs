@@ -1,4 +1,4 @@
-//! Output that is cut: by a full disk, by the largest file size, by another run; and by a reader that has seen enough.
+//! Truncated output: by a full disk, by the file size limit, by another run; and by a reader that has seen enough.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use super::simulator::*;
 
-/// Every command that ends by itself, with something to write.
+/// Returns every command that ends by itself, with its output.
 fn commands(dir: &Path) -> Vec<Vec<String>> {
     let text = |name: &str| dir.join(name).to_str().expect("text").to_owned();
     fs::write(text("frames.log"), "(1.000000) can0 720#00\n(1.500000) can0 720#7F\n").expect("a log");
@@ -39,7 +39,7 @@ fn words(command: &[String]) -> Vec<&str> {
     command.iter().map(String::as_str).collect()
 }
 
-/// Exit code and stderr of a command with this stdout.
+/// Returns the exit code and stderr of a command with this stdout.
 fn told(command: &mut Command, stdout: impl Into<Stdio>) -> (Option<i32>, String) {
     let output = end_of(command.stdout(stdout));
     (output.status.code(), String::from_utf8(output.stderr).expect("text"))
@@ -73,7 +73,7 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
     }
 }
 
-/// A shell that lets files grow to some hundred bytes, and becomes `pve-sim`.
+/// Returns a shell that limits files to some hundred bytes, and becomes `pve-sim`.
 fn limited(arguments: &[&str]) -> Command {
     let mut shell = Command::new("sh");
     shell.args(["-c", "ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_pve-sim")]).args(arguments);
@@ -81,7 +81,7 @@ fn limited(arguments: &[&str]) -> Command {
     shell
 }
 
-/// The system would end it by a signal.
+/// The system would otherwise end it by a signal.
 #[test]
 fn the_largest_file_size_is_told() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -90,7 +90,7 @@ fn the_largest_file_size_is_told() {
     assert_eq!(told(&mut limited(&["eds", "pvea-canopen"]), sheet), (Some(1), line));
 }
 
-/// It runs on, for its clients, and fails in the end.
+/// The run continues for its clients, and fails at the end.
 #[test]
 fn a_log_that_is_cut_is_exit_1() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -129,7 +129,7 @@ fn a_trace_that_is_cut_is_exit_1() {
     assert_eq!(process.wait().expect("it ends").code(), Some(1));
 }
 
-/// What waits to be stored at the end has no place: the folder is gone.
+/// Records pending at the end cannot be stored: the folder is gone.
 #[test]
 fn a_memory_that_is_not_kept_at_the_end_is_exit_1() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! The ends of a run: signals, a closed stdout, and everything stored.
+//! The ends of a run: signals, a closed stdout, and stored records.
 
 #[cfg(target_os = "linux")]
 use std::net::TcpListener;
@@ -10,7 +10,8 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use super::simulator::*;
 
-/// As in `pve-sim | head`, with a bus on which nothing happens any more.
+/// As in `pve-sim
+/// head`, with an idle bus.
 #[test]
 fn a_closed_stdout_ends_it() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -32,7 +33,7 @@ fn a_signal_ends_it_at_any_speed_and_while_devices_start() {
     }
 }
 
-/// A pipe that somebody else has filled, and that nobody reads.
+/// Returns a full pipe without a reader.
 #[cfg(target_os = "linux")]
 fn full_pipe() -> (std::io::PipeReader, std::io::PipeWriter) {
     use std::io::Write as _;
@@ -43,7 +44,7 @@ fn full_pipe() -> (std::io::PipeReader, std::io::PipeWriter) {
     (reader, writer)
 }
 
-/// Not even the hint gets through.
+/// Even the hint is blocked.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
@@ -58,7 +59,7 @@ fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
     drop(reader);
 }
 
-/// The line about the port in use does not get through.
+/// The line about the port in use is blocked.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_refusal_that_nobody_reads_does_not_hold_up_its_end() {
@@ -70,7 +71,7 @@ fn a_refusal_that_nobody_reads_does_not_hold_up_its_end() {
         let (mut process, _watch) = spawn(command.stderr(writer.try_clone().expect("a descriptor")));
         let stdout = process.stdout.take().expect("a pipe");
         let patience = Timespec::try_from(PATIENCE).expect("a time");
-        // Its end closes stdout.
+        // The end of the process closes stdout.
         let ended = poll(&mut [PollFd::new(&stdout, PollFlags::IN)], Some(&patience)).expect("a pipe");
         let _ = process.kill();
         let status = process.wait().expect("it ends");
@@ -79,7 +80,7 @@ fn a_refusal_that_nobody_reads_does_not_hold_up_its_end() {
     drop(reader);
 }
 
-/// The way out of the first port does not lead into the second one.
+/// The remedy for the first port does not lead to a conflict on the second one.
 #[test]
 fn a_second_simulator_is_told_both_ports_that_are_in_use() {
     let first = Simulator::serve(&["--http", "127.0.0.1:0"]);
@@ -91,7 +92,7 @@ fn a_second_simulator_is_told_both_ports_that_are_in_use() {
     assert!(told.ends_with("takes a free port"), "{told}");
 }
 
-/// Not even the ready line gets through.
+/// Even the ready line is blocked.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
@@ -100,7 +101,7 @@ fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
     let arguments =
         ["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.path().to_str().expect("text")];
     let (mut process, _watch) = spawn(pve_sim(&arguments).stdout(writer));
-    // The state file is made before the ready line, and signals are listened to before that.
+    // The state file is created before the ready line, and the signal handlers before the state file.
     while !state.path().join("pvea-canopen.nvm").exists() {
         assert_eq!(process.try_wait().expect("a process"), None);
         std::thread::yield_now();
@@ -110,7 +111,7 @@ fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
     drop(reader);
 }
 
-/// The fault log of a valve is written some time after the fault: at the end, it is written at once.
+/// A valve writes its fault log some time after the fault: at the end of the run, at once.
 #[test]
 fn what_waits_to_be_stored_is_stored_at_the_end() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! State files and logs: what is kept, what is refused, and what is never replaced.
+//! State files and logs: kept, refused, and never replaced.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
@@ -45,7 +45,7 @@ fn a_sensor_has_a_state_file() {
     let sensor = |kind: &str| Simulator::serve(&["--state", state, "--device", kind]);
     sensor("hat1000@5,name=angle,bit-rate=125k").end(Signal::TERM);
     let mut second = sensor("hat1000,name=angle");
-    // A request that comes before the boot-up has no answer.
+    // A request before the boot-up has no answer.
     while !second.line().contains("boot-up") {}
     let mut client = second.join();
     for (index, answer) in [("1", "5"), ("2", "4")] {
@@ -64,10 +64,10 @@ fn a_state_file_has_one_simulator() {
     let state = dir.path().to_str().expect("text");
     let two = ["--device", "pvea-canopen@5,name=boom", "--device", "pvea-canopen@6,name=arm"];
     let second = [&["--bus", "socketcand://127.0.0.1:0/pve0", "--state", state][..], &two].concat();
-    // When its file is new, and when it was there before.
+    // With a new file, and with an existing one.
     for _ in 0..2 {
         let first = Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=arm"]);
-        // A new valve writes what it left the factory with; a save is written after that.
+        // A new valve writes its factory record first; a save is written afterwards.
         let mut client = first.join();
         say(&mut client, "< send 620 8 22 10 10 1 73 61 76 65 >");
         await_frame(&mut client, "5A0#6010100100000000");
@@ -80,7 +80,7 @@ fn a_state_file_has_one_simulator() {
         // Another name is another file.
         Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=boom"]).end(Signal::TERM);
         fs::remove_file(dir.path().join("boom.nvm")).expect("a state file");
-        // Its end, of whatever kind, is the end of that.
+        // Any end of the process ends the lock.
         drop(first);
     }
     Simulator::serve(&[&["--state", state][..], &two].concat()).end(Signal::TERM);
@@ -113,7 +113,7 @@ fn a_state_file_that_cannot_be_read_is_exit_1_and_not_touched() {
         fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("permissions");
         assert_eq!(fs::read_to_string(&file).expect("a file"), "of somebody else");
     } else {
-        // Root reads everything: it is damaged, and kept.
+        // Root reads everything: the file is damaged, and kept.
         Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=valve"]).end(Signal::TERM);
         let aside = dir.path().join("valve.nvm.bad");
         assert_eq!(fs::read_to_string(aside).expect("a file"), "of somebody else");
@@ -137,7 +137,7 @@ fn a_damaged_state_file_is_one_warning() {
         assert!(warnings[0].starts_with("pve-sim: ") && warnings[0].contains("valve.nvm is damaged"), "{stderr}");
         let (_, stderr) = start().end(Signal::TERM);
         assert!(!stderr.contains("damaged"), "told once: {stderr}");
-        // What was put aside before stays as it is.
+        // Earlier files put aside stay as they are.
         for (earlier, content) in contents[..=number].iter().enumerate() {
             let ending = if earlier == 0 { "bad".to_owned() } else { format!("bad.{}", earlier + 1) };
             let aside = dir.path().join(format!("valve.nvm.{ending}"));

@@ -1,5 +1,5 @@
-//! The program as users run it: exit codes, the ready line, clients on real sockets, signals. Times are bounded by
-//! reads that give up, nothing sleeps.
+//! The program as users run it: exit codes, the ready line, clients on real sockets, signals. Reads have time limits;
+//! nothing sleeps.
 //!
 //! Only for Unix: signals end the program.
 #![cfg(unix)]

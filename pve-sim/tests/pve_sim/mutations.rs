@@ -1,6 +1,6 @@
-//! Mutations of the committed scenarios: each expectation, number and key changed to a wrong one turns its scenario red.
-//! `SCENARIO_MUTATIONS=10000 cargo test -p hal-sim --test pve_sim mutations -- --nocapture` runs more than `./test` does
-//! and prints the figures.
+//! Mutations of the committed scenarios: a wrong expectation, number or key turns its scenario red.
+//! `SCENARIO_MUTATIONS=10000 cargo test -p pve-sim --test pve_sim mutations -- --nocapture` runs more than `./test`
+//! does and prints the figures.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,23 +16,23 @@ const FEW: usize = 60;
 /// Seed of the choice.
 const SEED: u64 = 21;
 
-/// Kind of a mutation, by what a survivor would mean.
+/// The class of a mutation, by the meaning of a survivor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Class {
-    /// A promise is another one, or is turned round: the scenario turns red.
+    /// A changed or inverted promise: the scenario turns red.
     Promise,
-    /// A state on the way to the promised one, which `expect` takes at the first instant.
+    /// A state on the way to the promised one, at which `expect` ends earlier.
     OnTheWay,
-    /// A frame or a state that must not come is another one. Nothing turns red when that does not come either.
+    /// Another forbidden frame or state. The scenario stays green if that does not occur either.
     Never,
-    /// A limit in time is another one, within which the device still keeps its promise.
+    /// Another time limit, within which the device still keeps its promise.
     Time,
-    /// A different act. It is red when a later expectation tells the difference.
+    /// Another action. The scenario turns red if a later expectation depends on it.
     Act,
 }
 
-/// Mutations of class [`Class::Promise`] that hold, because the device does that as well: scenario, step from 1 on, what
-/// was changed to what, and why it holds.
+/// Mutations of class [`Class::Promise`] that hold, because the device does that as well: scenario, step from 1, the
+/// change, and the reason.
 const ALSO_TRUE: &[(&str, usize, &str, &str)] = &[
     ("brown-out", 3, "\"active\" is \"disabled\"", "the way from INIT to ACTIVE leads through DISABLED"),
     ("brown-out", 3, "\"active\" is \"hold\"", "the way from INIT to ACTIVE leads through HOLD"),
@@ -59,12 +59,12 @@ struct Mutation {
     file: String,
     /// The number of the step; 0 outside of the steps.
     step: usize,
-    /// The path, and the change.
+    /// The path and the change.
     what: String,
     text: String,
 }
 
-/// One part of the way to a value in a file.
+/// A part of the path to a value in a file.
 #[derive(Clone, Debug, PartialEq)]
 enum Part {
     Key(String),
@@ -101,7 +101,7 @@ fn a_scenario_with_a_wrong_promise_is_red() {
     assert!(unexplained.is_empty(), "{} of {}:\n{:#?}", unexplained.len(), mutations.len(), unexplained);
 }
 
-/// Whether the program would end with exit code 0: neither refused nor failed.
+/// Returns whether the program would end with exit code 0: neither refused nor failed.
 fn is_green(mutation: &Mutation) -> bool {
     Scenario::parse(&mutation.text).is_ok_and(|scenario| scenario.run(1).is_success())
 }
@@ -111,7 +111,7 @@ fn is_also_true(mutation: &Mutation) -> bool {
     ALSO_TRUE.iter().any(|(known, place, change, _)| known == file && place == step && what.contains(change))
 }
 
-/// Returns so many different mutations, or as many as are found.
+/// Returns this many different mutations, or as many as are found.
 fn mutations(wanted: usize) -> Vec<Mutation> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
     let mut paths: Vec<_> =
@@ -156,7 +156,7 @@ fn mutations(wanted: usize) -> Vec<Mutation> {
     made
 }
 
-/// Returns the ways to all values but those that are for people alone. A key can be changed, too.
+/// Returns the paths to all values except for text for people. A key can be changed, too.
 fn sites(value: &Value, way: &[Part]) -> Vec<Vec<Part>> {
     let to = |part| [way, &[part]].concat();
     let below = match value {
@@ -173,7 +173,7 @@ fn sites(value: &Value, way: &[Part]) -> Vec<Vec<Part>> {
     if way.is_empty() { below } else { [below, vec![way.to_vec()]].concat() }
 }
 
-/// Returns a scenario with the value there, or its key, changed to a wrong one; `None`: none was found.
+/// Returns a scenario with a wrong value, or a wrong key, at a path; `None` if none was found.
 fn mutated(table: &Table, way: &[Part], random: &mut fastrand::Rng) -> Option<(Class, String, String)> {
     let mut whole = Value::Table(table.clone());
     let is_key = matches!(way.last(), Some(Part::Key(_))) && random.u8(..4) == 0;
@@ -200,7 +200,7 @@ fn at<'a>(mut value: &'a mut Value, way: &[Part]) -> &'a mut Value {
     value
 }
 
-/// Misspells a key, or turns a promise round: what has to come must not, and the other way round.
+/// Misspells a key, or inverts a promise between `expect` and `never`.
 fn changed_key(whole: &mut Value, way: &[Part], random: &mut fastrand::Rng) -> Option<(Class, String)> {
     let (Some(Part::Key(key)), above) = (way.last(), &way[..way.len() - 1]) else { return None };
     let table = at(whole, above).as_table_mut()?;
@@ -210,7 +210,7 @@ fn changed_key(whole: &mut Value, way: &[Part], random: &mut fastrand::Rng) -> O
         "expect" if random.bool() => {
             let for_ms = span(table, "within_ms");
             table.remove("any_order");
-            // None of several frames comes: only a single one has an opposite.
+            // Only a single frame has an opposite: of several frames, none comes.
             if value.as_array().is_some_and(|frames| frames.len() > 1) {
                 return None;
             }
@@ -266,7 +266,7 @@ fn changed_value(whole: &mut Value, way: &[Part], random: &mut fastrand::Rng) ->
         (["steps", "expect" | "never", .., "position" | "set_point" | "min" | "max"], Value::Integer(number)) => {
             let new = number + if random.bool() { 1 } else { -1 } * random.i64(1..2000);
             let is_limit = matches!(keys.last(), Some(&"min" | &"max"));
-            // Devices come from neutral, or go back to it: nothing on the way is further away.
+            // Devices start from neutral, or return to it: all values in between are nearer.
             let is_beyond = if *number == 0 { new < 0 } else { new.abs() > number.abs() };
             let is_promise = within == Some(0) || (is_beyond && !is_limit);
             (promise(if is_promise { Class::Promise } else { Class::OnTheWay }), new.into())
@@ -288,7 +288,7 @@ fn changed_value(whole: &mut Value, way: &[Part], random: &mut fastrand::Rng) ->
     Some((class, format!("{old} is {new}")))
 }
 
-/// Returns another state of a key: a word that there is, so that the scenario is read.
+/// Returns another valid value for a key of a state, so that the scenario is accepted.
 fn other_state(key: &str, old: &Value, random: &mut fastrand::Rng) -> Option<Value> {
     let words: &[&str] = match key {
         "dsm" => &["init", "disabled", "hold", "active", "fault-hold", "none"],

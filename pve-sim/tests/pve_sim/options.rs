@@ -1,5 +1,5 @@
 //! Every line of the option tables of docs/pve-sim.md, typed once right and once wrong. A right one starts; a wrong one
-//! gets a line that names what is accepted, and exit 2.
+//! exits with 2 and a line that names the accepted values.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,13 +9,13 @@ use std::process::Stdio;
 
 use crate::simulator::{Simulator, output, pve_sim, refusal};
 
-/// Where each test has its bus; `--bus` has the one of its row.
+/// The bus of each test; `--bus` has the one of its row.
 const ANY_PORT: &str = "socketcand://127.0.0.1:0/pve0";
 
-/// A line of a table: its name, the right words, the wrong ones, and what the refusal names.
+/// A line of a table: its name, the right words, the wrong ones, and a part of the refusal.
 pub(crate) type Line = (&'static str, &'static str, &'static str, &'static str);
 
-/// The options; `DIR` is a folder of the test's own.
+/// The options; `DIR` stands for a folder of the test.
 const OPTIONS: &[Line] = &[
     ("--device", "--device pveo-canopen@0x7F,name=rear", "--device valve", "accepted: pvea-canopen, pveo-canopen,"),
     (
@@ -80,7 +80,7 @@ const KEYS: &[Line] = &[
     ("max=", "--link pvea-canopen=hat1000,max=35999", "--link pvea-canopen=hat1000,max=36000", "accepted: 0–35999"),
 ];
 
-/// The words of stdin for a valve: of each what is answered, right and wrong.
+/// The console words for a valve: parts of the answers, right and wrong.
 pub(crate) const VALVE_WORDS: &[Line] = &[
     ("supply_mv", "supply_mv 12000", "supply_mv low", "accepted: supply_mv N"),
     ("temperature_c", "temperature_c -40", "temperature_c hot", "temperature_c N"),
@@ -93,19 +93,19 @@ pub(crate) const VALVE_WORDS: &[Line] = &[
     ("help", "help", "help me", "status, help"),
 ];
 
-/// The words of stdin that an angle sensor alone has.
+/// The console words for an angle sensor only.
 pub(crate) const ENCODER_WORDS: &[Line] = &[
     ("angle_cdeg", "angle_cdeg 35999", "angle_cdeg far", "accepted: angle_cdeg N"),
     ("speed_rpm", "speed_rpm -30", "speed_rpm fast", "speed_rpm N"),
     ("measuring_error", "measuring_error on", "measuring_error maybe", "measuring_error on|off"),
 ];
 
-/// The names in the first column of the table that begins so, without what is set for a name.
+/// Returns the names in the first column of the table with this head, without placeholders.
 pub(crate) fn documented(head: &str) -> BTreeSet<String> {
     documented_in("pve-sim.md", head)
 }
 
-/// The same, of a page of the documentation.
+/// Returns the same for another page.
 fn documented_in(page: &str, head: &str) -> BTreeSet<String> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(page);
     let page = fs::read_to_string(page).expect("the page");
@@ -123,14 +123,14 @@ fn names(lines: &[Line]) -> BTreeSet<String> {
     lines.iter().map(|(name, ..)| (*name).to_owned()).collect()
 }
 
-/// The words of a command line, with the bus of the test where the line has none, and a folder of its own.
+/// Returns the words of a command line, with the bus of the test if the line has none, and a folder of its own.
 fn words(line: &str, folder: &Path) -> Vec<String> {
     let bus = if line.contains("--bus") { String::new() } else { format!("--bus {ANY_PORT} ") };
     let line = format!("{bus}{line}").replace("DIR", folder.to_str().expect("text"));
     line.split(' ').map(str::to_owned).collect()
 }
 
-/// Types each line right and wrong, after what they have in common.
+/// Types each line right and wrong, after common words.
 fn type_each(lines: &[Line], common: &str) {
     for (name, right, wrong, accepted) in lines {
         let folder = tempfile::tempdir().expect("a folder");
@@ -145,7 +145,7 @@ fn type_each(lines: &[Line], common: &str) {
     }
 }
 
-/// The options that a help names.
+/// Returns the options in a help text.
 fn shown(arguments: &[&str]) -> BTreeSet<String> {
     let help = String::from_utf8(output(arguments).stdout).expect("text");
     let words = help.split(|c: char| c.is_whitespace() || c == '[').filter(|word| word.starts_with("--")).map(|word| {
@@ -193,14 +193,13 @@ fn every_word_on_stdin() {
     type_words("hat1000", ENCODER_WORDS);
 }
 
-/// Types each word right and wrong on stdin of a simulator with one device.
+/// Types each word right and wrong on the console of a simulator with one device.
 fn type_words(kind: &str, lines: &[Line]) {
     let mut simulator =
         Simulator::spawn(pve_sim(&["--no-http", "--bus", ANY_PORT, "--device", kind]).stdin(Stdio::piped()));
     let mut stdin = simulator.process.stdin.take().expect("a pipe");
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
-    // The answer of each line ends before the next: `status` begins with the name of the device, `help` ends with
-    // itself.
+    // An answer ends before the next one: `status` begins with the name of the device, `help` ends with its own line.
     let mut answer = |line: &str, wanted: &str| {
         writeln!(stdin, "{line}").expect("it reads");
         let answer = stderr.find_map(|told| told.ok().filter(|told| told.contains(wanted)));

@@ -1,4 +1,4 @@
-//! `--log` in every format, `decode` and `replay`: what is written by the one is read by the others.
+//! `--log` in every format, `decode` and `replay`: commands read each other's files.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -9,7 +9,7 @@ use rustix::process::Signal;
 
 use super::simulator::*;
 
-/// Runs a valve that a client reads from, with a log; returns its trace.
+/// Runs a valve with a reading client and a log; returns its trace.
 fn log(path: &Path) -> String {
     let mut simulator = Simulator::serve(&["--log", path.to_str().expect("text")]);
     let booted = simulator.line();
@@ -19,7 +19,7 @@ fn log(path: &Path) -> String {
     booted + &simulator.end(Signal::TERM).0
 }
 
-/// What a command printed, and how it ended.
+/// Returns the output and the exit code of a command.
 fn run(arguments: &[&str]) -> (String, String, Option<i32>) {
     let output = output(arguments);
     let text = |bytes| String::from_utf8(bytes).expect("text");
@@ -36,7 +36,7 @@ fn every_format_is_decoded_as_it_was_traced_and_replays() {
         assert_eq!(trace.lines().count(), 4, "{trace}");
         let (decoded, errors, code) = run(&["decode", path, "--device", "pvea-canopen@0x20"]);
         assert_eq!((errors.as_str(), code), ("", Some(0)), "{name}");
-        // Nothing in a log tells that the gateway's client is no master; ASC has no name of the bus.
+        // A log does not reveal that the gateway's client is not a master; ASC has no name of the bus.
         assert_eq!(decoded.replace(" can0 ", " pve0 "), trace, "{name}");
         let (report, errors, code) = run(&["replay", path, "--device", "pvea-canopen"]);
         assert_eq!((errors.as_str(), code), ("", Some(0)), "{name}: {report}");
@@ -46,7 +46,7 @@ fn every_format_is_decoded_as_it_was_traced_and_replays() {
     }
 }
 
-/// The format of a file is what is in it.
+/// The content of a file determines its format.
 #[test]
 fn a_log_is_read_whatever_its_name_is() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -108,7 +108,7 @@ fn a_file_that_is_not_there_is_exit_1() {
     }
 }
 
-/// A pipe is explained while it is written, and a reader that has enough ends it.
+/// A pipe is explained while it is written, and a reader that has seen enough ends it.
 #[test]
 fn a_pipe_is_explained_as_it_comes() {
     let (mut process, _watch) = spawn(pve_sim(&["decode", "-"]).stdin(Stdio::piped()));
@@ -122,7 +122,7 @@ fn a_pipe_is_explained_as_it_comes() {
         assert_eq!(line, "(1700000000.000000) can0 080#  SYNC\n");
     }
     drop(stdout);
-    // Nobody is told of an end that the reader wanted.
+    // An end by the reader is not reported.
     while stdin.write_all(&b"(1.0) can0 080#\n".repeat(1000)).is_ok() {}
     let mut errors = String::new();
     process.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("text");

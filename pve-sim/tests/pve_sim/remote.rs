@@ -1,4 +1,4 @@
-//! `set` and `status`: the commands that ask a running simulator.
+//! `set` and `status`: the commands for a running simulator.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
@@ -22,16 +22,16 @@ const DEVICES: &[&str] = &[
 /// No program serves at this port.
 const NOBODY: &str = "127.0.0.1:1";
 
-/// Exit code, stdout and stderr of a command that asks the simulator at an address.
+/// Returns the exit code, stdout and stderr of a command for the simulator at an address.
 fn run(address: &str, line: &str) -> (i32, String, String) {
     let words: Vec<&str> = line.split(' ').chain(["--http", address]).collect();
-    // A proxy of the environment is for other addresses.
+    // A proxy from the environment must not be used.
     let output = end_of(pve_sim(&words).env("http_proxy", format!("http://{NOBODY}")));
     let text = |bytes| String::from_utf8(bytes).expect("text");
     (output.status.code().expect("an exit code"), text(output.stdout), text(output.stderr))
 }
 
-/// Stdout of a command that succeeds.
+/// Returns the stdout of a successful command.
 #[track_caller]
 fn done(address: &str, line: &str) -> String {
     let (code, stdout, stderr) = run(address, line);
@@ -39,7 +39,7 @@ fn done(address: &str, line: &str) -> String {
     stdout
 }
 
-/// The one line with which a command fails.
+/// Returns the single line of a failed command.
 #[track_caller]
 fn failure(address: &str, line: &str) -> String {
     let (code, stdout, stderr) = run(address, line);
@@ -59,7 +59,7 @@ fn set_changes_the_plant_and_the_bus_tells_of_it() {
     assert!(told.iter().any(|(_, frame, from)| frame.starts_with("0A0: 12 34 ") && from == "boom"), "{told:?}");
 }
 
-/// The console's words for a switch and for a free lever mean what JSON has for them.
+/// The console's words for a switch and for a released lever have the meaning of their JSON forms.
 #[test]
 fn set_takes_the_values_of_the_console_and_of_the_interface() {
     let rig = Rig::stepped(DEVICES);
@@ -229,7 +229,7 @@ fn status_in_json_is_the_answer_of_the_interface() {
     }
 }
 
-/// The interface of `--http 0.0.0.0:PORT` is reached by loopback.
+/// The interface of `--http 0.0.0.0:PORT` is reachable by loopback.
 #[test]
 fn a_simulator_that_is_bound_to_all_addresses_is_reached() {
     let simulator = crate::simulator::Simulator::serve(&["--http", "0.0.0.0:0", "--allow-remote"]);

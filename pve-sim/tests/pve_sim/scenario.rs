@@ -1,5 +1,5 @@
-//! `pve-sim scenario`: the scenarios of the repository and of its guide, exit codes, results for CI, and that nothing
-//! of a run is chance.
+//! `pve-sim scenario`: the scenarios of the repository and of its guide, exit codes, results for CI, and reproducible
+//! runs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// Runs scenarios: exit code and stdout.
+/// Runs scenarios; returns the exit code and stdout.
 fn run(arguments: &[&str]) -> (Option<i32>, String) {
     let output = output(&[&["scenario"], arguments].concat());
     assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -110,7 +110,7 @@ fn what_cannot_be_read_is_exit_2_before_anything_runs() {
         assert!(text.starts_with(&format!("pve-sim: {name}{said}")), "{text}");
     }
     assert!(!Path::new(&junit).exists());
-    // Each file that cannot be read has its line.
+    // Each unreadable file has its line.
     let output = output(&["scenario", &paths[1], &paths[0], &paths[2]]);
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
     assert_eq!(String::from_utf8(output.stderr).expect("text").lines().count(), 2);
@@ -148,7 +148,7 @@ fn results_that_cannot_be_written_are_exit_1_with_one_line() {
     let text = String::from_utf8(output.stderr).expect("text");
     assert_eq!(output.status.code(), Some(1));
     assert!(text.starts_with(&format!("pve-sim: --junit {junit}: ")) && text.lines().count() == 1, "{text}");
-    // A scenario in the place of the results would be lost.
+    // The results would overwrite a scenario.
     refusal(&["scenario", "--junit", &paths[0], &paths[0]], 2);
     assert_eq!(fs::read_to_string(&paths[0]).expect("the scenario"), RIGHT);
 }

@@ -1,4 +1,4 @@
-//! The completion scripts, as shells read them, and the manual page, as man does.
+//! The completion scripts in their shells, and the manual page in man.
 
 use std::io::Write as _;
 use std::process::{Command, Stdio};
@@ -6,14 +6,14 @@ use std::process::{Command, Stdio};
 use super::options::documented;
 use super::simulator::output;
 
-/// What `pve-sim` prints.
+/// Returns the output of `pve-sim`.
 fn printed(arguments: &[&str]) -> String {
     let output = output(arguments);
     assert_eq!((output.status.code(), output.stderr.as_slice()), (Some(0), &b""[..]), "{arguments:?}");
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// Runs a program with this on stdin; what it told on stdout and stderr. `None` where the program is not installed.
+/// Runs a program with this stdin; returns stdout and stderr. `None` if the program is not installed.
 fn told_by(program: &mut Command, stdin: &str) -> Option<(String, String)> {
     let mut child = program.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().ok()?;
     child.stdin.take().expect("a pipe").write_all(stdin.as_bytes()).expect("it reads");
@@ -28,7 +28,7 @@ fn a_completion_script_names_every_option_and_command() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let script = printed(&["completions", shell]);
         for option in documented("| option |") {
-            // fish has the name alone, after -l.
+            // fish has only the name, after -l.
             assert!(script.contains(option.trim_start_matches('-')), "{shell}: {option}");
         }
         for command in
@@ -48,7 +48,7 @@ fn bash_completes_options_and_files() {
              COMP_WORDS=({words}) COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))\n\
              $function pve-sim '{word}' '{previous}' && printf '%s\\n' \"${{COMPREPLY[@]}}\""
         );
-        // Its stderr has complaints of compopt, which wants a person at the keyboard.
+        // Its stderr has complaints of compopt, which needs an interactive shell.
         told_by(Command::new("bash").arg("/dev/stdin"), &ask).expect("bash").0
     };
     let (_, complaints) = told_by(Command::new("bash").arg("-n"), &script).expect("bash");

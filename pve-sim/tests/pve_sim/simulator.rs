@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// The longest wait for what should come at once: a machine under load may starve a process for many seconds.
+/// The longest wait for an immediate answer: a machine under load may starve a process for many seconds.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(crate) fn pve_sim(arguments: &[&str]) -> Command {
@@ -26,7 +26,7 @@ pub(crate) struct Watch {
     _guard: Sender<()>,
 }
 
-/// Starts a process that ends with its watch, so that a test which waits for more fails and says so.
+/// Starts a process that ends with its watch, so that a test that waits for longer fails with a message.
 pub(crate) fn spawn(command: &mut Command) -> (Child, Watch) {
     let process = command.spawn().expect("pve-sim starts");
     let (pid, name) = (Pid::from_child(&process), format!("{command:?}"));
@@ -44,15 +44,15 @@ pub(crate) fn output(arguments: &[&str]) -> Output {
     end_of(&mut pve_sim(arguments))
 }
 
-/// Runs it to its end.
+/// Runs a process to its end.
 pub(crate) fn end_of(command: &mut Command) -> Output {
     let (process, _watch) = spawn(command);
     process.wait_with_output().expect("it is our child")
 }
 
-/// The one line with which it refuses to start.
+/// Returns the single line of a refused start.
 pub(crate) fn refusal(arguments: &[&str], code: i32) -> String {
-    // One that does start does not end by itself, but says that it is ready.
+    // A process that starts by mistake does not end, but prints its ready line.
     let mut simulator = Simulator::start(arguments);
     assert_eq!(simulator.ready, "", "{arguments:?}");
     let mut stderr = String::new();
@@ -72,7 +72,7 @@ pub(crate) struct Simulator {
 }
 
 impl Simulator {
-    /// Without a control interface, unless the arguments ask for one: its default port is there once.
+    /// Starts a simulator, by default without a control interface, whose default port is shared.
     pub(crate) fn start(arguments: &[&str]) -> Self {
         let runs = arguments.first().is_none_or(|first| first.starts_with('-'));
         let no_http =
@@ -92,7 +92,7 @@ impl Simulator {
         Self::start(&[&["--bus", "socketcand://127.0.0.1:0/pve0"], arguments].concat())
     }
 
-    /// The next line of its trace.
+    /// Reads the next line of the trace.
     pub(crate) fn line(&mut self) -> String {
         let mut line = String::new();
         self.stdout.as_mut().expect("a pipe").read_line(&mut line).expect("a line");
@@ -100,7 +100,7 @@ impl Simulator {
         line
     }
 
-    /// The ports of the ready line, in order.
+    /// Returns the ports of the ready line, in order.
     pub(crate) fn ports(&self) -> Vec<u16> {
         let words = self.ready.strip_prefix("pve-sim ready ").expect("a ready line").split(' ');
         let buses = words.filter_map(|word| word.strip_prefix("bus=socketcand://127.0.0.1:"));
@@ -117,7 +117,7 @@ impl Simulator {
         connect(self.ports()[0])
     }
 
-    /// A client that gets what is on the bus.
+    /// Returns a client that receives all frames.
     pub(crate) fn join(&self) -> TcpStream {
         let mut client = self.connect();
         expect(&mut client, "< hi >");
@@ -128,7 +128,7 @@ impl Simulator {
         client
     }
 
-    /// Ends it as a user does; what is left of stdout and stderr.
+    /// Ends the process as a user does; returns the rest of stdout and stderr.
     pub(crate) fn end(mut self, signal: Signal) -> (String, String) {
         assert!(signal != Signal::HUP || !ignores_hangup(), "SIGHUP is ignored, as under nohup: pve-sim would go on");
         kill_process(Pid::from_child(&self.process), signal).expect("it still runs");
@@ -150,7 +150,7 @@ impl Drop for Simulator {
     }
 }
 
-/// Whether this process ignores SIGHUP, and with it those that it starts; told on Linux alone.
+/// Returns whether this process ignores SIGHUP, and therefore its children; Linux only.
 fn ignores_hangup() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:\t"));
@@ -167,7 +167,7 @@ pub(crate) fn say(client: &mut TcpStream, text: &str) {
     client.write_all(text.as_bytes()).expect(text);
 }
 
-/// The next message. It is looked at before it is read: byte by byte, a busy machine would not keep up with a fast bus.
+/// Reads the next message. Peeks before reading: byte by byte, a busy machine would not keep up with a fast bus.
 pub(crate) fn message(client: &mut TcpStream) -> String {
     let mut message = Vec::new();
     while message.last() != Some(&b'>') {
@@ -185,7 +185,7 @@ pub(crate) fn expect(client: &mut TcpStream, text: &str) {
     assert_eq!(message(client), text);
 }
 
-/// Identifier and data of the next message, which is a frame.
+/// Returns identifier and data of the next message, which must be a frame.
 pub(crate) fn frame(client: &mut TcpStream) -> String {
     let message = message(client);
     let words: Vec<&str> = message.split(' ').collect();
@@ -195,7 +195,7 @@ pub(crate) fn frame(client: &mut TcpStream) -> String {
     }
 }
 
-/// Reads until the frame comes; what else is on the bus all the time must not keep it up for ever.
+/// Reads until the frame comes; frames in a cycle must not extend the wait forever.
 pub(crate) fn await_frame(client: &mut TcpStream, expected: &str) {
     let start = Instant::now();
     let mut others = Vec::new();

@@ -1,4 +1,4 @@
-//! Clients that take the simulator for an adapter on a serial line, over TCP and on a pseudo-terminal.
+//! Clients that use the simulator as a serial-line adapter, over TCP and on a pseudo-terminal.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -8,22 +8,22 @@ use rustix::process::Signal;
 
 use super::simulator::*;
 
-/// What an adapter says where it refuses.
+/// The refusal of an adapter.
 const BELL: &str = "\x07";
 
-/// A bus of slcan and one of socketcand, whose only device is quiet.
+/// Starts a bus of slcan and one of socketcand, with a silent device.
 fn start(options: &[&str]) -> Simulator {
     let buses = ["--bus", "slcan://127.0.0.1:0", "--bus", "socketcand://127.0.0.1:0/pve0"];
     Simulator::start(&[&buses[..], &["--device", "pvea-canopen,blank"], options].concat())
 }
 
-/// The adapter's end of the line.
+/// Connects to the adapter.
 fn adapter(simulator: &Simulator) -> TcpStream {
     let bus = simulator.ready.split_once("bus=slcan://127.0.0.1:").expect("a bus").1;
     connect(bus.split(' ').next().expect("a port").parse().expect("a port"))
 }
 
-/// The next answer, or the next frame.
+/// Reads the next answer or frame.
 fn line(client: &mut impl Read) -> String {
     let mut line = Vec::new();
     while !matches!(line.last(), Some(b'\r' | 0x07)) {
@@ -39,7 +39,7 @@ fn command(client: &mut (impl Read + Write), command: &str, answer: &str) {
     assert_eq!(line(client), answer, "{command}");
 }
 
-/// A client with an open channel.
+/// Returns a client with an open channel.
 fn open(simulator: &Simulator) -> TcpStream {
     let mut client = adapter(simulator);
     command(&mut client, "O", "\r");
@@ -74,7 +74,7 @@ fn the_dialogue_with_an_adapter() {
         ("s011C", "\r"),
         ("X1", "\r"),
         ("Z0", "\r"),
-        // sends nothing
+        // listen only
         ("L", "\r"),
         ("t1230", BELL),
         ("O", BELL),
@@ -124,7 +124,7 @@ fn everybody_hears_the_others_and_nobody_himself() {
     assert_eq!([line(&mut one), line(&mut two)], ["T18FF0AE01FF\r", "T18FF0AE01FF\r"]);
     command(&mut two, "r1238", "z\r");
     assert_eq!(line(&mut one), "r1238\r");
-    // A closed channel hears nothing, and everything again when it is open.
+    // A closed channel receives nothing; after the next opening, everything again.
     command(&mut one, "C", "\r");
     command(&mut two, "t2000", "z\r");
     assert_eq!(frame(&mut three), "200#");
@@ -151,7 +151,7 @@ fn time_stamps_are_set_with_the_channel_closed() {
     }
 }
 
-/// As a client does that finds the channel open.
+/// As a client that finds the channel open.
 #[test]
 fn lines_of_one_write_are_carried_out_in_order() {
     let simulator = start(&[]);
@@ -166,7 +166,7 @@ fn lines_of_one_write_are_carried_out_in_order() {
     assert_eq!(line(&mut client), "t2000\r");
 }
 
-/// As with any adapter: what was sent before the line broke is on the bus.
+/// As with any adapter: frames sent before the line broke are on the bus.
 #[test]
 fn what_was_sent_before_the_end_counts_and_is_answered() {
     let simulator = start(&[]);
@@ -201,7 +201,7 @@ mod pty {
 
     use super::*;
 
-    /// The client's end of a terminal: its reads give up after [`PATIENCE`].
+    /// The client's end of a terminal, with reads limited by [`PATIENCE`].
     struct Terminal(File);
 
     impl Terminal {
@@ -210,7 +210,7 @@ mod pty {
             Self(OpenOptions::new().read(true).write(true).custom_flags(no_control).open(path).expect("the terminal"))
         }
 
-        /// A client that finds the line as it was left, and begins anew.
+        /// Opens the terminal in its last state, and starts over.
         fn reset(path: &Path) -> Self {
             let mut terminal = Self::open(path);
             terminal.write_all(b"C\rV\r").expect("room");
@@ -238,7 +238,7 @@ mod pty {
         }
     }
 
-    /// A simulator with a terminal at this path, and a bus of socketcand.
+    /// Starts a simulator with a terminal at this path, and a bus of socketcand.
     fn start_at(path: &Path, options: &[&str]) -> Simulator {
         let url = format!("slcan+pty:{}", path.display());
         let buses = ["--bus", &url, "--bus", "socketcand://127.0.0.1:0/pve0", "--device", "pvea-canopen,blank"];
@@ -254,7 +254,7 @@ mod pty {
         let simulator = start_at(&path, &[]);
         let mut witness = simulator.join();
         for round in 0..20 {
-            // nobody is at the line: the frame is for the others alone
+            // no client has the terminal open: the frame is for the others only
             let earlier = format!("< send 100 1 {round:x} >< echo >");
             say(&mut witness, &earlier);
             expect(&mut witness, "< echo >");
@@ -268,7 +268,7 @@ mod pty {
             if round % 2 == 0 {
                 command(&mut client, "C", "\r");
             }
-            // what it sends last counts, too
+            // its last frame counts, too
             client.write_all(b"O\rt4000\r").expect("room");
             drop(client);
             assert_eq!(frame(&mut witness), "400#");
@@ -277,7 +277,7 @@ mod pty {
         assert!(path.symlink_metadata().is_err(), "the link is gone");
     }
 
-    /// As tests do that open a bus each: at every instant from the end of the one on.
+    /// As tests do that open a bus each: at every instant from the end of the previous one on.
     #[test]
     fn a_client_that_comes_at_the_end_of_another_is_served() {
         let dir = tempfile::tempdir().expect("a folder");
@@ -289,7 +289,7 @@ mod pty {
         }
     }
 
-    /// A shell that sets the terminal to echo, as `stty sane` does.
+    /// A shell sets the terminal to echo, as `stty sane` does.
     #[test]
     fn an_echo_is_no_command() {
         let dir = tempfile::tempdir().expect("a folder");
@@ -355,7 +355,7 @@ mod pty {
             format!("{url}: a link to {}, which is in use; if no other pve-sim runs there, remove", device.display());
         assert!(text.contains(&in_use), "{text}");
         assert_eq!(fs::read_link(&path).expect("the link"), device);
-        // One that is killed leaves its link behind.
+        // A killed simulator leaves its link behind.
         kill_process(Pid::from_child(&first.process), Signal::KILL).expect("it still runs");
         drop(first);
         assert_eq!(fs::read_link(&path).expect("the link"), device);

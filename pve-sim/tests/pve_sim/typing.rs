@@ -1,6 +1,6 @@
-//! Lines that are typed on the terminal of a run, where the trace is printed, too.
+//! Lines typed on the terminal of a run, which also shows the trace.
 //!
-//! Only for Linux: `setsid` of util-linux makes the terminal that of the session, as keys that end or stop a job want it.
+//! Only for Linux: `setsid` of util-linux makes the terminal the controlling one, as job control keys require.
 
 use std::ffi::OsStr;
 use std::fs::{File, OpenOptions};
@@ -27,21 +27,21 @@ const CTRL_D: &str = "\x04";
 const CTRL_Z: &str = "\x1a";
 const UP: &str = "\x1b[A";
 
-/// A program on a terminal of its own, and the person before it.
+/// A program on a terminal of its own, with the user's end.
 struct Terminal {
     person: File,
     device: File,
     process: Child,
     _watch: Watch,
-    /// The modes before the program.
+    /// The terminal modes before the program.
     before: Termios,
-    /// What the terminal has shown since the last text that was waited for.
+    /// The output since the last awaited text.
     shown: String,
 }
 
 impl Terminal {
-    /// Starts a program in a session of its own, whose stdin, stdout and stderr are the terminal, unless `change` says
-    /// otherwise.
+    /// Starts a program in a session of its own, whose stdin, stdout and stderr are the terminal unless `change`
+    /// replaces them.
     fn start(program: &str, arguments: &[&str], change: impl FnOnce(&mut Command) -> &mut Command) -> Self {
         let person = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
         grantpt(&person).expect("ours");
@@ -69,7 +69,7 @@ impl Terminal {
         self.person.write_all(keys.as_bytes()).expect(keys);
     }
 
-    /// Reads on until the terminal shows a text; returns what it has shown since the last one, with the text.
+    /// Reads until the terminal shows a text; returns the output since the last one, including the text.
     fn wait_for(&mut self, text: &str) -> String {
         while !self.shown.contains(text) {
             self.read(text);
@@ -79,7 +79,7 @@ impl Terminal {
         std::mem::replace(&mut self.shown, rest)
     }
 
-    /// Reads what the terminal shows next.
+    /// Reads further output.
     fn read(&mut self, wanted: &str) {
         let patience = Timespec::try_from(PATIENCE).expect("a time");
         let came = poll(&mut [PollFd::new(&self.person, PollFlags::IN)], Some(&patience)).expect("a terminal");
@@ -104,7 +104,7 @@ impl Terminal {
         format!("{:?}", tcgetattr(&self.device).expect("its modes"))
     }
 
-    /// Waits until the terminal has the modes that it had before.
+    /// Waits until the terminal has its original modes.
     fn wait_for_modes(&self) {
         let start = Instant::now();
         while self.modes() != format!("{:?}", self.before) {
@@ -113,7 +113,7 @@ impl Terminal {
         }
     }
 
-    /// Waits for the end, which leaves the terminal as it was before.
+    /// Waits for the end, which restores the terminal.
     fn end(mut self) {
         assert_eq!(self.process.wait().expect("it ends").code(), Some(0));
         assert_eq!(self.modes(), format!("{:?}", self.before));
@@ -127,7 +127,7 @@ impl Drop for Terminal {
     }
 }
 
-/// A client that gets what is on the bus.
+/// Returns a client that receives all frames.
 fn join(port: u16) -> TcpStream {
     let mut client = connect(port);
     expect(&mut client, "< hi >");
@@ -202,7 +202,7 @@ fn the_terminal_is_left_as_it_was_by_every_end() {
     }
 }
 
-/// The end of typing gives the terminal back, and the run goes on.
+/// The end of typing restores the terminal, and the run goes on.
 #[test]
 fn ctrl_d_ends_the_typing_alone() {
     let mut terminal = Terminal::simulator();
@@ -214,7 +214,7 @@ fn ctrl_d_ends_the_typing_alone() {
     terminal.end();
 }
 
-/// Neither a terminal that cannot be drawn on nor a pipe beside it has a prompt or other modes.
+/// An unsupported terminal, or a pipe beside it, has neither a prompt nor other modes.
 #[test]
 fn without_a_terminal_for_all_of_it_lines_are_read_as_they_come() {
     let mut simulators = [
@@ -232,7 +232,7 @@ fn without_a_terminal_for_all_of_it_lines_are_read_as_they_come() {
     simulators.into_iter().for_each(Terminal::end);
 }
 
-/// In the background the run goes on, and the terminal is the shell's alone.
+/// In the background the run goes on, and the shell has the terminal to itself.
 #[test]
 fn a_job_in_the_background_leaves_the_terminal_to_the_shell() {
     let options = ["--norc", "--noprofile", "--noediting", "-i"];

@@ -1,16 +1,16 @@
-//! The use cases hold each byte of each frame: one that is another byte turns its use case red.
+//! The use cases check each byte of each frame: a changed byte turns its use case red.
 
 use std::thread;
 
 use hal_sim::scenario::Scenario;
 use pve_sim::use_case::{ALL, UseCase};
 
-/// Whether the use case would pass with this text.
+/// Returns whether the use case would pass with this text.
 fn passes(text: &str) -> bool {
     Scenario::parse(text).is_ok_and(|scenario| scenario.run(1).is_success())
 }
 
-/// Returns the frames that a line expects: where each begins in the text, and it.
+/// Returns the expected frames of a line, with their positions in the text.
 fn frames(text: &str) -> Vec<(usize, &str)> {
     let mut frames = Vec::new();
     let mut start = 0;
@@ -34,8 +34,8 @@ fn frames(text: &str) -> Vec<(usize, &str)> {
     frames
 }
 
-/// Returns the text once for each expected frame, with another byte in it: of one frame after the other the first, the
-/// second, and so on. With it, what was changed.
+/// Returns the text once for each expected frame, with one changed byte: the first one, the second one, and so on in
+/// turn. With the change.
 fn changed(case: &UseCase) -> Vec<(String, String)> {
     let text = case.text;
     let change = |(number, (start, frame)): (usize, (usize, &str))| {
@@ -69,7 +69,7 @@ fn one_wrong_byte_in_any_frame_turns_its_use_case_red() {
     assert!(green.is_empty(), "{green:#?}");
 }
 
-/// A use case that is not strict would let frames come that it does not name; the manual names all.
+/// A use case that is not strict would accept frames that it does not name; the manual names all.
 #[test]
 fn every_use_case_is_strict_and_passes() {
     assert_eq!(ALL.iter().map(|case| case.name).collect::<Vec<_>>(), ["1", "2", "3", "4", "5", "6", "isobus", "hat"]);
@@ -81,7 +81,7 @@ fn every_use_case_is_strict_and_passes() {
     }
 }
 
-/// Returns how many `#` are not in expected frames: those of comments, and of frames that are sent.
+/// Returns the number of `#` outside of expected frames: in comments, and in sent frames.
 fn other_signs(text: &str) -> usize {
     let comments =
         text.lines().filter(|line| line.starts_with('#') || line.starts_with("  #") || line.contains("  # "));

@@ -13,6 +13,7 @@ fn use_cases_one_or_all() {
     assert_eq!(names("use-case isobus"), ["isobus"]);
 }
 
+/// The help names each of them.
 #[test]
 fn every_kind_has_one_description() {
     let of = |command: &str| {
@@ -57,6 +58,7 @@ fn the_help_lists_kinds_identifiers_and_keys_one_a_line() {
     assert!(printed("--help").lines().all(|line| line.chars().count() <= 120), "{help}");
 }
 
+/// No line of `--device` wraps at 100 columns, the widest help: its keys would lose their columns.
 #[test]
 fn the_help_of_a_device_keeps_its_columns() {
     let of_device = |columns| {
@@ -121,7 +123,7 @@ fn recordings() {
         Ok(Request::Decode(options)) => assert_eq!(options, DecodeOptions { file: "-".into(), devices: vec![] }),
         other => panic!("{other:?}"),
     }
-    // Twins are on no bus here.
+    // Equal node IDs do not clash: no device sends here.
     assert!(matches!(parse(args("decode a.log --device hat1000 --device hat1000")), Ok(Request::Decode(_))));
     let Ok(Request::Replay(options)) = parse(args(
         "replay a.asc --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000 --tolerance-ms 0 \

@@ -35,7 +35,7 @@ fn its_state_and_what_is_no_change_of_it() {
     assert!(load.is_some_and(|load| (45..65).contains(&load)), "{load:?}");
 }
 
-/// Told from the start, before anybody has power; and a second after a change, even when that is undone.
+/// Reported from the start, before any device has power; and a second after a change, even if that is undone.
 #[test]
 fn who_is_not_heard_is_told_with_the_remedy() {
     let sensor = "hat1000 runs at 500 kbit/s and the bus at 250 kbit/s: it cannot communicate and will disturb the bus; \
@@ -60,7 +60,7 @@ fn who_is_not_heard_is_told_with_the_remedy() {
     let both = change(250_000);
     assert_eq!(both[0], told("pvea-canopen", 1_009_000, true, valve));
     assert_eq!((&both[1]["is_over"], &both[1]["t_us"]), (&json!(false), &json!(2_010_000)));
-    // Whoever looks at the terminal is told the same, once each.
+    // The terminal shows the same reports, once each.
     let (_, said) = rig.simulator.end(Signal::TERM);
     for reason in [sensor, valve] {
         assert_eq!(said.matches(&format!("pve-sim: {reason}\n")).count(), 1, "{reason}: {said}");
@@ -184,7 +184,7 @@ fn a_frame_that_the_bus_does_not_take_is_withdrawn() {
     rig.post("/bus/disturb", json!({"frames": 0}));
     rig.advance(1000);
     assert!(rig.trace().iter().all(|(_, _, from)| from != "http"));
-    // A cyclic one that is never on the bus is no more.
+    // A cyclic frame that never gets onto the bus is dropped.
     rig.post("/bus/disturb", json!({"frames": 1_000_000, "id": 291}));
     rig.refused("POST", "/bus/frames", Some(r#"{"id": 291, "data": "11", "every_ms": 100}"#), 409);
     rig.post("/bus/disturb", json!({"frames": 0}));
@@ -205,7 +205,7 @@ fn cyclic_frames_keep_their_period_until_they_are_ended() {
     assert_eq!(standard.len(), 101);
     assert!(standard.iter().zip(0..).all(|(end, number)| *end == first + number * 10_000), "{standard:?}");
     assert_eq!(ends("00000100: 02").len(), 41);
-    // Another one of the same identifier takes its place.
+    // Another frame with the same identifier replaces it.
     rig.send_every(50, "100: 03");
     rig.advance(100);
     assert_eq!((ends("100: 01").len(), ends("100: 03").len()), (101, 3));
@@ -226,7 +226,7 @@ fn cyclic_frames_keep_their_period_until_they_are_ended() {
     assert_eq!(rig.trace().len(), sent);
 }
 
-/// Its last attempt goes to its end, and is not repeated.
+/// Its last attempt completes, and is not repeated.
 #[test]
 fn a_cyclic_frame_that_is_ended_while_it_is_destroyed_is_sent_no_more() {
     let rig = Rig::stepped(&[]);
@@ -257,7 +257,7 @@ fn the_trace_has_the_last_frames() {
     for query in ["limit=-1", "limit=x", "limit=", "last=1"] {
         rig.refused("GET", &format!("/trace?{query}"), None, 400);
     }
-    // However many there were.
+    // Regardless of their number.
     rig.send_every(1, "100: ");
     rig.advance(6000);
     assert_eq!(rig.get("/trace?limit=100000").as_array().map(Vec::len), Some(4096));

@@ -30,7 +30,7 @@ impl Follower {
         line.trim_end().to_owned()
     }
 
-    /// The next event: its name and its data.
+    /// Reads the next event: its name and its data.
     fn event(&mut self) -> (String, Value) {
         loop {
             if let Some(name) = self.line().strip_prefix("event: ") {
@@ -61,7 +61,7 @@ fn events_tell_frames_and_changes() {
     rig.send("7FF: ");
     let (name, trouble) = follower.event();
     assert_eq!((name.as_str(), &trouble["from"]), ("error", &json!("http")), "{trouble}");
-    // The spool moves for 125 ms: its position is told every now and then, and at last.
+    // The spool moves for 125 ms: its position is reported at intervals, and at the end.
     rig.send_every(50, "220: 0F 00 00 20");
     rig.advance(1000);
     let mut positions = Vec::new();
@@ -74,13 +74,13 @@ fn events_tell_frames_and_changes() {
     assert!(positions.len() >= 6 && positions.is_sorted_by_key(Value::as_i64), "{positions:?}");
 }
 
-/// A follower that does not read loses events and is told how many; the bus goes on meanwhile.
+/// A follower that does not read loses events, and gets their number; the bus goes on meanwhile.
 #[test]
 fn a_slow_follower_loses_events() {
     let rig = Rig::stepped(&[]);
     let mut follower = Follower::join(&rig);
     let first = rig.send_every(1, "100: 01 02 03 04 05 06 07 08");
-    // In parts, as each call has to be answered in time.
+    // In parts, because each call has a time limit.
     for _ in 0..20 {
         rig.advance(5_000);
     }
@@ -118,14 +118,14 @@ fn a_crowd_keeps_nobody_from_being_served_and_the_bus_its_time() {
                 rig.host
             ),
         };
-        // One that had to go is gone.
+        // A dismissed client is gone.
         let _ = client.write_all(request.as_bytes());
         crowd.push(client);
         if number % 100 == 0 {
             rig.device("valve");
         }
     }
-    // From here on, as a slow machine may have been longer than that with the crowd.
+    // From here on, because the crowd may have taken longer on a slow machine.
     let never = json!({"device": "valve", "state": {"powered": false}, "within_ms": 3_000}).to_string();
     assert_eq!(rig.call("POST", "/wait", Some(&never)).0, 408);
     let ends: Vec<u64> =
@@ -136,7 +136,7 @@ fn a_crowd_keeps_nobody_from_being_served_and_the_bus_its_time() {
     drop(crowd);
 }
 
-/// The status of an answer: `None` before it is there, 0 of a connection that was closed without one.
+/// Returns the status of an answer: `None` before it arrives, 0 for a connection closed without one.
 fn status(client: &mut TcpStream) -> Option<u16> {
     let mut line = [0; 12];
     client.set_nonblocking(true).expect("a mode");
@@ -148,7 +148,7 @@ fn status(client: &mut TcpStream) -> Option<u16> {
     }
 }
 
-/// As many as there are connections wait, for ever: half of them are refused, and others are served.
+/// As many clients as connections wait forever: half of them are refused, and others are served.
 #[test]
 fn clients_that_wait_for_ever_lock_nobody_out() {
     const CONNECTIONS: usize = 256;
@@ -181,7 +181,7 @@ fn clients_that_wait_for_ever_lock_nobody_out() {
         };
         *statuses.entry(status).or_default() += 1;
     }
-    // A connection can have had to go before its call was read.
+    // A connection may have been dismissed before its call was read.
     let closed = statuses.remove(&0).unwrap_or(0);
     assert!(closed <= 3, "{closed} closed, {statuses:?}");
     assert_eq!(statuses, BTreeMap::from([(200, CONNECTIONS / 2), (503, CONNECTIONS / 2 - closed)]));
@@ -199,7 +199,7 @@ fn calls_are_answered_however_slow_time_is() {
     assert!(micros(&rig.get("/time")["now_us"]) < 100_000);
 }
 
-/// The shortest lines there are, as fast as they are read.
+/// The shortest possible lines, at the highest rate.
 #[test]
 fn a_flood_on_stdin_takes_neither_memory_nor_the_control_interface() {
     let options = ["--http", "127.0.0.1:0", "--bus", "socketcand://127.0.0.1:0/pve0"];

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::Rig;
 
-/// Follows references.
+/// Resolves references.
 fn resolved<'a>(description: &'a Value, mut schema: &'a Value) -> &'a Value {
     while let Some(reference) = schema["$ref"].as_str() {
         let pointer = reference.strip_prefix('#').expect("a local reference");
@@ -15,7 +15,7 @@ fn resolved<'a>(description: &'a Value, mut schema: &'a Value) -> &'a Value {
     schema
 }
 
-/// Why a value is not what a schema says; of the keywords that the description uses.
+/// Returns why a value does not fit a schema, for the keywords of the description.
 fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> Option<String> {
     let schema = resolved(description, schema);
     let wrong = |what: &str| Some(format!("{path}: {what}: {value} against {schema}"));
@@ -24,7 +24,7 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
             let fits = options.iter().filter(|option| mismatch(description, option, value, path).is_none()).count();
             match fits {
                 0 => return wrong(several),
-                // Beside members, choices say how they depend on each other.
+                // With members beside them, choices express dependencies.
                 _ if schema["properties"].is_object() => {}
                 _ => return None,
             }
@@ -142,7 +142,7 @@ fn what_is_described_is_what_is_answered() {
             assert_eq!(mismatch(&description, schema, &body, path), None);
         }
     }
-    // Every described call was made, the stream of events aside.
+    // Every described call was made, except for the stream of events.
     let paths = description["paths"].as_object().expect("paths");
     let described = paths.iter().flat_map(|(path, methods)| {
         methods.as_object().expect("methods").keys().map(move |method| (path.clone(), method.clone()))
@@ -157,7 +157,7 @@ fn what_is_described_is_what_is_answered() {
     assert_eq!(ids.len(), called.len() + 1);
 }
 
-/// The status codes of each call that any client can meet.
+/// The possible status codes of each call.
 #[test]
 fn every_refusal_is_described() {
     let rig = Rig::stepped(&[]);
@@ -187,7 +187,7 @@ fn every_refusal_is_described() {
     assert!(!description.to_string().contains("\"int32\""));
 }
 
-/// The whole numbers in a schema that are no choice of words, each with its way there.
+/// Returns the integers in a schema, except for choices of words, each with its path.
 fn numbers<'a>(description: &'a Value, schema: &'a Value, path: &str) -> Vec<(String, &'a Value)> {
     let schema = resolved(description, schema);
     let members = schema["properties"].as_object();
@@ -201,7 +201,7 @@ fn numbers<'a>(description: &'a Value, schema: &'a Value, path: &str) -> Vec<(St
         .collect()
 }
 
-/// What is taken has limits; and so have identifiers and bit rates, whoever says them.
+/// Input integers have limits; so have all identifiers and bit rates.
 #[test]
 fn numbers_have_limits() {
     let rig = Rig::stepped(&[]);
@@ -227,7 +227,7 @@ fn numbers_have_limits() {
     assert_eq!(rates, []);
 }
 
-/// To JSON, 8000.0 and 8000 are one number.
+/// In JSON, 8000.0 and 8000 are the same number.
 #[test]
 fn a_whole_number_may_have_a_fraction() {
     let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
@@ -235,7 +235,7 @@ fn a_whole_number_may_have_a_fraction() {
     assert_eq!((status, &answer["plant"]["supply_mv"]), (200, &json!(8000)), "{answer}");
 }
 
-/// Limits are accepted as they are described, the values beside them are refused, and null where nothing says it.
+/// The described limits are accepted, values beyond them refused, and null where the schema does not allow it.
 #[test]
 fn what_is_described_is_what_is_accepted() {
     let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve", "--device", "hat1000,bit-rate=250k,name=sensor"]);
@@ -271,17 +271,17 @@ fn what_is_described_is_what_is_accepted() {
             for value in
                 [Value::Null, json!({}), json!([]), json!("qqq"), json!(""), json!(1.5), json!(-1), json!({"ok": null})]
             {
-                // A text of any kind is a name, and what is no fault is told by the device.
+                // Any text is a possible name, and the device itself refuses an unknown fault.
                 let is_text = value.is_string() && matches!(&**key, "name" | "kind" | "data" | "id");
                 if is_text || key == "faults" || value == json!({}) {
                     continue;
                 }
                 let (accepted, described) = (is_accepted(json!({key: value})), described(&value));
-                // A state is refused beyond the description where a device of its kind never has it.
+                // A state is also refused if a device of its kind never has it.
                 assert!(accepted == described || (is_state && !accepted), "{name}.{key}: {value}");
             }
             let limits = (member["minimum"].as_i64(), member["maximum"].as_i64());
-            // Nobody waits that long.
+            // Too long for a test.
             if let (Some(min), Some(max)) = limits
                 && !matches!(&**key, "advance_ms" | "t_us")
             {
@@ -296,14 +296,14 @@ fn what_is_described_is_what_is_accepted() {
     assert!(numbers >= 8, "{numbers}");
 }
 
-/// An object with the members of another one.
+/// Returns an object with the members of another one added.
 fn extend(mut object: Value, other: Value) -> Value {
     let members = object.as_object_mut().expect("an object");
     members.extend(other.as_object().expect("an object").clone());
     object
 }
 
-/// What is wrong is said in the words of the interface, and names the member.
+/// Refusals name the member, in the words of the interface.
 #[test]
 fn refusals_name_the_member_and_what_is_accepted() {
     let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);

@@ -13,7 +13,7 @@ const DEVICES: &[&str] = &[
     "hat1000@5,name=angle,bit-rate=250k",
 ];
 
-/// The faults of a device, none of which has ever occurred.
+/// Returns the faults of a device, without any occurrence.
 fn faults(names: &[&str]) -> Value {
     names.iter().map(|name| json!({"fault": name, "active": false, "count": 0})).collect()
 }
@@ -74,7 +74,7 @@ fn without_power_there_is_nothing_to_tell() {
     }
     let angle = rig.power("angle", json!({"on": false}));
     assert_eq!((&angle["position"], &angle["powered"], &angle["led"]), (&Value::Null, &json!(false), &Value::Null));
-    // Nothing is sent, and power comes back at this instant.
+    // No frame is sent, and the power returns at this instant.
     let sent = rig.trace().len();
     rig.advance(1000);
     assert!(rig.trace()[sent..].iter().all(|(_, _, from)| from == "arm"));
@@ -202,7 +202,7 @@ fn what_cannot_be_changes_nothing() {
         assert!(error.contains(words) && !error.contains('\n'), "{change}: {error}");
         assert_eq!(rig.get("/devices"), before, "{change}");
     }
-    // A linked shaft stands by itself, and can be turned by hand.
+    // A linked shaft has no speed of its own, and can be turned manually.
     assert_eq!(rig.plant("angle", json!({"speed_rpm": 0, "angle_cdeg": 4500}))["plant"]["angle_cdeg"], 4500);
     for path in ["/devices/other", "/devices/other/plant", "/devices/other/power"] {
         let (method, body) = match path.rsplit('/').next() {

@@ -1,10 +1,10 @@
-//! Every fault of SPEC 2, on both protocols, injected on purpose; each outcome is waited for.
+//! Every fault of SPEC 2, on both protocols, injected and awaited.
 
 use serde_json::{Value, json};
 
 use super::{Rig, micros};
 
-/// A master on the bus, and how the device is called.
+/// A master on the bus, with the name of the device.
 struct Valve {
     rig: Rig,
     name: &'static str,
@@ -14,7 +14,7 @@ struct Valve {
 const CYCLE: u32 = 100;
 
 impl Valve {
-    /// A valve that follows set-points of half its stroke, and has come there.
+    /// Returns a valve that has reached a set-point of half its stroke.
     fn at_work(kind: &'static str) -> Self {
         let rig = Rig::stepped(&["--device", &format!("{kind},name=valve")]);
         let valve = Self { rig, name: "valve", canopen: kind.contains("canopen") };
@@ -38,7 +38,7 @@ impl Valve {
         self.rig.wait(self.name, state, millis)
     }
 
-    /// Waits for a fault to be the one that is active, with what the LED and the solenoids show then.
+    /// Waits until a fault is the only active one, with its LED and solenoids.
     #[track_caller]
     fn shut_down(&self, fault: &str, within: u32) -> Value {
         let flashing = !matches!(fault, "internal" | "can-bus");
@@ -53,7 +53,7 @@ impl Valve {
         let names = state["faults"].as_array().expect("a list").iter();
         let counts: Vec<(&Value, &Value)> =
             names.map(|fault| (&fault["fault"], &fault["count"])).filter(|(_, count)| **count != 0).collect();
-        // On CANopen both faults of the spool share a counter.
+        // On CANopen both spool faults share a counter.
         let shared = self.canopen && fault.contains("-not-");
         assert_eq!(counts.len(), if shared { 2 } else { 1 }, "{counts:?}");
         assert!(counts.iter().all(|(_, count)| **count == 1), "{counts:?}");
@@ -152,7 +152,7 @@ fn bus_off() {
     });
 }
 
-/// 32 destroyed frames in a row take a sender off the bus; it comes back by itself.
+/// 32 destroyed frames in a row take a sender off the bus; it recovers by itself.
 #[test]
 fn a_disturbed_sender_goes_bus_off() {
     both(|valve| {
@@ -181,7 +181,7 @@ fn a_memory_that_cannot_be_read_or_written() {
         valve.wait(json!({"faults": []}), 0);
         valve.rig.advance(100);
 
-        // What is counted can no longer be stored.
+        // The fault log can no longer be stored.
         valve.plant(json!({"memory": "write-fails"}));
         valve.plant(json!({"temperature_c": 130}));
         valve.wait(json!({"faults": ["internal", "temperature"]}), 60_000);

@@ -1,4 +1,4 @@
-//! Requests that are refused whatever they ask for, and refusals that are always JSON.
+//! Requests refused by the guard, and the JSON of all refusals.
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -61,7 +61,7 @@ fn a_foreign_host_or_origin_changes_nothing() {
     assert_eq!(rig.with("POST", &target, &format!("{own}{JSON}"), SWITCH_OFF).0, 403);
     let target = format!("http://user@{}{POWER}", rig.host);
     assert_eq!(rig.with("POST", &target, &format!("{own}{JSON}"), SWITCH_OFF).0, 403);
-    // What a form of any page can send without being asked.
+    // The types that a form on any page can send.
     for kind in ["application/x-www-form-urlencoded", "text/plain", "multipart/form-data"] {
         let (status, answer) = rig.with("POST", POWER, &format!("{own}Content-Type: {kind}\r\n"), SWITCH_OFF);
         assert_eq!((status, answer["error"].is_string()), (415, true), "{answer}");

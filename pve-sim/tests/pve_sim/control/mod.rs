@@ -1,4 +1,4 @@
-//! The control interface of the running program: each call, right and wrong.
+//! The control interface of the running program: each call, valid and invalid.
 
 mod bus;
 mod crowd;
@@ -22,7 +22,7 @@ pub(crate) struct Rig {
 }
 
 impl Rig {
-    /// One whose time passes when it is told to: past the start of all devices.
+    /// Returns one with stepped time, after the start of all devices.
     pub(crate) fn stepped(arguments: &[&str]) -> Self {
         let rig = Self::start(&[&["--speed", "step"], arguments].concat());
         rig.advance(10);
@@ -33,7 +33,7 @@ impl Rig {
         Self::of(Simulator::serve(&[&["--http", "127.0.0.1:0"], arguments].concat()))
     }
 
-    /// One that runs already.
+    /// Returns one for a running simulator.
     pub(crate) fn of(simulator: Simulator) -> Self {
         let (_, http) = simulator.ready.split_once(" http=http://").expect("an address");
         let host = http.strip_suffix('/').expect("a slash").to_owned();
@@ -41,7 +41,7 @@ impl Rig {
         Self { simulator, host, agent: config.build().into() }
     }
 
-    /// Status and body of a request; a body that is sent is JSON.
+    /// Returns status and body of a request with an optional JSON body.
     pub(crate) fn call(&self, method: &str, path: &str, body: Option<&str>) -> (u16, Value) {
         let request = ureq::http::Request::builder().method(method).uri(format!("http://{}/api/v1{path}", self.host));
         let answer = match body {
@@ -57,7 +57,7 @@ impl Rig {
         (answer.status().as_u16(), body)
     }
 
-    /// The body of an answer that has to be right.
+    /// Returns the body of a successful answer.
     #[track_caller]
     pub(crate) fn done(&self, method: &str, path: &str, body: Option<Value>) -> Value {
         let (status, answer) = self.call(method, path, body.as_ref().map(ToString::to_string).as_deref());
@@ -65,7 +65,7 @@ impl Rig {
         answer
     }
 
-    /// The words of a refusal.
+    /// Returns the text of a refusal.
     #[track_caller]
     pub(crate) fn refused(&self, method: &str, path: &str, body: Option<&str>, status: u16) -> String {
         let (found, answer) = self.call(method, path, body);
@@ -104,7 +104,7 @@ impl Rig {
         micros(&self.post("/time", json!({"advance_ms": millis}))["now_us"])
     }
 
-    /// Sends a frame as the manual prints it: `220: 0F 00 00 20`; returns its end.
+    /// Sends a frame in the manual's notation, `220: 0F 00 00 20`; returns its end.
     #[track_caller]
     pub(crate) fn send(&self, frame: &str) -> u64 {
         micros(&self.post("/bus/frames", frame_body(frame))["t_us"])
@@ -123,7 +123,7 @@ impl Rig {
         self.post("/wait", json!({"device": device, "state": state, "within_ms": millis}))
     }
 
-    /// The last frames, as the manual prints them, each with its end and its sender.
+    /// Returns the last frames in the manual's notation, each with its end and its sender.
     pub(crate) fn trace(&self) -> Vec<(u64, String, String)> {
         let frames = self.get("/trace?limit=4096");
         let frames = frames.as_array().expect("a list").iter().filter(|entry| entry.get("id").is_some());

@@ -1,4 +1,4 @@
-//! Virtual time: by itself, and stepped.
+//! Virtual time: running and stepped.
 
 use serde_json::json;
 
@@ -36,7 +36,7 @@ fn time_passes_by_itself_or_when_it_is_told() {
     assert!(micros(&rig.get("/time")["now_us"]) >= micros(&answer["t_us"]));
 }
 
-/// The time between two positions that are told grows with the speed, and has an end.
+/// The interval of reported positions grows with the speed, up to a limit.
 #[test]
 fn the_largest_speeds_are_served() {
     for speed in ["1e15", "1e300"] {
@@ -45,7 +45,7 @@ fn the_largest_speeds_are_served() {
     }
 }
 
-/// The echo tells that the frame was accepted; what is on the bus takes time, and that stands.
+/// The echo confirms the frame; the bus takes virtual time, which does not advance.
 #[test]
 fn what_clients_send_waits_for_the_next_advance() {
     let rig = Rig::stepped(&["--device", "pvea-canopen@0x20"]);

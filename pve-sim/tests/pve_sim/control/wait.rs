@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::{Rig, micros};
 
-/// A valve that follows a set-point of full stroke from the returned instant on.
+/// Returns a valve that follows a set-point of full stroke from the returned instant on.
 fn moving() -> (Rig, u64) {
     let rig = Rig::stepped(&["--device", "pvea-canopen@0x20,name=valve"]);
     rig.send("000: 01 00");
@@ -27,7 +27,7 @@ fn the_first_instant_is_exact() {
     assert_eq!(micros(&state["t_us"]), since + 62_500);
     let state = rig.wait("valve", json!({"position": {"min": 8192}}), 1000);
     assert_eq!((micros(&state["t_us"]), &state["position"]), (since + 125_000, &json!(8192)));
-    // Now, if it holds now.
+    // Now, if the state holds now.
     assert_eq!(rig.wait("valve", json!({"position": {"min": 0, "max": 8192}}), 0)["t_us"], state["t_us"]);
     assert_eq!(rig.wait("valve", json!({}), 0), rig.device("valve"));
     let state = rig.wait("valve", json!({"position": 16384, "set_point": 16384, "nmt": "operational"}), 1000);
@@ -118,7 +118,7 @@ fn what_is_not_known_is_refused() {
     assert_eq!(rig.get("/time"), json!({"now_us": 10_000, "speed": "step"}), "no time has passed");
 }
 
-/// What the device can never show is refused, with the key and what it can show.
+/// Impossible states are refused, with the key and its possible values.
 #[test]
 fn a_state_that_can_never_be_is_refused() {
     let devices = ["pvea-canopen@0x20,name=valve", "pvea-isobus,name=tractor", "hat1000@5,bit-rate=250k,name=boom"];
@@ -155,7 +155,7 @@ fn a_frame_by_its_identifier_and_its_data() {
     let (status, answer) = rig.call("POST", "/wait", Some(r#"{"frame": {"id": 1}, "within_ms": 50}"#));
     assert_eq!((status, &answer["state"]), (408, &Value::Null));
     assert_eq!(micros(&answer["t_us"]), micros(&frame["t_us"]) + 50_000);
-    // A frame that was there before does not count, nor one with 11 bits, nor other data.
+    // Earlier frames do not count, nor frames with 11 bits or other data.
     for frame in [json!({"id": 0x383}), json!({"id": 0x0CFE_1383, "extended": true, "data": "7D7D31.."})] {
         assert_eq!(
             rig.call("POST", "/wait", Some(&json!({"frame": frame, "within_ms": 200}).to_string()).map(|x| x.as_str()))
@@ -165,7 +165,7 @@ fn a_frame_by_its_identifier_and_its_data() {
     }
 }
 
-/// A pattern means what it means in a scenario: its bytes are exact, and `..` at the end stands for any further bytes.
+/// A pattern has the same meaning as in a scenario: exact bytes, and `..` at the end for any further bytes.
 #[test]
 fn a_pattern_of_a_frame_is_exact() {
     let rig = Rig::stepped(&["--device", "pvea-isobus@0x83,name=valve"]);
@@ -195,7 +195,7 @@ fn a_pattern_of_a_frame_is_exact() {
     }
     let error = wait(json!({"id": "123", "data": "00"})).1;
     assert_eq!(error, "the frame 123: 00 did not come, and no other frame with its identifier");
-    // Of several, the last one: the spool that is let go moves.
+    // Of several frames, the last one: the released spool moves.
     rig.plant("valve", json!({"lever": 16384}));
     rig.plant("valve", json!({"lever": null}));
     let before = rig.trace().len();
@@ -228,7 +228,7 @@ fn a_wait_that_is_over_says_what_differs() {
     );
 }
 
-/// Of stepped time each call gets its own, one after the other; time passes by itself for all at once.
+/// With stepped time each call advances its own time, one after the other; running time serves all at once.
 #[test]
 fn calls_that_let_time_pass_take_turns() {
     let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
@@ -248,12 +248,12 @@ fn calls_that_let_time_pass_take_turns() {
     assert_eq!(sorted, [110_000, 210_000, 310_000, 410_000, 510_000]);
 }
 
-/// A client that hangs up ends its own call, and time stands.
+/// A client that hangs up ends its own call, and time stops.
 #[test]
 fn a_client_that_hangs_up_waits_no_longer() {
     let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
     let week = 7 * 86_400_000_u32;
-    // So much happens in a week that it does not pass in a moment.
+    // A week has too many events to pass in a moment.
     rig.send_every(1, "100: ");
     let bodies = [
         ("/wait", json!({"device": "valve", "state": {"powered": false}, "within_ms": week})),
@@ -270,11 +270,11 @@ fn a_client_that_hangs_up_waits_no_longer() {
             body.len()
         )
         .expect("it reads");
-        // Once time passes, its turn has come.
+        // Time advances, so its turn has come.
         while micros(&rig.get("/time")["now_us"]) == start {}
         client.shutdown(Shutdown::Both).expect("an end");
         drop(client);
-        // The next call gets its turn, within seconds and not within the week.
+        // The next call gets its turn within seconds, not after the week.
         let now = rig.advance(1);
         assert!(now < start + u64::from(week) * 1000, "{path}");
         assert_eq!(micros(&rig.get("/time")["now_us"]), now, "{path}: time stands");
