@@ -20,6 +20,7 @@ pub struct DecodeOptions {
 
 /// The reason why decoding failed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum DecodeError {
     /// The recording cannot be read.
     #[error("{}: {source}", path.display())]

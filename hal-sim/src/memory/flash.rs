@@ -84,6 +84,7 @@ struct Faults {
 
 /// The error of a flash operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FlashError {
     /// The address is not on a word or sector boundary.
     #[error("not aligned")]

@@ -108,6 +108,7 @@ impl Outcome {
 
 /// The reason why a recording cannot be replayed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReplayError {
     /// The file cannot be read.
     #[error("{}: {source}", path.display())]

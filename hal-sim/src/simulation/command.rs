@@ -14,6 +14,7 @@ use crate::world::PlantError;
 
 /// A command to a simulation. It takes effect at the simulation's present instant.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Command {
     /// Changes the plant of the named device, completely or not at all. Returns [`Reply::Device`].
     Plant(String, PlantChange),
@@ -37,6 +38,7 @@ pub enum Command {
 /// The reply to a command.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(untagged)]
+#[non_exhaustive]
 pub enum Reply {
     /// The device after the command, or at the first instant at which the condition held.
     Device(Box<DeviceState>),
@@ -89,6 +91,7 @@ pub enum Executed {
 
 /// The reason why a command was refused; nothing has changed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Refusal {
     /// No device has this name.
     #[error("no device '{name}'; there are: {known}")]

@@ -13,6 +13,7 @@ use crate::Kind;
 
 /// A condition.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Condition {
     /// A device is in a state.
     State(String, Box<StateCondition>),

@@ -32,6 +32,7 @@ impl Default for Link {
 
 /// The reason why two devices cannot be linked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum LinkError {
     /// The first device is not a valve.
     #[error("not a valve")]

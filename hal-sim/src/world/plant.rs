@@ -8,6 +8,7 @@ use super::{NodeId, World};
 
 /// The reason why a plant change is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlantError {
     /// The device is another product, without this word.
     #[error("{0}: not a plant word of this kind of device")]

@@ -87,8 +87,8 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Bus")]
     beacon: bool,
 
-    /// The bit rate of the bus, in bit/s, or as in 250k and 1M [default: that of the first device, by default 250k for a
-    /// valve and 500k for an angle sensor]
+    /// The bit rate of the bus, in bit/s, or as in 250k and 1M [default: that of the first device, by default 250k for
+    /// a valve and 500k for an angle sensor]
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 

@@ -11,7 +11,8 @@ use hal_sim::decode::DecodeOptions;
 use hal_sim::devices::{self, DeviceSpec, LinkSpec};
 use hal_sim::replay::ReplayOptions;
 
-/// The default tolerance of `replay`, in milliseconds: the longest time between the starts of two devices on one supply.
+/// The default tolerance of `replay`, in milliseconds: the longest time between the starts of two devices on one
+/// supply.
 const TOLERANCE_MS: u32 = 5;
 
 /// The arguments of `decode`.

@@ -1,4 +1,5 @@
-//! The control interface at the world's end: it executes messages and watches the world for waiting and following clients.
+//! The control interface at the world's end: it executes messages, and watches the world for waiting and following
+//! clients.
 //!
 //! ```text
 //! message     messages to the world, and their answers

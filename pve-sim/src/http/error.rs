@@ -80,10 +80,10 @@ impl IntoResponse for Failure {
 const fn status(refusal: &Refusal) -> StatusCode {
     match refusal {
         Refusal::UnknownDevice { .. } => StatusCode::NOT_FOUND,
-        Refusal::Plant(_) | Refusal::Invalid(_) => StatusCode::BAD_REQUEST,
         Refusal::Conflict(_) => StatusCode::CONFLICT,
         Refusal::TimedOut(_) => StatusCode::REQUEST_TIMEOUT,
         Refusal::TooMany(_) => StatusCode::SERVICE_UNAVAILABLE,
+        _ => StatusCode::BAD_REQUEST,
     }
 }
 

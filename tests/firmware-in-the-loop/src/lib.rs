@@ -4,7 +4,7 @@
 //! image     the ELF file          symbols  what is in it, by crate     stack   how deep its stack gets
 //! bxcan     the CAN controller    flash    its interface and memory    part    the STM32 put together
 //! machine   a board under power   warm     ... over resets             broken  the image broken on purpose
-//! boards    boards on a bus       content  what their flash holds      rig     the image with a master, or in a scenario
+//! boards    boards on a bus       content  their flash content     rig     the image with a master, or in a scenario
 //! board     what differs between the boards
 //! ```
 //!

@@ -1,15 +1,15 @@
 //! Recordings of every kind with one changed frame of the device: a change that breaks a promise is reported.
 //!
-//! `REPLAY_MUTATIONS=10000 cargo test --release -p hal-sim --lib mutations -- --nocapture` makes so many of each kind, and prints how
-//! many were told. What may pass, and why:
+//! `REPLAY_MUTATIONS=10000 cargo test --release -p hal-sim --lib mutations -- --nocapture` makes this many changes of each
+//! kind, and prints how many were reported. Changes that may pass, with the reasons:
 //!
-//! | change | reason |
-//! | --- | --- |
-//! | the first frame dropped, at another time, or under another identifier | no log has the instant of power-up: the first frame gives it, or the device was on before the log; the summary says so |
-//! | a time within the tolerance | loggers are late. One that brings a frame before the boot-up is told: the device counts as on before |
-//! | frames alike, in the places of each other within the tolerance | each may be the other one, late |
-//! | a position that the device comes to within the tolerance | the spool moves on while a frame is late |
-//! | a frame missing within the tolerance of the end | it may have come after it |
+//! - The first frame is dropped, or has another time or identifier: a log has no power-up, which the first frame
+//!   determines, or the device was on before the log. The summary says so.
+//! - A time changes within the tolerance: loggers are late. A frame moved before the boot-up is reported, because the
+//!   device then counts as on before.
+//! - Equal frames swap their places within the tolerance: each may be the other one, late.
+//! - A position changes to one that the device reaches within the tolerance: the spool moves while a frame is late.
+//! - A frame is missing within the tolerance of the end: it may have come afterwards.
 
 use super::*;
 
