@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use protocol_core::encoder::TURN_CDEG;
 
-use super::{NamedDevice, NamedLink};
+use super::{DevicesError, NamedDevice, NamedLink};
 use crate::Kind;
 use crate::world::Link;
 
@@ -64,23 +64,22 @@ fn angle(text: &str) -> Result<u32, String> {
 /// Returns the links between these devices.
 ///
 /// # Errors
-/// One line about an unknown device, or a sensor that would follow two valves.
-pub fn links(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, String> {
-    let known = |name: &str, wanted: fn(Kind) -> bool, what: &str| {
+/// [`DevicesError::UnknownDevice`] or [`DevicesError::LinkedTwice`].
+pub fn links(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, DevicesError> {
+    let check = |name: &str, wanted: fn(Kind) -> bool, product| {
         let fits = |device: &&NamedDevice| wanted(device.setup.kind);
         if devices.iter().filter(fits).any(|device| device.name == name) {
             return Ok(());
         }
-        let names: Vec<&str> = devices.iter().filter(fits).map(|device| device.name.as_str()).collect();
-        let remedy = if names.is_empty() { "add one".to_owned() } else { format!("accepted: {}", names.join(", ")) };
-        Err(format!("no {what} '{name}' on the bus; {remedy}"))
+        let known = devices.iter().filter(fits).map(|device| device.name.clone()).collect();
+        Err(DevicesError::UnknownDevice { product, name: name.to_owned(), known })
     };
     let mut links: Vec<NamedLink> = Vec::new();
     for LinkSpec(link) in specs {
-        known(&link.valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
-        known(&link.sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
+        check(&link.valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
+        check(&link.sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
         if links.iter().any(|other| other.sensor == link.sensor) {
-            return Err(format!("{} is linked twice; accepted: one valve per sensor", link.sensor));
+            return Err(DevicesError::LinkedTwice(link.sensor));
         }
         links.push(link);
     }

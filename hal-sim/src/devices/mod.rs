@@ -4,8 +4,10 @@
 //! spec   one device: KIND[@ID][,key=value…]
 //! link   a link: VALVE=SENSOR[,key=value…]
 //! heard  devices at another bit rate than the bus
+//! error  refusals of devices and links
 //! ```
 
+mod error;
 mod heard;
 mod link;
 mod spec;
@@ -13,6 +15,7 @@ mod spec;
 #[cfg(test)]
 mod tests;
 
+pub use error::DevicesError;
 pub use heard::{GRACE, NotHeard, RateWatch};
 pub use link::{LinkSpec, links};
 pub use spec::{CONTROL, DeviceSpec, bit_rate};
@@ -81,12 +84,12 @@ pub fn link_in(world: &mut World, links: &[NamedLink]) {
 /// as they are free.
 ///
 /// # Errors
-/// One line about a duplicate name.
-pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
+/// [`DevicesError::DuplicateName`].
+pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
     let mut taken: Vec<String> = Vec::new();
     for name in specs.iter().filter_map(|spec| spec.name.as_ref()) {
         if taken.contains(name) {
-            return Err(format!("the name '{name}' is given twice; give each device its own"));
+            return Err(DevicesError::DuplicateName(name.clone()));
         }
         taken.push(name.clone());
     }
@@ -137,18 +140,15 @@ pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitR
 /// Refuses devices with the same node ID, or the same address.
 ///
 /// # Errors
-/// One line that names the first two.
-pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), String> {
+/// [`DevicesError::Clash`] for the first two.
+pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), DevicesError> {
     for (position, device) in devices.iter().enumerate() {
         let Some(id) = device.setup.node_id else { continue };
         let earlier = devices.iter().take(position).find(|other| other.setup.node_id == Some(id));
         if let Some(earlier) = earlier {
-            return Err(format!(
-                "{} and {} both have {} 0x{id:02X}; give each its own",
-                earlier.name,
-                device.name,
-                device.setup.kind.protocol().id_name()
-            ));
+            let (first, second) = (earlier.name.clone(), device.name.clone());
+            let id_name = device.setup.kind.protocol().id_name();
+            return Err(DevicesError::Clash { first, second, id_name, id });
         }
     }
     Ok(())

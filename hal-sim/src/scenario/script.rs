@@ -68,7 +68,8 @@ impl Scenario {
             let place = spec.span().start;
             spec.into_inner().parse::<LinkSpec>().map_err(at(place))
         });
-        let links = devices::links(&devices, specs.collect::<Result<_, _>>()?).map_err(at(first))?;
+        let links =
+            devices::links(&devices, specs.collect::<Result<_, _>>()?).map_err(|error| at(first)(error.to_string()))?;
         let bit_rate = bit_rate.map(|rate| {
             let place = rate.span().start;
             let change = BusChange { bit_rate: rate.into_inner() };

@@ -1,0 +1,39 @@
+//! The refusals of a set of devices and links.
+
+/// The reason why devices cannot share a bus, or cannot be linked.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DevicesError {
+    /// Two devices have the same name.
+    #[error("the name '{0}' is given twice; give each device its own")]
+    DuplicateName(String),
+    /// Two devices have the same node ID, or the same address.
+    #[error("{first} and {second} both have {id_name} 0x{id:02X}; give each its own")]
+    Clash {
+        /// The name of the first device.
+        first: String,
+        /// The name of the second device.
+        second: String,
+        /// The word for the identifier: node ID or address.
+        id_name: &'static str,
+        /// The node ID or address.
+        id: u8,
+    },
+    /// A link names a device that is not on the bus.
+    #[error("no {product} '{name}' on the bus; {}", remedy(known))]
+    UnknownDevice {
+        /// The product: valve or angle sensor.
+        product: &'static str,
+        /// The name in the link.
+        name: String,
+        /// The names of such devices on the bus.
+        known: Vec<String>,
+    },
+    /// Two links have the same sensor.
+    #[error("{0} is linked twice; accepted: one valve per sensor")]
+    LinkedTwice(String),
+}
+
+fn remedy(known: &[String]) -> String {
+    if known.is_empty() { "add one".to_owned() } else { format!("accepted: {}", known.join(", ")) }
+}
