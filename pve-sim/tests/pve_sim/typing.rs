@@ -260,3 +260,29 @@ fn a_job_in_the_background_leaves_the_terminal_to_the_shell() {
     terminal.press("kill %1; wait; exit 0\r");
     terminal.end();
 }
+
+/// Back in the foreground, the prompt returns, however late the job was stopped.
+#[test]
+fn a_job_back_in_the_foreground_has_its_prompt() {
+    let options = ["--norc", "--noprofile", "--noediting", "-i"];
+    let mut terminal = Terminal::start("bash", &options, |command| command);
+    terminal.wait_for("shell: ");
+    terminal.press(&format!("{PVE_SIM} {}\r", BUS.join(" ")));
+    terminal.port();
+    terminal.wait_for("> ");
+    for _ in 0..3 {
+        terminal.press(CTRL_Z);
+        terminal.wait_for("shell: ");
+        terminal.press("bg\r");
+        terminal.wait_for("shell: ");
+        terminal.press("fg\r");
+        terminal.wait_for("> ");
+        terminal.press("memory ok\r");
+        terminal.wait_for("ok\r\n");
+        terminal.wait_for("> ");
+    }
+    terminal.press(CTRL_C);
+    terminal.wait_for("shell: ");
+    terminal.press("exit 0\r");
+    terminal.end();
+}

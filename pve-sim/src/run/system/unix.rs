@@ -13,10 +13,16 @@ use rustix::fs::fstat;
 use rustix::io::Errno;
 use rustix::process::{Resource, Signal, getpgrp, getrlimit, kill_current_process_group};
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
+use tokio::runtime::Builder;
 use tokio::signal::unix::{self, SignalKind, signal};
+use tokio::time::timeout;
 
 /// The interval of looking for the terminal's foreground job: until then the shell reads the input.
 const BACKGROUND: Duration = Duration::from_millis(200);
+
+/// The longest wait for a stop and the continuation: without a shell the system ignores the signal. A stopped process
+/// waits for as long as it is stopped.
+const STOP: Duration = Duration::from_secs(2);
 
 /// The signals that end a run.
 #[derive(Debug)]
@@ -101,12 +107,19 @@ fn is_in_background() -> bool {
 /// A key stops the job, which the shell can continue in the background or foreground.
 pub(in crate::run) const HAS_JOBS: bool = true;
 
-/// Stops this job, as the terminal does for Ctrl-Z. Returns after its continuation, or at once if no shell could
+/// Stops this job, as the terminal does for Ctrl-Z. Returns after its continuation, or after [`STOP`] if no shell could
 /// continue it.
 pub(in crate::run) fn suspend() {
-    let _ = kill_current_process_group(Signal::TSTP);
-    // Another thread may take the signal, and stop this one a little later.
-    std::thread::sleep(BACKGROUND);
+    let Ok(runtime) = Builder::new_current_thread().enable_all().build() else { return };
+    runtime.block_on(async {
+        let continued = signal(SignalKind::from_raw(Signal::CONT.as_raw()));
+        let _ = kill_current_process_group(Signal::TSTP);
+        if let Ok(mut continued) = continued {
+            // Another thread may take the signal, and stop this one later: until then this thread must not touch the
+            // terminal, which is about to be the shell's.
+            let _ = timeout(STOP, continued.recv()).await;
+        }
+    });
 }
 
 /// Interrupts this job, as the terminal does for Ctrl-C.
