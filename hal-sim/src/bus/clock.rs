@@ -29,7 +29,6 @@ pub(super) const fn instant(nanos: Nanos) -> Instant {
 }
 
 /// Returns the duration of `bits`.
-#[inline]
 pub(super) const fn bit_times(bits: u32, rate: BitRate) -> Nanos {
     bits as Nanos * BIT[rate.table_index() as usize]
 }

@@ -23,7 +23,6 @@ pub struct Confinement {
 
 impl Confinement {
     /// Returns the mode that the counters put the controller into.
-    #[inline]
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
         self.mode
@@ -42,7 +41,6 @@ impl Confinement {
     }
 
     /// Counts a frame that was sent and acknowledged.
-    #[inline]
     pub(super) const fn sent(&mut self) {
         if self.transmit > 0 {
             self.transmit -= 1;
@@ -51,7 +49,6 @@ impl Confinement {
     }
 
     /// Counts a frame that was received.
-    #[inline]
     pub(super) const fn received(&mut self) {
         self.receive =
             if self.receive >= PASSIVE_FROM { RECEIVED_WHILE_PASSIVE } else { self.receive.saturating_sub(1) };

@@ -19,17 +19,14 @@ pub(super) enum Contends {
 struct Rank(u64);
 
 impl Rank {
-    #[inline]
     const fn of(key: u32, id: PortId) -> Self {
         Self((key as u64) << u32::BITS | id.0 as u64)
     }
 
-    #[inline]
     const fn key(self) -> u32 {
         (self.0 >> u32::BITS) as u32
     }
 
-    #[inline]
     const fn id(self) -> PortId {
         PortId(self.0 as u32 as usize)
     }
@@ -85,7 +82,6 @@ impl Contenders {
     }
 
     /// Makes those waiting ports ready for which `key` returns an arbitration key.
-    #[inline]
     pub(super) fn promote(&mut self, mut key: impl FnMut(PortId) -> Option<u32>) {
         let mut place = 0;
         while let Some(id) = self.waiting.get(place).copied() {
@@ -100,7 +96,6 @@ impl Contenders {
     }
 
     /// Adds the ports that still send after the identifier: usually one.
-    #[inline]
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
         let Some((first, others)) = self.ready.split_last() else { return };
         into.push(first.id());

@@ -90,7 +90,6 @@ impl Journal {
     }
 
     /// Records an event, if recording is on.
-    #[inline]
     pub(super) fn note(&mut self, event: impl FnOnce() -> Option<Event>) {
         if self.recording {
             self.events.extend(event());

@@ -79,7 +79,6 @@ impl Bus {
     }
 
     /// Returns when the next controller joins and has to be told.
-    #[inline]
     pub(super) fn next_joining(&self) -> Nanos {
         let due = |id: &PortId| {
             let port = &self.ports[id.0];

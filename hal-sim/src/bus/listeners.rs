@@ -52,7 +52,6 @@ impl Hasher for Multiply {
         bytes.iter().for_each(|byte| self.write_u32((*byte).into()));
     }
 
-    #[inline]
     fn write_u32(&mut self, number: u32) {
         // 2 to the power of 64 divided by the golden ratio: it spreads neighbouring values.
         self.0 = (self.0 ^ u64::from(number)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -87,7 +86,6 @@ impl Group {
 
     /// Calls `tell` with lists of the members that receive a frame, perhaps its sender among them. A member with
     /// several matching filters can be in several lists.
-    #[inline]
     pub(super) fn hearers(&self, frame: &Frame, mut tell: impl FnMut(&[PortId])) {
         if !self.open.is_empty() {
             tell(&self.open);

@@ -46,7 +46,6 @@ impl Mailboxes {
     }
 
     /// Returns the most urgent frame.
-    #[inline]
     pub(super) fn head(&self) -> Option<&Frame> {
         self.waiting.last().map(|mailbox| &mailbox.frame)
     }
@@ -80,12 +79,10 @@ impl Mailboxes {
         self.waiting.clear();
     }
 
-    #[inline]
     pub(super) fn len(&self) -> usize {
         self.waiting.len()
     }
 
-    #[inline]
     pub(super) const fn is_empty(&self) -> bool {
         self.waiting.is_empty()
     }

@@ -101,7 +101,6 @@ impl Bus {
     }
 
     /// Changes the error counters of a port, and its error mode accordingly. All ports go bus-off here.
-    #[inline]
     pub(super) fn change(&mut self, id: PortId, at: Instant, change: impl FnOnce(&mut Confinement)) {
         let port = &mut self.ports[id.0];
         let from = port.mode();

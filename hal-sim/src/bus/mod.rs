@@ -122,14 +122,12 @@ impl Bus {
     }
 
     /// Returns a port.
-    #[inline]
     #[must_use]
     pub fn port(&self, id: PortId) -> &Port {
         &self.ports[id.0]
     }
 
     /// Returns a port for the pump of its device; call [`refresh`](Self::refresh) afterwards.
-    #[inline]
     pub(crate) fn port_mut(&mut self, id: PortId) -> &mut Port {
         &mut self.ports[id.0]
     }
@@ -216,7 +214,6 @@ impl Bus {
     }
 
     /// [Refreshes](Self::refresh) a port that its device has used since the last refresh.
-    #[inline]
     pub(crate) fn refresh_used(&mut self, id: PortId, now: Instant) {
         if self.ports[id.0].used {
             self.refresh(id, now);
@@ -224,7 +221,6 @@ impl Bus {
     }
 
     /// Updates a port's place among the contenders, and its filters.
-    #[inline]
     pub fn refresh(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         port.used = false;
@@ -284,14 +280,12 @@ impl Bus {
     }
 
     /// Returns whether [`swap_touched`](Self::swap_touched) would return ports.
-    #[inline]
     pub(crate) const fn is_any_touched(&self) -> bool {
         !self.touched.is_empty()
     }
 
     /// Moves the devices' ports that received something, sent something or changed their error mode into the empty
     /// `ports`, by number.
-    #[inline]
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
         if !ports.is_sorted_by(|one, next| one < next) {

@@ -132,7 +132,6 @@ impl Port {
     }
 
     /// Returns the error mode.
-    #[inline]
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
         self.confinement.mode()
@@ -162,13 +161,11 @@ impl Port {
     }
 
     /// Returns whether the port is connected and not bus-off.
-    #[inline]
     pub(super) const fn takes_part(&self) -> bool {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
     /// Returns whether the port only listens.
-    #[inline]
     pub(super) fn is_silent(&self) -> bool {
         self.external.as_ref().is_some_and(|external| external.silent)
     }
@@ -189,7 +186,6 @@ impl Port {
     }
 
     /// Stores a received frame.
-    #[inline]
     pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
         if let Some(external) = &mut self.external {
             external.tell(at, WireEvent::Received(*frame));
@@ -201,7 +197,6 @@ impl Port {
     }
 
     /// Records an event for an external controller.
-    #[inline]
     pub(super) fn tell(&mut self, at: Nanos, event: WireEvent) {
         if let Some(external) = &mut self.external {
             external.tell(instant(at), event);
@@ -218,14 +213,12 @@ impl embedded_can::nb::Can for Port {
         self.transmit.put(*frame).map_err(|_| nb::Error::WouldBlock)
     }
 
-    #[inline]
     fn receive(&mut self) -> nb::Result<Frame, Infallible> {
         self.received.pop_front().map(|(_, frame)| frame).ok_or(nb::Error::WouldBlock)
     }
 }
 
 impl Controller for Port {
-    #[inline]
     fn is_idle(&self) -> bool {
         self.transmit.is_empty()
     }

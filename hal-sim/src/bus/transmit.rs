@@ -55,7 +55,6 @@ impl Transmit {
     }
 
     /// Returns the frame that takes part in the next arbitration.
-    #[inline]
     pub(super) fn head(&self) -> Option<&Frame> {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.head(),
@@ -103,7 +102,6 @@ impl Transmit {
         }
     }
 
-    #[inline]
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.len(),
@@ -112,7 +110,6 @@ impl Transmit {
         }
     }
 
-    #[inline]
     pub(super) fn is_empty(&self) -> bool {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.is_empty(),

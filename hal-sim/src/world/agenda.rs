@@ -37,7 +37,6 @@ impl Agenda {
     }
 
     /// Sets the due time of a device.
-    #[inline]
     pub(super) fn set(&mut self, node: usize, due: Instant) {
         if self.due[node] != due {
             self.due[node] = due;
@@ -46,13 +45,11 @@ impl Agenda {
     }
 
     /// Returns the earliest due time.
-    #[inline]
     pub(super) const fn next(&self) -> Instant {
         self.next
     }
 
     /// Returns the next device due by `now`.
-    #[inline]
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
         if self.next <= now { self.winners.get(1).copied() } else { None }
     }
@@ -74,7 +71,6 @@ impl Agenda {
         self.next = self.due_of(self.winners[1]);
     }
 
-    #[inline]
     fn due_of(&self, node: usize) -> Instant {
         self.due.get(node).copied().unwrap_or(NEVER)
     }

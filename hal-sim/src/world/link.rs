@@ -108,7 +108,6 @@ impl World {
     }
 
     /// Updates the links of a device to now: before a valve changes, and before a sensor reads its shaft.
-    #[inline]
     pub(super) fn follow_links(&mut self, node: NodeId) {
         if !self.couplings.is_empty() {
             self.follow_links_of(node);

@@ -115,7 +115,6 @@ impl Node {
 }
 
 /// Returns the next due time of a powered device or its write in progress.
-#[inline]
 pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>) -> Instant {
     device.deadline().min(write.map_or(NEVER, |write| write.done))
 }

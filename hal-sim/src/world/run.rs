@@ -92,7 +92,6 @@ impl World {
         self.service_touched();
     }
 
-    #[inline]
     fn service_touched(&mut self) {
         if self.bus.is_any_touched() {
             self.service_all_touched();
