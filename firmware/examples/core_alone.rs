@@ -18,7 +18,7 @@ mod image {
     use firmware as _;
     use protocol_core::controller::{Controller, Filter, Filters};
     use protocol_core::device::pve::{Kind, PveCanopen, Setup};
-    use protocol_core::device::{Device as _, Effect, Senses, StartCause};
+    use protocol_core::device::{Device as _, Effect, Inputs, StartCause};
     use protocol_core::frame::{Frame, standard};
     use protocol_core::memory::Image;
     use protocol_core::pump::{pump, receive};
@@ -148,7 +148,7 @@ mod image {
         let now = Instant::from_secs(1);
         let mut node = Node { valve: place(), can: Mailbox::default(), now };
         start_up(node.valve, now);
-        node.valve.sense(&Senses::default(), now);
+        node.valve.sense(&Inputs::default(), now);
         node.settle(None);
         node.now += Duration::from_millis(510);
         // A heartbeat every second; operational; and ACTIVE with a set-point.

@@ -9,7 +9,7 @@ pub const TURN_CDEG: u32 = 36_000;
 /// The steps of one turn (A): 14 bits.
 pub const STEPS: u32 = 16_384;
 
-/// What the encoder senses of its shaft: where it was at an instant, and how fast it has turned since.
+/// The shaft of the encoder: where it was at an instant, and how fast it has turned since.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
     /// The angle at `since`, 1/100 degree; a whole turn counts as none.

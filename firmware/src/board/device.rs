@@ -90,7 +90,7 @@ struct Board {
 impl Board {
     /// Runs the device for ever.
     async fn serve(mut self, device: &mut SendDevice) -> ! {
-        device.sense(&self.plant.senses, Instant::now());
+        device.sense(&self.plant.inputs, Instant::now());
         self.link.set_bit_rate(device.bit_rate());
         let (mut now, mut due) = (Instant::now(), Instant::MIN);
         loop {
@@ -118,7 +118,7 @@ impl Board {
                 now = Instant::now();
             }
             if calls.include(Caller::Leds) {
-                self.lights.show(led_of(device, &self.plant.senses));
+                self.lights.show(led_of(device, &self.plant.inputs));
             }
             due = self.next_look(device, now);
         }
@@ -127,7 +127,7 @@ impl Board {
     /// Hands the device what has changed beside its frames: the error mode, the memory, console and button. Returns the
     /// answer to a line that was typed, if it is known.
     fn look(&mut self, calls: Calls, device: &mut SendDevice) -> Option<Answer> {
-        if calls.include(Caller::Errors) || self.plant.senses.bus != BusErrorMode::ErrorActive {
+        if calls.include(Caller::Errors) || self.plant.inputs.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);
         }
         if calls.include(Caller::Memory) {
@@ -139,16 +139,16 @@ impl Board {
     /// Returns when there is something to do although nobody calls.
     fn next_look(&self, device: &SendDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
-        let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !can::retry();
+        let is_calm = self.plant.inputs.bus == BusErrorMode::ErrorActive && !can::retry();
         due.min(now + if is_calm { FEED } else { LOOK })
     }
 
     /// Tells the device how its controller stands to the bus.
     fn look_at_bus(&mut self, device: &mut SendDevice) {
         let mode = self.link.follow(self.plant.bus_off);
-        if mode != self.plant.senses.bus {
-            self.plant.senses.bus = mode;
-            device.sense(&self.plant.senses, Instant::now());
+        if mode != self.plant.inputs.bus {
+            self.plant.inputs.bus = mode;
+            device.sense(&self.plant.inputs, Instant::now());
         }
     }
 
@@ -185,7 +185,7 @@ impl Board {
             Command::Kind(kind, serial) => self.become_new(Some(Settings::new(kind, serial))),
             Command::Blank(serial) => self.become_new(Settings::new_blank(self.settings.kind, serial)),
             Command::PowerCycle => Some(Answer::Restart),
-            Command::Help => Some(Answer::Help((&self.plant.senses.product).into())),
+            Command::Help => Some(Answer::Help((&self.plant.inputs.product).into())),
         }
     }
 
@@ -212,7 +212,7 @@ impl Board {
 
     fn set_plant(&mut self, plant: Plant, device: &mut SendDevice) {
         self.plant = plant;
-        device.sense(&plant.senses, Instant::now());
+        device.sense(&plant.inputs, Instant::now());
         self.look_at_bus(device);
     }
 

@@ -35,7 +35,7 @@ impl Front {
     /// Returns the plant after the last press of the button, if there was one.
     pub(super) fn pressed(&mut self, plant: &Plant) -> Option<Plant> {
         self.presses.try_take()?;
-        self.injection = self.injection.next(&plant.senses.product);
+        self.injection = self.injection.next(&plant.inputs.product);
         Some(self.injection.applied_to(*plant))
     }
 
@@ -60,7 +60,7 @@ impl Front {
     /// fit is left out.
     pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
         let Some(Exchange { status, .. }) = &mut self.exchange else { return };
-        let bus = match plant.senses.bus {
+        let bus = match plant.inputs.bus {
             BusErrorMode::ErrorActive => "error-active",
             BusErrorMode::ErrorPassive => "error-passive",
             BusErrorMode::BusOff => "bus-off",

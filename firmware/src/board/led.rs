@@ -6,7 +6,7 @@ use critical_section::Mutex;
 use embassy_time::{Duration, Timer};
 use protocol_core::actuator::Led;
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::{Device, ProductSenses, Senses};
+use protocol_core::device::{Device, Inputs, ProductInputs};
 
 use super::attention::{Caller, call};
 use super::nucleo::Leds;
@@ -19,14 +19,14 @@ const HALF_PERIOD: u8 = 3;
 pub(super) const STEPS: u8 = 18;
 
 /// Returns what the LEDs show of a device: the LED of a valve. A sensor has none: they show what the board knows of it.
-pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
+pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     if let Some(outputs) = device.outputs().valve() {
         return outputs.led;
     }
-    let measuring_error = matches!(senses.product, ProductSenses::Encoder(shaft) if shaft.measuring_error);
-    if senses.bus == BusErrorMode::BusOff {
+    let measuring_error = matches!(inputs.product, ProductInputs::Encoder(shaft) if shaft.measuring_error);
+    if inputs.bus == BusErrorMode::BusOff {
         Led::RED
-    } else if senses.internal_fault || measuring_error {
+    } else if inputs.internal_fault || measuring_error {
         Led::RED_FLASHING
     } else if device.node_id().is_none() {
         Led::YELLOW

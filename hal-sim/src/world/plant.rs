@@ -35,24 +35,24 @@ impl World {
     /// [`PlantError`] for the first that cannot be; nothing is changed then.
     pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
-        let mut senses = *self.senses(node);
+        let mut inputs = *self.inputs(node);
         for &plant in plants {
             if matches!(plant, Plant::SpeedRpm(speed) if speed != 0) && self.is_linked(node) {
                 return Err(PlantError::Linked(plant));
             }
-            plant.apply(&mut senses, self.now).map_err(|error| match error {
+            plant.apply(&mut inputs, self.now).map_err(|error| match error {
                 Inapplicable::OtherProduct => PlantError::OtherProduct(plant),
                 Inapplicable::OutOfRange => PlantError::OutOfRange(plant),
             })?;
         }
-        // The senses of a linked shaft come from its link.
+        // The input of a linked shaft comes from its link.
         for plant in plants {
             if let Plant::AngleCdeg(angle) = *plant {
                 self.turn_link(node, angle);
             }
         }
-        if senses != *self.senses(node) {
-            self.set_senses(node, senses);
+        if inputs != *self.inputs(node) {
+            self.set_inputs(node, inputs);
         }
         for plant in plants {
             match *plant {
@@ -66,11 +66,11 @@ impl World {
 
     /// Returns what acts on a device from outside, by each word that it has.
     pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Plant> + use<> {
-        let mut senses = *self.senses(node);
-        if let (Some(shaft), Some(angle)) = (senses.shaft_mut(), self.angle_cdeg(node)) {
+        let mut inputs = *self.inputs(node);
+        if let (Some(shaft), Some(angle)) = (inputs.shaft_mut(), self.angle_cdeg(node)) {
             (shaft.angle_cdeg, shaft.since) = (angle, self.now);
         }
         let (memory_fails, bus_off) = (self.memory(node).write_fails(), self.is_bus_off_forced(node));
-        protocol_core::device::plant::Plant { senses, memory_fails, bus_off }.words(self.now)
+        protocol_core::device::plant::Plant { inputs, memory_fails, bus_off }.words(self.now)
     }
 }

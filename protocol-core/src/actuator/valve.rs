@@ -49,9 +49,9 @@ pub struct ValveConfig {
     pub spool_monitors: SpoolMonitors,
 }
 
-/// What the valve senses.
+/// The inputs of a valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ValveSenses {
+pub struct ValveInputs {
     /// Supply voltage, mV.
     pub supply_mv: u32,
     /// Temperature, °C.
@@ -60,12 +60,12 @@ pub struct ValveSenses {
     pub spool: SpoolSense,
 }
 
-impl ValveSenses {
+impl ValveInputs {
     /// A healthy valve on a 24 V supply at room temperature.
     pub const HEALTHY: Self = Self { supply_mv: 24_000, temperature_c: 25, spool: SpoolSense::FREE };
 }
 
-impl Default for ValveSenses {
+impl Default for ValveInputs {
     fn default() -> Self {
         Self::HEALTHY
     }
@@ -104,7 +104,7 @@ pub struct Valve {
     now: Instant,
     config: ValveConfig,
     drive: Drive,
-    senses: ValveSenses,
+    inputs: ValveInputs,
     spool: Spool,
     power_save: PowerSave,
     faults: FaultRegister,
@@ -131,7 +131,7 @@ impl Valve {
             now,
             config,
             drive: Drive::Off,
-            senses: ValveSenses::HEALTHY,
+            inputs: ValveInputs::HEALTHY,
             spool: Spool::new(now),
             power_save: PowerSave::Off,
             faults: FaultRegister::new(counters, config.shared_spool_counter),
@@ -148,20 +148,20 @@ impl Valve {
     /// without delay have to be set again.
     pub fn restart(&mut self, counters: Counters, now: Instant) {
         let now = self.catch_up(now);
-        let Self { senses, spool, .. } = *self;
+        let Self { inputs, spool, .. } = *self;
         *self = Self::new(self.config, counters, now);
-        self.senses = senses;
+        self.inputs = inputs;
         self.spool = spool;
         self.step(now);
     }
 
-    /// Takes what the valve senses; costs next to nothing when nothing has changed.
-    pub fn sense(&mut self, senses: &ValveSenses, now: Instant) {
+    /// Takes the inputs; costs next to nothing when nothing has changed.
+    pub fn sense(&mut self, inputs: &ValveInputs, now: Instant) {
         let now = self.catch_up(now);
-        if *senses != self.senses {
-            self.senses = *senses;
+        if *inputs != self.inputs {
+            self.inputs = *inputs;
             self.note_arrival(now);
-            self.spool.sense(senses.spool, now);
+            self.spool.sense(inputs.spool, now);
             self.step(now);
         }
     }

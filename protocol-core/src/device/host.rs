@@ -8,7 +8,7 @@ use heapless::VecView;
 use super::fault_log::FaultLogClock;
 use super::reading::Reading;
 use super::writes::{Asker, KINDS, Write, Writes};
-use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
+use super::{Device, Effect, Inputs, Outputs, Restart, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
 use crate::memory::{self, Memory, RecordKey, StoreError};
@@ -69,8 +69,8 @@ pub trait Body: Storing + Sized {
     /// Returns when [`poll`](Self::poll) is next due.
     fn deadline(&self) -> Instant;
 
-    /// Takes what the device senses.
-    fn sense(&mut self, senses: &Senses, base: &mut Base);
+    /// Takes the inputs of the device.
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base);
 
     /// See [`Device::take_filters`].
     fn take_filters(&mut self) -> Option<Filters>;
@@ -365,13 +365,13 @@ impl<B: Body> Device for Host<B> {
         self.body.take_abort()
     }
 
-    fn sense(&mut self, senses: &Senses, now: Instant) {
+    fn sense(&mut self, inputs: &Inputs, now: Instant) {
         self.base.go_to(now);
-        // What was due before acts on the old senses, what is due now on the new ones.
+        // What was due before acts on the old inputs, what is due now on the new ones.
         if self.base.now > self.deadline {
             self.run_timers();
         }
-        self.body.sense(senses, &mut self.base);
+        self.body.sense(inputs, &mut self.base);
         self.settle();
     }
 

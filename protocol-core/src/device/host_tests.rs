@@ -23,7 +23,7 @@ struct Obedient {
     owed: bool,
     starts: heapless::Vec<Restart, 8>,
     saved: Option<bool>,
-    senses: Senses,
+    inputs: Inputs,
 }
 
 const fn demanded(frame: &Frame) -> Option<Restart> {
@@ -84,7 +84,7 @@ impl Body for Obedient {
     fn poll(&mut self, base: &mut Base) {
         if base.now() >= self.beat {
             self.polled.push(base.now()).unwrap();
-            self.found_fault = self.senses.internal_fault;
+            self.found_fault = self.inputs.internal_fault;
             self.beat = after(self.beat, Duration::from_millis(100));
         }
     }
@@ -95,8 +95,8 @@ impl Body for Obedient {
         self.beat
     }
 
-    fn sense(&mut self, senses: &Senses, _: &mut Base) {
-        self.senses = *senses;
+    fn sense(&mut self, inputs: &Inputs, _: &mut Base) {
+        self.inputs = *inputs;
     }
 
     fn take_filters(&mut self) -> Option<Filters> {
@@ -159,7 +159,7 @@ fn started() -> Host<Obedient> {
         owed: false,
         starts: heapless::Vec::new(),
         saved: None,
-        senses: Senses::default(),
+        inputs: Inputs::default(),
     });
     host.start_up(&Image::empty(), StartCause::PowerOn, START);
     host
@@ -211,7 +211,7 @@ fn what_a_frame_makes_due_at_once_acts_at_once() {
 fn what_was_due_before_new_senses_acts_on_the_old_ones() {
     for (at, on_new) in [(100, true), (101, false)] {
         let mut host = started();
-        host.sense(&Senses { internal_fault: true, ..Senses::default() }, after(START, Duration::from_millis(at)));
+        host.sense(&Inputs { internal_fault: true, ..Inputs::default() }, after(START, Duration::from_millis(at)));
         assert_eq!((host.body().polled.len(), host.body().found_fault), (1, on_new), "{at} ms");
     }
 }

@@ -1,6 +1,6 @@
 //! The products, and [`Device`], their common face.
 //!
-//! A device is sans-IO: frames, time and what it senses go in; frames, effects and outputs come out. It never blocks,
+//! A device is sans-IO: frames, time and inputs go in; frames, effects and outputs come out. It never blocks,
 //! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
 
 mod any;
@@ -9,19 +9,19 @@ mod description;
 pub mod fault_log;
 pub mod hat;
 pub mod host;
+mod inputs;
 mod kind;
 pub mod plant;
 pub mod pve;
 pub mod reading;
-mod senses;
 pub mod view;
 pub mod writes;
 
 pub use any::AnyDevice;
 #[cfg(feature = "names")]
 pub use description::{Capabilities, describe};
+pub use inputs::{Inputs, Outputs, ProductInputs, ValveOutputs};
 pub use kind::{Kind, Protocol, Setup};
-pub use senses::{Outputs, ProductSenses, Senses, ValveOutputs};
 pub use view::{View, Viewable};
 
 use crate::canopen::nmt::Reset;
@@ -81,8 +81,8 @@ pub trait Device {
     /// frame that means something to it passes one of the filters; many that mean nothing to it pass as well.
     fn take_filters(&mut self) -> Option<Filters>;
 
-    /// Takes what the device senses; to be called when any of it has changed, and once after the start.
-    fn sense(&mut self, senses: &Senses, now: Instant);
+    /// Takes the inputs; to be called when any of them has changed, and once after the start.
+    fn sense(&mut self, inputs: &Inputs, now: Instant);
 
     /// Lets the timers that are due act; costs next to nothing before [`deadline`](Self::deadline).
     fn poll(&mut self, now: Instant);

@@ -152,14 +152,14 @@ fn internal_errors(valve: &mut Rig) -> u32 {
 fn a_fault_while_the_counters_are_cleared() {
     let mut valve = Rig::booted();
     for active in [true, false].into_iter().cycle().take(10) {
-        valve.sense(|senses| senses.internal_fault = active);
+        valve.sense(|inputs| inputs.internal_fault = active);
     }
     valve.advance(2000);
     assert_eq!(internal_errors(&mut valve), 5);
     valve.write_time = Duration::from_millis(50);
     valve.send(CLEAR);
     valve.advance(10);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance(40);
     assert!(valve.take().contains(&COUNTERS_CLEARED.to_owned()));
     let mut cut = Rig::booted();
@@ -168,7 +168,7 @@ fn a_fault_while_the_counters_are_cleared() {
     assert!(internal_errors(&mut cut) <= 1, "after a power cut at the answer");
     assert_eq!(internal_errors(&mut valve), 1);
     valve.advance(20_000);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.power_cycle();
     assert_eq!(internal_errors(&mut valve), 1);
 }

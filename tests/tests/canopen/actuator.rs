@@ -89,7 +89,7 @@ fn float_reached() {
 #[test]
 fn the_lever() {
     let lever = |valve: &mut Rig, position: Option<i16>| {
-        valve.sense(|senses| senses.spool.lever = position.and_then(Position::new));
+        valve.sense(|inputs| inputs.spool.lever = position.and_then(Position::new));
     };
     let mut valve = Rig::booted();
     lever(&mut valve, Some(-5000));
@@ -132,11 +132,11 @@ fn what_can_be_wrong() {
     ];
     for (fault, set_point, told) in cases {
         let mut valve = active();
-        valve.sense(|senses| senses.spool.fault = fault);
+        valve.sense(|inputs| inputs.spool.fault = fault);
         assert_eq!(drive(&mut valve, set_point, 5000), told, "{fault:?} at {set_point}");
     }
     let mut valve = active();
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Drifting);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Drifting);
     assert_eq!(drive(&mut valve, 8192, 10_000), [AWAY, CLEARED], "drifting");
 }
 
@@ -144,12 +144,12 @@ fn what_can_be_wrong() {
 #[test]
 fn a_measured_position() {
     let mut valve = active();
-    valve.sense(|senses| senses.spool.measured = Position::new(1234));
+    valve.sense(|inputs| inputs.spool.measured = Position::new(1234));
     assert!(drive(&mut valve, 16384, 499).is_empty());
     assert_eq!(position(&mut valve), 1234);
     // away for 500 ms; it is not in neutral (819), so the fault lasts until it is
     assert_eq!(drive(&mut valve, 16384, 1), [AWAY]);
-    valve.sense_sends(|senses| senses.spool.measured = Position::new(820), &[]);
-    valve.sense(|senses| senses.spool.measured = Position::new(819));
+    valve.sense_sends(|inputs| inputs.spool.measured = Position::new(820), &[]);
+    valve.sense(|inputs| inputs.spool.measured = Position::new(819));
     valve.expect(CLEARED);
 }

@@ -3,15 +3,15 @@
 use protocol_core::actuator::SpoolFault;
 use protocol_core::controller::BusErrorMode::{BusOff, ErrorActive};
 use protocol_core::time::Duration;
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
 const BOOT_UP: &str = "720: 00";
 
 /// A fault that needs nothing of the device: how it comes and goes, after how long, and its row of SPEC 3.
 struct Row {
-    cause: fn(&mut Senses),
-    healthy: fn(&mut Senses),
+    cause: fn(&mut Inputs),
+    healthy: fn(&mut Inputs),
     delay_ms: u64,
     emcy: &'static str,
     register: u32,
@@ -19,32 +19,32 @@ struct Row {
 }
 
 const INTERNAL: Row = Row {
-    cause: |senses| senses.internal_fault = true,
-    healthy: |senses| senses.internal_fault = false,
+    cause: |inputs| inputs.internal_fault = true,
+    healthy: |inputs| inputs.internal_fault = false,
     delay_ms: 0,
     emcy: "00 10 01",
     register: 0x01,
     counter: 0x2024,
 };
 const HOT: Row = Row {
-    cause: |senses| senses.temperature_c = 121,
-    healthy: |senses| senses.temperature_c = 25,
+    cause: |inputs| inputs.temperature_c = 121,
+    healthy: |inputs| inputs.temperature_c = 25,
     delay_ms: 250,
     emcy: "01 83 09",
     register: 0x09,
     counter: 0x200F,
 };
-const COLD: Row = Row { cause: |senses| senses.temperature_c = -41, ..HOT };
+const COLD: Row = Row { cause: |inputs| inputs.temperature_c = -41, ..HOT };
 const SUPPLY_HIGH: Row = Row {
-    cause: |senses| senses.supply_mv = 36_001,
-    healthy: |senses| senses.supply_mv = 24_000,
+    cause: |inputs| inputs.supply_mv = 36_001,
+    healthy: |inputs| inputs.supply_mv = 24_000,
     delay_ms: 2000,
     emcy: "11 34 05",
     register: 0x05,
     counter: 0x2001,
 };
 const SUPPLY_LOW: Row =
-    Row { cause: |senses| senses.supply_mv = 8_999, emcy: "12 34 05", counter: 0x2002, ..SUPPLY_HIGH };
+    Row { cause: |inputs| inputs.supply_mv = 8_999, emcy: "12 34 05", counter: 0x2002, ..SUPPLY_HIGH };
 
 const ROWS: [Row; 5] = [INTERNAL, HOT, COLD, SUPPLY_HIGH, SUPPLY_LOW];
 
@@ -105,12 +105,12 @@ fn a_spool_that_does_not_follow() {
     let mut rig = Rig::active();
     feed(&mut rig, "00 40", 300);
     rig.take();
-    rig.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    rig.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     feed(&mut rig, "00 C0", 500);
     assert_eq!(emcys(&mut rig), ["0A0: 05 83 21 01 00 00 00 00"]);
     assert_eq!((rig.read(0x1001, 0), rig.read(0x201D, 0)), (0x21, 1));
     // Freed, it springs to neutral: then it is gone.
-    rig.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+    rig.sense(|inputs| inputs.spool.fault = SpoolFault::NoFloat);
     feed(&mut rig, "00 00", 200);
     assert_eq!(emcys(&mut rig), [NO_ERROR]);
     rig.send_all(&["220: 03 00 00 00", "220: 0B 00 00 00", "220: 0F 00 00 00"]);
@@ -173,9 +173,9 @@ fn a_fault_that_goes_when_another_comes_is_not_in_its_register() {
     rig.sense(SUPPLY_LOW.cause);
     rig.advance(2000);
     rig.expect("0A0: 12 34 05 01 00 00 00 00");
-    rig.sense(|senses| {
-        (SUPPLY_LOW.healthy)(senses);
-        (INTERNAL.cause)(senses);
+    rig.sense(|inputs| {
+        (SUPPLY_LOW.healthy)(inputs);
+        (INTERNAL.cause)(inputs);
     });
     rig.expect_all(&["0A0: 00 10 01 01 00 00 00 00"]);
     assert_eq!(rig.read(0x1001, 0), 0x01);
@@ -185,26 +185,26 @@ fn a_fault_that_goes_when_another_comes_is_not_in_its_register() {
     rig.expect("0A0: 11 34 05 01 00 00 00 00");
     rig.sense(HOT.cause);
     rig.advance(249);
-    rig.sense(|senses| {
-        (SUPPLY_HIGH.healthy)(senses);
-        (INTERNAL.healthy)(senses);
+    rig.sense(|inputs| {
+        (SUPPLY_HIGH.healthy)(inputs);
+        (INTERNAL.healthy)(inputs);
     });
     rig.expect(NO_ERROR);
-    rig.sense(|senses| senses.bus = BusOff);
+    rig.sense(|inputs| inputs.bus = BusOff);
     rig.advance(1);
-    rig.sense(|senses| senses.bus = ErrorActive);
+    rig.sense(|inputs| inputs.bus = ErrorActive);
     assert_eq!(rig.take(), ["0A0: 40 81 11 01 00 00 00 00", "0A0: 01 83 19 01 00 00 00 00"]);
 }
 
 #[test]
 fn both_of_an_injected_fault_and_bus_off_at_once() {
     let mut rig = Rig::booted();
-    rig.sense(|senses| {
-        senses.internal_fault = true;
-        senses.bus = BusOff;
+    rig.sense(|inputs| {
+        inputs.internal_fault = true;
+        inputs.bus = BusOff;
     });
     rig.expect_nothing();
-    rig.sense(|senses| senses.bus = ErrorActive);
+    rig.sense(|inputs| inputs.bus = ErrorActive);
     assert_eq!(rig.take(), ["0A0: 00 10 01 01 00 00 00 00", "0A0: 40 81 11 01 00 00 00 00"]);
     assert_eq!(rig.read(0x1001, 0), 0x01);
 }
@@ -224,9 +224,9 @@ fn bus_off_is_told_when_the_bus_is_back() {
     for start in ["000: 80 00", "000: 01 00"] {
         let mut rig = Rig::booted();
         rig.send(start);
-        rig.sense(|senses| senses.bus = BusOff);
+        rig.sense(|inputs| inputs.bus = BusOff);
         rig.silent_for(500);
-        rig.sense_sends(|senses| senses.bus = ErrorActive, &["0A0: 40 81 11 01 00 00 00 00", NO_ERROR]);
+        rig.sense_sends(|inputs| inputs.bus = ErrorActive, &["0A0: 40 81 11 01 00 00 00 00", NO_ERROR]);
         assert_eq!((rig.read(0x2019, 0), rig.read(0x6041, 0)), (1, 0x03));
         // The NMT state is what it was.
         assert_eq!(rig.write(0x1017, 0, 2, 1000), Ok(()));
@@ -239,8 +239,8 @@ fn bus_off_while_another_fault_is_active() {
     let mut rig = Rig::booted();
     rig.sense(INTERNAL.cause);
     rig.expect("0A0: 00 10 01 01 00 00 00 00");
-    rig.sense(|senses| senses.bus = BusOff);
-    rig.sense_sends(|senses| senses.bus = ErrorActive, &["0A0: 40 81 11 01 00 00 00 00"]);
+    rig.sense(|inputs| inputs.bus = BusOff);
+    rig.sense_sends(|inputs| inputs.bus = ErrorActive, &["0A0: 40 81 11 01 00 00 00 00"]);
     rig.sense(INTERNAL.healthy);
     rig.expect(NO_ERROR);
 }

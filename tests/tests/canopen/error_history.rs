@@ -14,8 +14,8 @@ fn internal(rig: &mut Rig) {
 }
 
 fn bus_off(rig: &mut Rig) {
-    rig.sense(|senses| senses.bus = BusOff);
-    rig.sense(|senses| senses.bus = ErrorActive);
+    rig.sense(|inputs| inputs.bus = BusOff);
+    rig.sense(|inputs| inputs.bus = ErrorActive);
     rig.take();
 }
 
@@ -48,10 +48,10 @@ fn newest_first_with_code_and_counter() {
 #[test]
 fn an_error_that_goes_leaves_no_entry_and_takes_none_away() {
     let mut rig = Rig::booted();
-    rig.sense(|senses| senses.internal_fault = true);
+    rig.sense(|inputs| inputs.internal_fault = true);
     rig.take();
     assert_history(&mut rig, &[0x0001_1000]);
-    rig.sense(|senses| senses.internal_fault = false);
+    rig.sense(|inputs| inputs.internal_fault = false);
     rig.take();
     assert_history(&mut rig, &[0x0001_1000]);
 }

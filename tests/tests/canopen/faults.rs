@@ -1,90 +1,90 @@
 //! The faults (SPEC 2 and 3): limits, delays, what each is told by, and how it ends.
 
 use protocol_core::controller::BusErrorMode;
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 use super::{CLEARED, SAVE, SAVED};
 
 /// A cause that is sensed: what brings the fault, what is just not enough, and what ends it.
 struct Row {
     name: &'static str,
-    trips: fn(&mut Senses),
-    tolerated: fn(&mut Senses),
+    trips: fn(&mut Inputs),
+    tolerated: fn(&mut Inputs),
     delay_ms: u64,
     code: u16,
     register: u8,
     counters: &'static [u16],
     /// Within the limit, but not within the hysteresis.
-    not_clear_yet: fn(&mut Senses),
-    clears: fn(&mut Senses),
+    not_clear_yet: fn(&mut Inputs),
+    clears: fn(&mut Inputs),
 }
 
 const ROWS: [Row; 6] = [
     Row {
         name: "internal error",
-        trips: |senses| senses.internal_fault = true,
+        trips: |inputs| inputs.internal_fault = true,
         tolerated: |_| {},
         delay_ms: 0,
         code: 0x1000,
         register: 0x01,
         counters: &[0x2024, 0x2040],
         not_clear_yet: |_| {},
-        clears: |senses| senses.internal_fault = false,
+        clears: |inputs| inputs.internal_fault = false,
     },
     Row {
         name: "CAN bus error",
-        trips: |senses| senses.bus = BusErrorMode::BusOff,
-        tolerated: |senses| senses.bus = BusErrorMode::ErrorPassive,
+        trips: |inputs| inputs.bus = BusErrorMode::BusOff,
+        tolerated: |inputs| inputs.bus = BusErrorMode::ErrorPassive,
         delay_ms: 0,
         code: 0x8140,
         register: 0x11,
         counters: &[0x2019],
         not_clear_yet: |_| {},
-        clears: |senses| senses.bus = BusErrorMode::ErrorActive,
+        clears: |inputs| inputs.bus = BusErrorMode::ErrorActive,
     },
     Row {
         name: "temperature, hot",
-        trips: |senses| senses.temperature_c = 121,
-        tolerated: |senses| senses.temperature_c = 120,
+        trips: |inputs| inputs.temperature_c = 121,
+        tolerated: |inputs| inputs.temperature_c = 120,
         delay_ms: 250,
         code: 0x8301,
         register: 0x09,
         counters: &[0x200F],
-        not_clear_yet: |senses| senses.temperature_c = 116,
-        clears: |senses| senses.temperature_c = 115,
+        not_clear_yet: |inputs| inputs.temperature_c = 116,
+        clears: |inputs| inputs.temperature_c = 115,
     },
     Row {
         name: "temperature, cold",
-        trips: |senses| senses.temperature_c = -41,
-        tolerated: |senses| senses.temperature_c = -40,
+        trips: |inputs| inputs.temperature_c = -41,
+        tolerated: |inputs| inputs.temperature_c = -40,
         delay_ms: 250,
         code: 0x8301,
         register: 0x09,
         counters: &[0x200F],
-        not_clear_yet: |senses| senses.temperature_c = -36,
-        clears: |senses| senses.temperature_c = -35,
+        not_clear_yet: |inputs| inputs.temperature_c = -36,
+        clears: |inputs| inputs.temperature_c = -35,
     },
     Row {
         name: "supply too high",
-        trips: |senses| senses.supply_mv = 36_001,
-        tolerated: |senses| senses.supply_mv = 36_000,
+        trips: |inputs| inputs.supply_mv = 36_001,
+        tolerated: |inputs| inputs.supply_mv = 36_000,
         delay_ms: 2000,
         code: 0x3411,
         register: 0x05,
         counters: &[0x2001],
-        not_clear_yet: |senses| senses.supply_mv = 32_000,
-        clears: |senses| senses.supply_mv = 31_999,
+        not_clear_yet: |inputs| inputs.supply_mv = 32_000,
+        clears: |inputs| inputs.supply_mv = 31_999,
     },
     Row {
         name: "supply too low",
-        trips: |senses| senses.supply_mv = 8_999,
-        tolerated: |senses| senses.supply_mv = 9_000,
+        trips: |inputs| inputs.supply_mv = 8_999,
+        tolerated: |inputs| inputs.supply_mv = 9_000,
         delay_ms: 2000,
         code: 0x3412,
         register: 0x05,
         counters: &[0x2002],
-        not_clear_yet: |senses| senses.supply_mv = 11_000,
-        clears: |senses| senses.supply_mv = 11_001,
+        not_clear_yet: |inputs| inputs.supply_mv = 11_000,
+        clears: |inputs| inputs.supply_mv = 11_001,
     },
 ];
 
@@ -194,12 +194,12 @@ fn every_fault_shuts_the_regulation_down() {
 fn counters_stop_at_127_and_go_on_being_told() {
     let mut valve = Rig::booted();
     for count in 1..=130 {
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         let count = count.min(127);
         assert_eq!(valve.take(), [emcy(0x1000, 0x01, count)]);
         assert_eq!((valve.read(0x2024, 0), valve.read(0x2040, 0)), (count, count));
         assert_eq!(valve.read(0x1003, 1), count << 16 | 0x1000);
-        valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+        valve.sense_sends(|inputs| inputs.internal_fault = false, &[CLEARED]);
     }
 }
 
@@ -207,31 +207,31 @@ fn counters_stop_at_127_and_go_on_being_told() {
 #[test]
 fn several_at_once() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.supply_mv = 8_000);
+    valve.sense(|inputs| inputs.supply_mv = 8_000);
     valve.advance(1750);
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.silent_until(250, &[emcy(0x8301, 0x09, 1), emcy(0x3412, 0x0D, 1)]);
-    valve.sense_sends(|senses| senses.internal_fault = true, &[&emcy(0x1000, 0x0D, 1)]);
+    valve.sense_sends(|inputs| inputs.internal_fault = true, &[&emcy(0x1000, 0x0D, 1)]);
     assert_eq!(valve.read(0x1003, 0), 3);
     assert_eq!([1, 2, 3].map(|sub| valve.read(0x1003, sub)), [0x0001_1000, 0x0001_3412, 0x0001_8301]);
 
-    valve.sense_sends(|senses| senses.temperature_c = 25, &[]);
+    valve.sense_sends(|inputs| inputs.temperature_c = 25, &[]);
     assert_eq!(valve.read(0x1001, 0), 0x05);
-    valve.sense_sends(|senses| senses.supply_mv = 24_000, &[]);
-    valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+    valve.sense_sends(|inputs| inputs.supply_mv = 24_000, &[]);
+    valve.sense_sends(|inputs| inputs.internal_fault = false, &[CLEARED]);
 }
 
 /// The time guard and a temperature at the instant of an RPDO: the EMCYs first, then the TPDO, which shows FAULT_HOLD.
 #[test]
 fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
     let mut valve = Rig::active();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.leap(protocol_core::time::Duration::from_millis(250));
     let told = [emcy(0x8301, 0x09, 1), emcy(0x8003, 0x99, 1)];
     assert_eq!(valve.take(), told);
 
     let mut valve = Rig::active();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.hold_bus(true);
     valve.advance(250);
     // the set-point ends the time guard's fault, and the temperature's goes on
@@ -244,7 +244,7 @@ mod bus_off {
     use super::*;
 
     fn set(valve: &mut Rig, bus: BusErrorMode) {
-        valve.sense(|senses| senses.bus = bus);
+        valve.sense(|inputs| inputs.bus = bus);
     }
 
     #[test]
@@ -277,12 +277,12 @@ mod bus_off {
     #[test]
     fn with_another_fault_active_its_end_is_not_told() {
         let mut valve = Rig::booted();
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         valve.take();
         set(&mut valve, BusErrorMode::BusOff);
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1)]);
-        valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+        valve.sense_sends(|inputs| inputs.internal_fault = false, &[CLEARED]);
     }
 
     /// EMCYs are told all the same, each activation in its turn: they are how the master learns what happened.
@@ -290,11 +290,11 @@ mod bus_off {
     fn another_fault_meanwhile_is_told_after_it() {
         let mut valve = Rig::booted();
         set(&mut valve, BusErrorMode::BusOff);
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance(250);
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), emcy(0x8301, 0x19, 1)]);
-        valve.sense_sends(|senses| senses.temperature_c = 25, &[CLEARED]);
+        valve.sense_sends(|inputs| inputs.temperature_c = 25, &[CLEARED]);
     }
 
     /// An answer that waits for a busy bus is lost with it.
@@ -356,13 +356,13 @@ mod memory {
     #[test]
     fn causes_of_one_fault_do_not_add_up() {
         let mut valve = Rig::booted();
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         valve.take();
         valve.writes_fail = true;
         assert_eq!(valve.write(0x1010, 1, 4, 0x6576_6173), Err(0x0606_0000));
         valve.writes_fail = false;
         valve.expect_nothing();
-        valve.sense_sends(|senses| senses.internal_fault = false, &[]);
+        valve.sense_sends(|inputs| inputs.internal_fault = false, &[]);
         valve.exchange(SAVE, &[CLEARED, SAVED]);
         assert_eq!(valve.read(0x2024, 0), 1);
     }

@@ -144,7 +144,7 @@ mod spool {
     }
 
     fn lever(valve: &mut Rig, position: i16) {
-        valve.sense(|senses| senses.spool.lever = Position::new(position));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(position));
     }
 
     /// 15 % of 16384 are 2457.6.
@@ -163,14 +163,14 @@ mod spool {
     #[test]
     fn another_set_point_does_not_restart_the_delay() {
         let mut valve = commanded("00 40");
-        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
         assert!(regulate(&mut valve, 300, "00 40").is_empty());
         valve.send("220: 0F 00 00 C0");
         assert!(regulate(&mut valve, 199, "00 C0").is_empty());
         assert_eq!(regulate(&mut valve, 1, "00 C0")[0], AWAY);
 
         let mut valve = commanded("00 40");
-        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
         assert!(regulate(&mut valve, 300, "00 40").is_empty());
         valve.send_all(&["220: 0F 00 00 00", "220: 0F 00 00 40"]);
         assert!(regulate(&mut valve, 499, "00 40").is_empty());
@@ -190,7 +190,7 @@ mod spool {
     #[test]
     fn stuck_in_neutral() {
         let mut valve = Rig::active();
-        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
         valve.send("220: 0F 00 00 40");
         valve.take();
         assert!(regulate(&mut valve, 499, "00 40").is_empty());
@@ -204,14 +204,14 @@ mod spool {
     fn stuck_away_from_neutral() {
         let mut valve = commanded("00 40");
         assert!(regulate(&mut valve, 1000, "00 40").is_empty());
-        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
         valve.send("220: 0F 00 00 00");
         valve.take();
         assert!(regulate(&mut valve, 499, "00 00").is_empty());
         assert_eq!(regulate(&mut valve, 1, "00 00"), [AWAY]);
         assert_eq!((valve.status(), valve.read(0x1001, 0)), (0x03, 0x21));
         assert!(regulate(&mut valve, 2000, "00 00").is_empty());
-        valve.sense(|senses| senses.spool.fault = SpoolFault::None);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::None);
         // 95 % of the 150 ms from full stroke
         valve.silent_for(142);
         valve.advance_sends(1, &[CLEARED]);
@@ -220,7 +220,7 @@ mod spool {
     #[test]
     fn float_not_reached_within_1000_ms() {
         let mut valve = Rig::active();
-        valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::NoFloat);
         valve.send("220: 0F 00 FF 7F");
         valve.take();
         assert!(regulate(&mut valve, 999, "FF 7F").is_empty());
@@ -235,7 +235,7 @@ mod spool {
     #[test]
     fn in_float_only_float_is_looked_at() {
         let mut valve = commanded("FF 7F");
-        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
         assert!(regulate(&mut valve, 999, "FF 7F").is_empty());
         assert_eq!(regulate(&mut valve, 1, "FF 7F"), [AWAY, CLEARED]);
     }
@@ -243,13 +243,13 @@ mod spool {
     #[test]
     fn both_share_counter_code_and_history() {
         let mut valve = Rig::active();
-        valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::NoFloat);
         valve.send("220: 0F 00 FF 7F");
         assert_eq!(regulate(&mut valve, 2000, "FF 7F"), [AWAY, CLEARED]);
         for word in ["03", "0B", "0F"] {
             valve.send(&format!("220: {word} 00 00 00"));
         }
-        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
         valve.send("220: 0F 00 00 40");
         valve.take();
         assert_eq!(regulate(&mut valve, 1000, "00 40"), [&AWAY.replace("21 01", "21 02"), CLEARED]);
@@ -265,7 +265,7 @@ mod spool {
         lever(&mut valve, 16384);
         valve.silent_for(10_000);
         assert_eq!((valve.status(), valve.read(0x201D, 0), valve.read(0x6301, 1)), (0x0F, 0, 16384));
-        valve.sense(|senses| senses.supply_mv = 40_000);
+        valve.sense(|inputs| inputs.supply_mv = 40_000);
         valve.advance_sends(2000, &["0A0: 11 34 05 01 00 00 00 00"]);
         assert_eq!(valve.status(), 0x03);
     }

@@ -75,7 +75,7 @@ fn a_tpdo_is_sent_in_every_device_state() {
             rig.exchange(&format!("220: {word} 00 00 00"), &[&format!("1A0: {status} 00 00 00")]);
         }
     }
-    rig.sense(|senses| senses.internal_fault = true);
+    rig.sense(|inputs| inputs.internal_fault = true);
     rig.take();
     rig.exchange("220: 0F 00 00 00", &["1A0: 03 00 00 00"]);
 }

@@ -55,16 +55,16 @@ fn act(valve: &mut Rig, event: Event) {
         Event::Advance(ms) => valve.advance(ms),
         Event::HoldBus(held) => valve.hold_bus(held),
         Event::BusOff(off) => {
-            valve.sense(|senses| senses.bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive })
+            valve.sense(|inputs| inputs.bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive })
         }
-        Event::Internal(there) => valve.sense(|senses| senses.internal_fault = there),
+        Event::Internal(there) => valve.sense(|inputs| inputs.internal_fault = there),
         Event::Toggle(times) => {
             for there in [true, false].into_iter().cycle().take(2 * times) {
-                valve.sense(|senses| senses.internal_fault = there);
+                valve.sense(|inputs| inputs.internal_fault = there);
             }
         }
-        Event::Temperature(there) => valve.sense(|senses| senses.temperature_c = if there { 130 } else { 25 }),
-        Event::SupplyLow(there) => valve.sense(|senses| senses.supply_mv = if there { 8_000 } else { 24_000 }),
+        Event::Temperature(there) => valve.sense(|inputs| inputs.temperature_c = if there { 130 } else { 25 }),
+        Event::SupplyLow(there) => valve.sense(|inputs| inputs.supply_mv = if there { 8_000 } else { 24_000 }),
         Event::Operational(true) => valve.send("000: 01 20"),
         Event::Operational(false) => valve.send("000: 80 20"),
         Event::Reset(order) => valve.send(&format!("000: {order} 20")),

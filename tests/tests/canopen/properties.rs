@@ -12,12 +12,12 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::{Frame, Id, extended, standard};
 use tests::hostile::{self, Disturbance, To, anything, check_services, distorted, lss, nmt, sdo};
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 /// The shortest heartbeat period: nothing that the valve sends by itself comes more often.
 const SHORTEST_PERIOD_MS: u64 = 10;
 
-/// What one frame or one change of the senses can set free at the most: all that can wait in the valve.
+/// What one frame or one change of the inputs can set free at the most: all that can wait in the valve.
 const BURST: u64 = 64;
 
 const INDICES: &[u16] = &[
@@ -65,7 +65,7 @@ enum Event {
     Uds(u16, u8, [u8; 8]),
     /// Use case 1: what random frames seldom get to.
     Activate,
-    Sense(Senses),
+    Sense(Inputs),
     Around(Disturbance),
     /// Somebody looks whether all is as it may be.
     Look,
@@ -99,7 +99,7 @@ fn uds() -> impl Strategy<Value = Event> {
     (any::<u16>(), request).prop_map(|(source, (len, data))| Event::Uds(source & 0x7FF, len, data))
 }
 
-fn senses() -> impl Strategy<Value = Senses> {
+fn inputs() -> impl Strategy<Value = Inputs> {
     let supply_mv = prop_oneof![4 => Just(24_000), 1 => any::<u32>(), 1 => select(&[8_999, 9_000, 36_000, 36_001][..])];
     let temperature_c = prop_oneof![4 => Just(25), 1 => any::<i16>(), 1 => select(&[-41, -40, 120, 121][..])];
     let bus = prop_oneof![
@@ -114,11 +114,11 @@ fn senses() -> impl Strategy<Value = Senses> {
     let position = || option::weighted(0.1, (-16384..=16384_i16).prop_map(|raw| Position::new(raw).unwrap()));
     (supply_mv, temperature_c, prop::bool::weighted(0.1), bus, fault, position(), position()).prop_map(
         |(supply_mv, temperature_c, internal_fault, bus, fault, lever, measured)| {
-            let mut senses = Senses { supply_mv, temperature_c, internal_fault, bus, ..Senses::default() };
-            senses.spool.fault = fault;
-            senses.spool.lever = lever;
-            senses.spool.measured = measured;
-            senses
+            let mut inputs = Inputs { supply_mv, temperature_c, internal_fault, bus, ..Inputs::default() };
+            inputs.spool.fault = fault;
+            inputs.spool.lever = lever;
+            inputs.spool.measured = measured;
+            inputs
         },
     )
 }
@@ -128,7 +128,7 @@ fn event() -> impl Strategy<Value = Event> {
         37 => frame(),
         3 => uds(),
         2 => Just(Event::Activate),
-        4 => senses().prop_map(Event::Sense),
+        4 => inputs().prop_map(Event::Sense),
         28 => Disturbance::any().prop_map(Event::Around),
         6 => Just(Event::Look),
     ]
@@ -183,7 +183,7 @@ fn act(rig: &mut Rig, event: &Event) {
                 rig.send(&format!("{:03X}: 0F 00 00 40", 0x200 + node_id));
             }
         }
-        Event::Sense(senses) => rig.sense(|sensed| *sensed = *senses),
+        Event::Sense(inputs) => rig.sense(|sensed| *sensed = *inputs),
         Event::Around(disturbance) => {
             disturbance.act(rig);
             allowed += disturbance.passes_ms() / SHORTEST_PERIOD_MS;
@@ -200,7 +200,7 @@ fn act(rig: &mut Rig, event: &Event) {
 
 /// With nothing in its way any more, the valve answers SDO; or LSS, as long as it has no node ID.
 fn assert_serves(rig: &mut Rig) {
-    rig.sense(|senses| *senses = Senses::default());
+    rig.sense(|inputs| *inputs = Inputs::default());
     hostile::let_be(rig);
     rig.send("000: 80 00");
     rig.take();

@@ -172,7 +172,7 @@ fn the_actual_value_reads_float_when_float_is_reached() {
 #[test]
 fn of_a_spool_that_is_moved_by_hand() {
     let mut rig = Rig::booted();
-    rig.sense(|senses| senses.spool.lever = protocol_core::actuator::Position::new(-4000));
+    rig.sense(|inputs| inputs.spool.lever = protocol_core::actuator::Position::new(-4000));
     rig.advance(500);
     assert_eq!(actual(&mut rig), (-4000, -31, 31, -244));
 }

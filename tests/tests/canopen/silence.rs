@@ -68,9 +68,9 @@ fn act(valve: &mut Rig, event: Event) {
         }
         Event::HoldBus(held) => valve.hold_bus(held),
         Event::BusOff(off) => {
-            valve.sense(|senses| senses.bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive });
+            valve.sense(|inputs| inputs.bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive });
         }
-        Event::Internal(there) => valve.sense(|senses| senses.internal_fault = there),
+        Event::Internal(there) => valve.sense(|inputs| inputs.internal_fault = there),
     }
 }
 

@@ -39,8 +39,8 @@ fn act(rig: &mut Rig, event: Event) {
     match event {
         Event::Advance(ms) => rig.advance(ms),
         Event::HoldBus(held) => rig.hold_bus(held),
-        Event::Bus(mode) => rig.sense_hat(|senses| senses.bus = mode),
-        Event::Internal(fault) => rig.sense_hat(|senses| senses.internal_fault = fault),
+        Event::Bus(mode) => rig.sense_hat(|inputs| inputs.bus = mode),
+        Event::Internal(fault) => rig.sense_hat(|inputs| inputs.internal_fault = fault),
         Event::Toggle(times) => {
             for _ in 0..times {
                 rig.internal_fault_comes_and_goes();

@@ -56,9 +56,9 @@ fn what_ends_power_save() {
     }
     // a spool that is moved
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.lever = Position::new(5000));
+    valve.sense(|inputs| inputs.spool.lever = Position::new(5000));
     assert!(solenoids(&valve));
-    valve.sense(|senses| senses.spool.lever = None);
+    valve.sense(|inputs| inputs.spool.lever = None);
     valve.advance(199);
     assert!(solenoids(&valve));
     valve.advance(300);
@@ -95,10 +95,10 @@ fn hand_operation() {
     assert_eq!(valve.flow(), [0x7D, 0x7D, 0x3A]);
     // a lever, a stuck spool: for as long as it likes
     for position in [16384, -16384, 3000] {
-        valve.sense(|senses| senses.spool.lever = Position::new(position));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(position));
         valve.advance_cyclic(3000, HAND);
     }
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     valve.advance_cyclic_news(3000, HAND, &[]);
     valve.send("18EA8327: CB FE 00");
     valve.expect_news(&["18FECB83: 00 FF 00 00 00 00 FF FF"]);
@@ -110,7 +110,7 @@ fn the_end_of_hand_operation_and_emergency_stop() {
     for command in [HAND, STOP] {
         let mut valve = Rig::claimed();
         valve.send(command);
-        valve.sense(|senses| senses.spool.lever = Position::new(8192));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(8192));
         valve.advance_cyclic(2000, command);
         // what is ignored ends nothing
         valve.send_all(&["0CFE3327: FB FF 31 FF FF FF FF FF", "0CFE3327: 00 FF 34 FF FF FF FF FF"]);
@@ -161,14 +161,14 @@ fn float() {
         }
         valve.advance_cyclic_news(5000, FLOAT, &[]);
         // pulled out of it: 5 % are near enough
-        valve.sense(|senses| senses.spool.lever = Position::new(16384 - 819));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(16384 - 819));
         valve.advance_cyclic_news(3000, FLOAT, &[]);
-        valve.sense(|senses| senses.spool.lever = Position::new(16384 - 821));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(16384 - 821));
         valve.advance_cyclic_news(999, FLOAT, &[]);
         valve.advance_news(1, &["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
         // until the spool is in neutral
         valve.advance_cyclic_news(300, FLOAT, &[]);
-        valve.sense_news(|senses| senses.spool.lever = Position::new(819), &[DM1_CLEAR]);
+        valve.sense_news(|inputs| inputs.spool.lever = Position::new(819), &[DM1_CLEAR]);
     }
 }
 
@@ -176,7 +176,7 @@ fn float() {
 #[test]
 fn the_hand_lever_wins() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.lever = Position::new(-8192));
+    valve.sense(|inputs| inputs.spool.lever = Position::new(-8192));
     for (command, state) in [(EXTEND, 0x31), (FLOAT, 0x33), (BLOCK, 0x30), (HAND, 0x3A)] {
         valve.send(command);
         assert_eq!(valve.flow(), [0x7D, 0xAF, state]);
@@ -199,7 +199,7 @@ fn an_on_off_valve() {
     }
     // 86 % is too little for a valve that knows full stroke alone
     let mut valve = on_off();
-    valve.sense(|senses| senses.spool.lever = Position::new(8192));
+    valve.sense(|inputs| inputs.spool.lever = Position::new(8192));
     let half = "0CFE3327: 7D FF 31 FF FF FF FF FF";
     valve.send(half);
     valve.advance_cyclic_news(500, half, &["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
@@ -213,13 +213,13 @@ fn the_led() {
     assert_eq!(led(&valve), Led::GREEN);
     valve.advance(250);
     assert_eq!(led(&valve), Led::RED_FLASHING, "time guarding");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(led(&valve), Led::RED, "internal error");
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     assert_eq!(led(&valve), Led::RED_FLASHING);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     assert_eq!(led(&valve), Led::RED, "bus-off");
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     valve.advance_cyclic(200, EXTEND);
     assert_eq!(led(&valve), Led::RED_FLASHING, "shut down without an active fault");
     valve.recover();
@@ -228,7 +228,7 @@ fn the_led() {
     assert_eq!(led(&valve), Led::GREEN_FLASHING);
     valve.send(LOWER_NAME);
     assert_eq!(led(&valve), Led::YELLOW, "cannot claim");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(led(&valve), Led::RED, "a fault comes first");
 }
 
@@ -238,12 +238,12 @@ fn a_shutdown_de_energises() {
     let mut valve = Rig::claimed();
     valve.send(FLOAT);
     valve.advance_cyclic(400, FLOAT);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert!(!solenoids(&valve));
     assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
     valve.advance(150);
     assert_eq!(valve.flow(), [0x7D, 0x7D, 0x30]);
     // a spool that is moved does not energise them
-    valve.sense(|senses| senses.spool.lever = Position::new(4000));
+    valve.sense(|inputs| inputs.spool.lever = Position::new(4000));
     assert!(!solenoids(&valve));
 }

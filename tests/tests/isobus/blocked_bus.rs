@@ -17,9 +17,9 @@ const DM2_TWO: [&str; 3] =
 fn dm1_tells_the_present_state() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance_cyclic(15_000, BLOCK);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.advance_cyclic(500, BLOCK);
     valve.hold_bus(false);
     assert_eq!(valve.take_under(DM1), [DM1_CLEAR]);
@@ -31,7 +31,7 @@ fn dm1_tells_the_present_state() {
 fn dm1_of_a_fault_that_lasts() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance_cyclic(5_500, BLOCK);
     valve.hold_bus(false);
     assert_eq!(valve.take_under(DM1), [INTERNAL]);
@@ -43,10 +43,10 @@ fn dm1_of_a_fault_that_lasts() {
 fn dm1_of_another_fault() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.internal_fault = true);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance_cyclic(300, BLOCK);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.hold_bus(false);
     assert_eq!(valve.take_under(DM1), [TEMPERATURE]);
 }
@@ -57,7 +57,7 @@ fn a_requested_dm1_tells_the_present_state() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
     valve.send(DM1_REQUEST);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.hold_bus(false);
     assert_eq!(valve.take_under(DM1), [INTERNAL]);
 }
@@ -149,12 +149,12 @@ fn a_bam_and_bus_off() {
         if under_way {
             valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
         }
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         if !under_way {
             valve.exchange(DM2_REQUEST, &[]);
         }
         valve.advance_cyclic(50, BLOCK);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         valve.advance_cyclic(1000, BLOCK);
         let sent = valve.take_news();
         assert!(!sent.iter().any(|frame| frame.starts_with("1CE")), "{sent:?}");
@@ -200,7 +200,7 @@ fn the_first_dm1_after_a_held_claim() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
     valve.power_cycle();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance(3000);
     valve.hold_bus(false);
     valve.expect(CLAIM);

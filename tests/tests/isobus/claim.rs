@@ -68,7 +68,7 @@ fn nothing_but_claims_for_250_ms() {
     // what is asked of it about the claim itself is told
     valve.exchange("18EA8327: 00 EE 00", &[CLAIM]);
     valve.exchange("18EAFF27: 00 EE 00", &[CLAIM]);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.silent_until(WAIT_MS, &[AVEF_BLOCKED, "18FECA83: 10 FF FA 8F 8B 01 FF FF"]);
     valve.exchange("1BC78883: 03 22 10 01", &["1BC418F1: 04 62 10 01 83"]);
 }
@@ -110,10 +110,10 @@ fn the_wait_counts_from_the_claim_on_the_bus() {
 fn the_wait_counts_from_the_end_of_bus_off() {
     for off in [1, 100, 250, 300, 5000] {
         let mut valve = Rig::claimed();
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         valve.power_cycle();
         valve.silent_for(off);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         valve.expect(CLAIM);
         valve.silent_until(WAIT_MS, &[AVEF_BLOCKED, DM1_CLEAR]);
     }
@@ -296,9 +296,9 @@ fn a_lost_valve_is_silent() {
         valve.silent_for(300);
     }
     // whatever goes wrong
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance(5000);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.silent_for(5000);
     assert_eq!(valve.node_id(), None);
     // nothing was written by UDS

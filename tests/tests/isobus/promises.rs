@@ -85,14 +85,14 @@ fn act(valve: &mut Rig, event: Event) {
         Event::Commanded(ms, command) => valve.advance_cyclic(ms, command),
         Event::HoldBus(held) => valve.hold_bus(held),
         Event::BusOff(off) => {
-            valve.sense(|senses| senses.bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive });
+            valve.sense(|inputs| inputs.bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive });
         }
-        Event::Internal(there) => valve.sense(|senses| senses.internal_fault = there),
-        Event::Temperature(there) => valve.sense(|senses| senses.temperature_c = if there { 130 } else { 25 }),
-        Event::SupplyLow(there) => valve.sense(|senses| senses.supply_mv = if there { 8_000 } else { 24_000 }),
+        Event::Internal(there) => valve.sense(|inputs| inputs.internal_fault = there),
+        Event::Temperature(there) => valve.sense(|inputs| inputs.temperature_c = if there { 130 } else { 25 }),
+        Event::SupplyLow(there) => valve.sense(|inputs| inputs.supply_mv = if there { 8_000 } else { 24_000 }),
         Event::Toggle(times) => {
             for there in [true, false].into_iter().cycle().take(2 * times) {
-                valve.sense(|senses| senses.internal_fault = there);
+                valve.sense(|inputs| inputs.internal_fault = there);
             }
         }
         Event::Send(text) => valve.send(text),

@@ -17,7 +17,7 @@ use protocol_core::frame::{Frame, Id, extended, standard};
 use protocol_core::time::Duration;
 use tests::hostile::Disturbance;
 use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_CLEAR, HAND, LOWER_NAME, STOP};
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 /// What can be set free by one event: all that can wait in the valve, and what it sends in the time that passes.
 const BURST: u64 = 40;
@@ -26,7 +26,7 @@ const BURST: u64 = 40;
 #[derive(Clone, Debug)]
 enum Event {
     Frame(Frame),
-    Sense(Senses),
+    Sense(Inputs),
     Around(Disturbance),
 }
 
@@ -116,7 +116,7 @@ fn plain_frame() -> impl Strategy<Value = Frame> {
     ]
 }
 
-fn senses() -> impl Strategy<Value = Senses> {
+fn inputs() -> impl Strategy<Value = Inputs> {
     let supply_mv = prop_oneof![4 => Just(24_000), 1 => any::<u32>(), 1 => select(&[8_999, 9_000, 36_000, 36_001][..])];
     let temperature_c = prop_oneof![4 => Just(25), 1 => any::<i16>(), 1 => select(&[120, 121][..])];
     let bus = prop_oneof![
@@ -131,11 +131,11 @@ fn senses() -> impl Strategy<Value = Senses> {
     let position = || option::weighted(0.1, (-16384..=16384_i16).prop_map(|raw| Position::new(raw).unwrap()));
     (supply_mv, temperature_c, prop::bool::weighted(0.1), bus, fault, position(), position()).prop_map(
         |(supply_mv, temperature_c, internal_fault, bus, fault, lever, measured)| {
-            let mut senses = Senses { supply_mv, temperature_c, internal_fault, bus, ..Senses::default() };
-            senses.spool.fault = fault;
-            senses.spool.lever = lever;
-            senses.spool.measured = measured;
-            senses
+            let mut inputs = Inputs { supply_mv, temperature_c, internal_fault, bus, ..Inputs::default() };
+            inputs.spool.fault = fault;
+            inputs.spool.lever = lever;
+            inputs.spool.measured = measured;
+            inputs
         },
     )
 }
@@ -144,7 +144,7 @@ fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         40 => plain_frame().prop_map(Event::Frame),
         20 => transport_frame().prop_map(Event::Frame),
-        6 => senses().prop_map(Event::Sense),
+        6 => inputs().prop_map(Event::Sense),
         32 => Disturbance::any().prop_map(Event::Around),
     ]
 }
@@ -152,7 +152,7 @@ fn event() -> impl Strategy<Value = Event> {
 fn act(rig: &mut Rig, event: &Event) {
     match event {
         Event::Frame(frame) => rig.send_frame(*frame),
-        Event::Sense(senses) => rig.sense(|sensed| *sensed = *senses),
+        Event::Sense(inputs) => rig.sense(|sensed| *sensed = *inputs),
         Event::Around(disturbance) => disturbance.act(rig),
     }
 }
@@ -208,7 +208,7 @@ fn assert_serves(rig: &mut Rig) {
     rig.write_time = Duration::from_ticks(0);
     rig.memory_damaged = false;
     rig.records.clear();
-    rig.sense(|senses| *senses = Senses::default());
+    rig.sense(|inputs| *inputs = Inputs::default());
     rig.hold_bus(false);
     rig.restart();
     assert_eq!(rig.node_id(), Some(0x83));
@@ -350,7 +350,7 @@ proptest! {
     /// Nobody but a commanded address gives a voice back to a valve that has lost its address.
     #[test]
     fn a_lost_valve_is_silent(setup in setup(), events in vec(
-        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => senses().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(|ms| Event::Around(Disturbance::Advance(ms)))],
+        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => inputs().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(|ms| Event::Around(Disturbance::Advance(ms)))],
         1..150,
     )) {
         let mut rig = Rig::claimed_as(setup);
@@ -469,10 +469,10 @@ proptest! {
         let (mut active, mut counts) = ([false; 4], [0_u8; 4]);
         for (which, there) in steps {
             match which {
-                0 => rig.sense(|senses| senses.internal_fault = there),
-                1 => rig.sense(|senses| senses.temperature_c = if there { 121 } else { 25 }),
-                2 => rig.sense(|senses| senses.supply_mv = if there { 36_001 } else { 24_000 }),
-                _ => rig.sense(|senses| senses.supply_mv = if there { 8_999 } else { 24_000 }),
+                0 => rig.sense(|inputs| inputs.internal_fault = there),
+                1 => rig.sense(|inputs| inputs.temperature_c = if there { 121 } else { 25 }),
+                2 => rig.sense(|inputs| inputs.supply_mv = if there { 36_001 } else { 24_000 }),
+                _ => rig.sense(|inputs| inputs.supply_mv = if there { 8_999 } else { 24_000 }),
             }
             if which >= 2 {
                 // one supply

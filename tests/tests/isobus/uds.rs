@@ -106,7 +106,7 @@ fn in_every_state() {
         for shut_down in [false, true] {
             let mut valve = Rig::claimed();
             valve.send(&format!("0CFE3327: 7D FF {state:02X} FF FF FF FF FF"));
-            valve.sense(|senses| senses.internal_fault = shut_down);
+            valve.sense(|inputs| inputs.internal_fault = shut_down);
             valve.take();
             valve.exchange("1BC78883: 03 22 F0 10", &["1BC418F1: 04 62 F0 10 A5"]);
             valve.exchange("1BC78883: 04 2E 10 01 86", &["1BC408F1: 03 6E 10 01"]);

@@ -41,7 +41,7 @@ impl Stored {
             stored.note(&bench, valve);
         }
         for internal_fault in [true, false, true, false] {
-            bench.sense(valve, |senses| senses.internal_fault = internal_fault);
+            bench.sense(valve, |inputs| inputs.internal_fault = internal_fault);
             bench.run_for(11_000);
             stored.note(&bench, valve);
         }

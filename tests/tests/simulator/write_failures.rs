@@ -34,7 +34,7 @@ fn stored() -> Flash {
     let (mut bench, valve) = Bench::booted();
     assert!(bench.write(0x20, (0x1010, 1, 4, u32::from_le_bytes(*b"save"))));
     for internal_fault in [true, false] {
-        bench.sense(valve, |senses| senses.internal_fault = internal_fault);
+        bench.sense(valve, |inputs| inputs.internal_fault = internal_fault);
     }
     bench.run_for(1000);
     bench.world.memory(valve).flash().clone()

@@ -57,7 +57,7 @@ impl Valve {
 
     /// Looks at everything as it is at `now`, which is not before anything that was due.
     pub(super) fn step(&mut self, now: Instant) {
-        self.environment.observe(self.senses.supply_mv, self.senses.temperature_c, &mut self.faults, now);
+        self.environment.observe(self.inputs.supply_mv, self.inputs.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);
         self.step_spool(now);
         self.schedule();

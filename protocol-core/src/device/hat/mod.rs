@@ -27,7 +27,7 @@ use records::{LAYER, VERSION, decode_serial, identity, new_layer};
 use super::host::{Base, Body, Host};
 use super::reading::Reading;
 use super::writes::{Asker, Write};
-use super::{Outputs, ProductSenses, Restart, Senses};
+use super::{Inputs, Outputs, ProductInputs, Restart};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::{Configuration, Layer};
 use crate::canopen::nmt::Reset;
@@ -208,13 +208,13 @@ impl Body for HatSensor {
         self.node.deadline()
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        if let ProductSenses::Encoder(shaft) = senses.product {
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base) {
+        if let ProductInputs::Encoder(shaft) = inputs.product {
             self.objects.shaft = shaft;
         }
-        self.internal_fault = senses.internal_fault;
-        self.set_error(Error::Controller, senses.internal_fault, base);
-        self.set_bus(senses.bus, base);
+        self.internal_fault = inputs.internal_fault;
+        self.set_error(Error::Controller, inputs.internal_fault, base);
+        self.set_bus(inputs.bus, base);
     }
 
     #[inline]

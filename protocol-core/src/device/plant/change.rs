@@ -7,7 +7,7 @@ use super::words::{
     SUPPLY_MV, TEMPERATURE_C, Value, WORDS, WRITE_FAILS, Word,
 };
 use crate::actuator::{Position, SpoolFault};
-use crate::device::{ProductSenses, Senses};
+use crate::device::{Inputs, ProductInputs};
 use crate::encoder::Shaft;
 use crate::time::Instant;
 
@@ -109,20 +109,20 @@ impl Change {
         }
     }
 
-    /// Changes what a device senses, at this instant. Memory and bus-off are the platform's, and no sense.
+    /// Changes an input of a device, at this instant. Memory and bus-off belong to the platform, and are no inputs.
     ///
     /// # Errors
     /// [`Inapplicable`]; nothing is changed then.
-    pub fn apply(self, senses: &mut Senses, now: Instant) -> Result<(), Inapplicable> {
-        use ProductSenses::{Encoder, Valve};
+    pub fn apply(self, inputs: &mut Inputs, now: Instant) -> Result<(), Inapplicable> {
+        use ProductInputs::{Encoder, Valve};
         let word = self.word();
-        if word.product.is_some_and(|product| product != (&senses.product).into()) {
+        if word.product.is_some_and(|product| product != (&inputs.product).into()) {
             return Err(Inapplicable::OtherProduct);
         }
         if !word.values.contain(self.value()) {
             return Err(Inapplicable::OutOfRange);
         }
-        match (self, &mut senses.product) {
+        match (self, &mut inputs.product) {
             (Self::SupplyMv(millivolt), Valve(valve)) => valve.supply_mv = millivolt,
             (Self::TemperatureC(celsius), Valve(valve)) => valve.temperature_c = celsius,
             (Self::Spool(fault), Valve(valve)) => valve.spool.fault = fault,
@@ -132,7 +132,7 @@ impl Change {
                 *shaft = Shaft { angle_cdeg: shaft.angle_at(now), speed_rpm, since: now, ..*shaft };
             }
             (Self::MeasuringError(there), Encoder(shaft)) => shaft.measuring_error = there,
-            (Self::InternalFault(there), _) => senses.internal_fault = there,
+            (Self::InternalFault(there), _) => inputs.internal_fault = there,
             // Memory and bus-off; the words of the other product are refused above.
             _ => {}
         }

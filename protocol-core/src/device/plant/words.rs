@@ -5,7 +5,7 @@ use core::fmt;
 
 use super::Plant;
 use crate::actuator::Position;
-use crate::device::{Kind, ProductSenses, hat, pve};
+use crate::device::{Kind, ProductInputs, hat, pve};
 use crate::encoder::TURN_CDEG;
 use crate::time::Instant;
 use crate::wire::decimal::decimal;
@@ -149,11 +149,11 @@ impl Product {
     }
 }
 
-impl From<&ProductSenses> for Product {
-    fn from(senses: &ProductSenses) -> Self {
-        match senses {
-            ProductSenses::Valve(_) => Self::Valve,
-            ProductSenses::Encoder(_) => Self::Encoder,
+impl From<&ProductInputs> for Product {
+    fn from(inputs: &ProductInputs) -> Self {
+        match inputs {
+            ProductInputs::Valve(_) => Self::Valve,
+            ProductInputs::Encoder(_) => Self::Encoder,
         }
     }
 }

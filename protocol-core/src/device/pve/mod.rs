@@ -7,7 +7,7 @@
 //! auxiliary_valve the valve under the commands of ISO 11783-7
 //! found           what a start finds in the memory
 //! records         what is kept in the memory
-//! identification  the identifiers of UDS lite          sensing    what a valve makes of its senses
+//! identification  the identifiers of UDS lite          sensing    the faults that inputs cause
 //! view            its state for people and tools
 //! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
 //! ```

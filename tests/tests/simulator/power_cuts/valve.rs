@@ -70,7 +70,7 @@ fn write_node_id(bench: &mut Bench, valve: NodeId) {
 
 fn blink(bench: &mut Bench, valve: NodeId) {
     for internal_fault in [true, false] {
-        bench.sense(valve, |senses| senses.internal_fault = internal_fault);
+        bench.sense(valve, |inputs| inputs.internal_fault = internal_fault);
     }
 }
 

@@ -29,7 +29,7 @@ use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::writes::{Asker, Write};
-use crate::device::{Outputs, Restart, Senses, ValveOutputs};
+use crate::device::{Inputs, Outputs, Restart, ValveOutputs};
 use crate::frame::Frame;
 use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
@@ -149,8 +149,8 @@ impl Body for CanopenValve {
         self.objects.application.valve.deadline().min(self.node.deadline()).min(self.load.retry_at())
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        let bus_off = self.causes.sense(&mut self.objects.application.valve, senses, base.now());
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base) {
+        let bus_off = self.causes.sense(&mut self.objects.application.valve, inputs, base.now());
         self.node.set_bus_off(bus_off);
     }
 

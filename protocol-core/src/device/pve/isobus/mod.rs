@@ -25,7 +25,7 @@ use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::writes::{Asker, Write};
-use crate::device::{Outputs, Restart, Senses, ValveOutputs};
+use crate::device::{Inputs, Outputs, Restart, ValveOutputs};
 use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node, Service};
 use crate::memory::{Memory, RecordKey};
@@ -180,8 +180,8 @@ impl Body for IsobusValve {
         self.node.deadline().min(self.auxiliary.valve.deadline())
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        let bus_off = self.causes.sense(&mut self.auxiliary.valve, senses, base.now());
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base) {
+        let bus_off = self.causes.sense(&mut self.auxiliary.valve, inputs, base.now());
         self.node.set_bus_off(bus_off);
     }
 
