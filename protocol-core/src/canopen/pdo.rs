@@ -333,7 +333,7 @@ impl Pdo {
 
     /// Returns whether a sample differs from the last one that was sent.
     #[inline]
-    pub(crate) fn is_news(&self, sample: Sample) -> bool {
+    pub(crate) fn has_changed(&self, sample: Sample) -> bool {
         self.last != Some(sample)
     }
 

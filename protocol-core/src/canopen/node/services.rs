@@ -125,7 +125,7 @@ impl<P: Product> Node<P> {
         }
         let sample = self.sample_when_due(product, now);
         // One that still waits must not tell the data of an earlier SYNC.
-        if at_sync == AtSync::Due || self.owed.owes_tpdo() || self.objects.tpdo.is_news(sample) {
+        if at_sync == AtSync::Due || self.owed.owes_tpdo() || self.objects.tpdo.has_changed(sample) {
             self.owed.owe_tpdo(sample);
         }
     }
