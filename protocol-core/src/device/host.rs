@@ -7,7 +7,7 @@ use heapless::VecView;
 
 use super::fault_log::FaultLogClock;
 use super::reading::Reading;
-use super::writes::{Asker, KINDS, Write, Writes};
+use super::writes::{KINDS, Requester, Write, Writes};
 use super::{Device, Effect, Inputs, Outputs, Restart, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
@@ -16,9 +16,9 @@ use crate::time::{Instant, NEVER, latest};
 
 /// The kinds of write that every device asks for: what a new memory lacks, and the fault log.
 const OWN_WRITES: [Write; 3] = [
-    Write::new(RecordKey::Factory, Asker::Device),
-    Write::new(RecordKey::LocalLayer, Asker::Device),
-    Write::new(RecordKey::FaultLog, Asker::Device),
+    Write::new(RecordKey::Factory, Requester::Device),
+    Write::new(RecordKey::LocalLayer, Requester::Device),
+    Write::new(RecordKey::FaultLog, Requester::Device),
 ];
 
 /// What a device writes to the memory: its product's part of a write.
@@ -44,7 +44,7 @@ pub trait Body: Storing + Sized {
     const FAULT_LOG: bool;
     /// The version of the payloads of its records.
     const RECORD_VERSION: u8;
-    /// The kinds of write that the product asks for, beside those of every device: each record with each asker. The
+    /// The kinds of write that the product asks for, beside those of every device: each record with each requester. The
     /// queue has a place for each.
     const WRITES: &'static [Write];
 
@@ -178,13 +178,13 @@ impl Base {
     pub fn fill(&mut self, reading: &Reading<'_>) {
         for record in [RecordKey::Factory, RecordKey::LocalLayer] {
             if reading.is_absent(record) {
-                self.writes.ask(Write::new(record, Asker::Device));
+                self.writes.request(Write::new(record, Requester::Device));
             }
         }
     }
 
     fn store_fault_log(&mut self) {
-        self.writes.ask(Write::new(RecordKey::FaultLog, Asker::Device));
+        self.writes.request(Write::new(RecordKey::FaultLog, Requester::Device));
         self.fault_log.begun();
     }
 
@@ -196,7 +196,7 @@ impl Base {
         }
         let write = self.writes.begin()?;
         if write.record == RecordKey::FaultLog {
-            let is_clearing = write.asked_by != Asker::Device;
+            let is_clearing = write.requester != Requester::Device;
             self.restart.log_begun = self.restart.is_due() && !is_clearing;
             if is_clearing { self.fault_log.clearing() } else { self.fault_log.begun() }
         }
@@ -223,7 +223,7 @@ impl Base {
         let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {
             self.restart.log_failed |= self.restart.log_begun && !stored;
-            if write.asked_by == Asker::Device || !stored {
+            if write.requester == Requester::Device || !stored {
                 self.fault_log.ended(stored, self.now);
             }
         }

@@ -8,10 +8,10 @@ use crate::time::{Duration, after};
 
 const MS: Duration = Duration::from_millis(1);
 
-const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
+const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
 
 /// Not among the writes of the body.
-const UNLISTED: Write = Write::new(RecordKey::Parameters, Asker::Uds);
+const UNLISTED: Write = Write::new(RecordKey::Parameters, Requester::Uds);
 
 /// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 3 asks for an unlisted write, 4 is due at once, 0x81 and 0x82
 /// reset.
@@ -64,9 +64,9 @@ impl Body for Obedient {
 
     fn handle(&mut self, (): (), frame: &Frame, base: &mut Base) {
         match frame.bytes()[0] {
-            1 => base.writes.ask(SAVE),
+            1 => base.writes.request(SAVE),
             2 => base.fault_log.changed(base.now()),
-            3 => base.writes.ask(UNLISTED),
+            3 => base.writes.request(UNLISTED),
             4 => self.beat = base.now(),
             _ => {}
         }

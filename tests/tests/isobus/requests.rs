@@ -25,7 +25,7 @@ fn what_is_supported() {
     }
 }
 
-/// A negative acknowledgement repeats the group and names the asker; a request to all is met by silence.
+/// A negative acknowledgement repeats the group and names the requester; a request to all is met by silence.
 #[test]
 fn what_is_not_supported() {
     let mut valve = Rig::claimed();

@@ -37,7 +37,7 @@ fn every_address() {
     }
 }
 
-/// Wherever the asker is, its answer goes there; identifiers that look like other services of ISOBUS are none.
+/// Wherever the requester is, its answer goes there; identifiers that look like other services of ISOBUS are none.
 #[test]
 fn every_source() {
     let mut valve = Rig::claimed();

@@ -26,7 +26,7 @@ use records::{LAYER, VERSION, decode_serial, identity, new_layer};
 
 use super::host::{Base, Body, Host};
 use super::reading::Reading;
-use super::writes::{Asker, Write};
+use super::writes::{Requester, Write};
 use super::{Inputs, Outputs, ProductInputs, Restart};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::{Configuration, Layer};
@@ -124,7 +124,7 @@ impl HatSensor {
             Demand::Task(task) => self.begin_task(task, base),
             Demand::StoreConfiguration => {
                 self.objects.demanded_since = Configuration::NONE;
-                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss));
+                base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Lss));
             }
             Demand::Reset(reset) => base.request_restart(reset.into()),
         }

@@ -90,7 +90,7 @@ impl<const DM2: usize> Node<DM2> {
         }
         match request.pgn {
             Pgn::DM1 => self.owe(Message::Dm1),
-            // Another one during a running broadcast is dropped: its asker hears that one.
+            // Another one during a running broadcast is dropped: its requester hears that one.
             Pgn::DM2 if self.bam.is_busy() => {}
             Pgn::DM2 => self.owe(Message::Dm2),
             Pgn::DM3 => return Indication::ClearPreviouslyActive(request),

@@ -12,7 +12,7 @@ use crate::wire::j1939_id::{J1939Id, Pgn};
 const CLAIM: &str = "18EEFF83: 01 00 20 07 08 FF 02 20";
 const CANNOT_CLAIM: &str = "18EEFFFE: 01 00 20 07 08 FF 02 20";
 
-const TO_ALL: Request = Request { pgn: Pgn::ADDRESS_CLAIMED, asker: TOOL, addressed: false };
+const TO_ALL: Request = Request { pgn: Pgn::ADDRESS_CLAIMED, requester: TOOL, addressed: false };
 const TO_OWN: Request = Request { addressed: true, ..TO_ALL };
 
 /// The longest delay of a cannot-claim.

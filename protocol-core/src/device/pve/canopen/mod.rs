@@ -28,7 +28,7 @@ use crate::canopen::node::{Demand, Node, Service};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
-use crate::device::writes::{Asker, Write};
+use crate::device::writes::{Requester, Write};
 use crate::device::{Inputs, Outputs, Restart, ValveOutputs};
 use crate::frame::Frame;
 use crate::memory::{Memory, RecordKey};
@@ -66,7 +66,7 @@ impl CanopenValve {
     fn demanded(&mut self, demand: Demand<Task>, base: &mut Base) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss)),
+            Demand::StoreConfiguration => base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Lss)),
             Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }
@@ -77,13 +77,13 @@ impl CanopenValve {
             kind: self.setup.kind,
             factory: self.objects.factory(),
             local_layer: self.local_layer,
-            busy: base.writes.iter().any(|write| write.asked_by == Asker::Uds),
+            busy: base.writes.iter().any(|write| write.requester == Requester::Uds),
         };
         match identification.serve_node(node_id.get(), frame) {
             Reaction::Nothing => {}
             Reaction::Answer(answer) => self.node.answer(answer),
             Reaction::StoreNodeId(raw) => {
-                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Uds).with(raw));
+                base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Uds).with(raw));
             }
         }
     }

@@ -24,7 +24,7 @@ use super::sensing::Causes;
 use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
-use crate::device::writes::{Asker, Write};
+use crate::device::writes::{Requester, Write};
 use crate::device::{Inputs, Outputs, Restart, ValveOutputs};
 use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node, Service};
@@ -87,8 +87,8 @@ impl IsobusValve {
     /// Stores a commanded address; the valve then restarts under it.
     fn store_address(&self, address: Address, base: &mut Base) {
         if self.setup.kind.node_ids().contains(&address.get()) {
-            let write = Write::new(RecordKey::LocalLayer, Asker::CommandedAddress);
-            base.writes.ask(write.with(address.get()));
+            let write = Write::new(RecordKey::LocalLayer, Requester::CommandedAddress);
+            base.writes.request(write.with(address.get()));
         }
     }
 
@@ -99,13 +99,13 @@ impl IsobusValve {
             kind: self.setup.kind,
             factory: &self.factory,
             local_layer: self.local_layer,
-            busy: base.writes.iter().any(|write| write.asked_by == Asker::Uds),
+            busy: base.writes.iter().any(|write| write.requester == Requester::Uds),
         };
         match identification.serve_node(own.get(), frame) {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.node.answer(frame),
             Reaction::StoreNodeId(address) => {
-                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Uds).with(address));
+                base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Uds).with(address));
             }
         }
     }
