@@ -5,8 +5,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 
-use super::attention::{Caller, call};
 use super::nucleo::PRESSED;
+use super::wake_up::{Event, notify};
 
 /// The button was pressed.
 pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
@@ -28,7 +28,7 @@ pub(super) async fn run(button: Input<'static>, presses: &'static Presses) -> ! 
         (pressed, looks) = (!pressed, 0);
         if pressed {
             presses.signal(());
-            call(Caller::Front);
+            notify(Event::Controls);
         }
     }
 }

@@ -9,9 +9,9 @@ use firmware::plant::Product;
 use heapless::Vec;
 use static_cell::ConstStaticCell;
 
-use super::attention::{Caller, call};
 use super::reset;
 use super::serial::{BUFFER, Port, Transmitter, arrived};
+use super::wake_up::{Event, notify};
 
 /// The time in which two characters are sent, rounded up.
 const LAST_TWO: Duration = Duration::from_millis(1);
@@ -72,7 +72,7 @@ pub(super) async fn run(mut port: Port, lines: &'static Lines, answers: &'static
                 Some(Arrival::Damaged) => Answer::Damaged,
                 Some(Arrival::Whole) => {
                     lines.signal(exchange);
-                    call(Caller::Front);
+                    notify(Event::Controls);
                     let answer;
                     (exchange, answer) = answers.wait().await;
                     answer

@@ -8,8 +8,8 @@ use protocol_core::actuator::Led;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::{Device, Inputs, ProductInputs};
 
-use super::attention::{Caller, call};
 use super::nucleo::Leds;
+use super::wake_up::{Event, notify};
 
 /// A step of what the LEDs show: a third of half a period of 1.5 Hz.
 const STEP: Duration = Duration::from_millis(111);
@@ -64,7 +64,7 @@ pub(super) async fn run(mut leds: Leds, lights: &'static Lights) -> ! {
     let mut step = 0;
     loop {
         // The device's task is above this one: it has answered when this is done.
-        call(Caller::Leds);
+        notify(Event::Leds);
         if let Some(led) = lights.shown() {
             leds.show(led, step);
         }

@@ -8,8 +8,8 @@ use nvm::{BUFFER, Contents, Records, Unreadable};
 use protocol_core::memory::{Record, RecordKey, StoreError};
 use static_cell::ConstStaticCell;
 
-use super::attention::{Caller, call};
 use super::flash::{LONGEST_ERASE, Sectors};
+use super::wake_up::{Event, notify};
 
 /// One request of each kind waits at the most.
 const REQUESTS: usize = 3;
@@ -102,7 +102,7 @@ pub(super) async fn run(
     let mut done = Done::Started(memory.start(contents), contents);
     loop {
         results.send(done).await;
-        call(Caller::Memory);
+        notify(Event::Memory);
         done = match requests.receive().await {
             Request::Store(key, record) => Done::Stored(key, memory.store(key, &record)),
             Request::Read(contents) => {

@@ -30,7 +30,7 @@ use heapless::spsc::Consumer;
 use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 
-use super::attention::{Caller, call};
+use super::wake_up::{Event, notify};
 pub(super) use receive::OVERRUNS;
 pub(super) use transmit::retry;
 
@@ -66,7 +66,7 @@ fn CAN1_SCE() {
     ERROR_INTERRUPTS.fetch_add(1, Ordering::Relaxed);
     interrupt_unless_reached();
     CAN1.msr().write(|msr| msr.set_erri(true));
-    call(Caller::Errors);
+    notify(Event::Errors);
 }
 
 /// Enables the interrupts of the error modes that are not reached, and masks the others: a mode that stands could

@@ -13,7 +13,7 @@ use static_cell::ConstStaticCell;
 
 use super::Registers;
 use super::frames::Payload;
-use crate::board::attention::{Caller, call};
+use crate::board::wake_up::{Event, notify};
 
 /// How many frames wait for the device's task: those of 12 ms at 1 Mbit/s, were they all for the device.
 const QUEUE: usize = 256;
@@ -70,5 +70,5 @@ fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Fram
     if lost != 0 {
         OVERRUNS.fetch_add(lost, Ordering::Relaxed);
     }
-    call(Caller::Received);
+    notify(Event::Received);
 }

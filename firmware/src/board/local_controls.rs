@@ -15,8 +15,8 @@ use super::can::{ERROR_INTERRUPTS, OVERRUNS};
 use super::console::{Answer, Answers, Exchange, Lines, Text};
 use super::link::Link;
 
-/// Console and button, as the device's task has them.
-pub(super) struct Front {
+/// Console and button, for the device's task.
+pub(super) struct LocalControls {
     lines: &'static Lines,
     answers: &'static Answers,
     presses: &'static Presses,
@@ -26,8 +26,8 @@ pub(super) struct Front {
     injection: Injection,
 }
 
-impl Front {
-    /// Returns the front of a board.
+impl LocalControls {
+    /// Returns the controls of a board.
     pub(super) const fn new(lines: &'static Lines, answers: &'static Answers, presses: &'static Presses) -> Self {
         Self { lines, answers, presses, exchange: None, injection: Injection::None }
     }
