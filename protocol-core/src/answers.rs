@@ -1,4 +1,4 @@
-//! The answers that a node owes: they do not go stale, so they wait in their order. Both protocols' nodes have one such
+//! The pending answers of a node: they do not go stale, so they wait in their order. Both protocols' nodes have one such
 //! queue.
 
 use heapless::Vec;

@@ -63,8 +63,8 @@ pub trait Body: Storing + Sized {
     /// Lets the timers that are due act.
     fn poll(&mut self, base: &mut Base);
 
-    /// Acts on what the last call has changed: called after each of the others, before the next deadline is asked for.
-    fn settle(&mut self, base: &mut Base);
+    /// Acts on the changes of the last call: called after each of the others, before the next deadline is read.
+    fn apply_changes(&mut self, base: &mut Base);
 
     /// Returns when [`poll`](Self::poll) is next due.
     fn deadline(&self) -> Instant;
@@ -87,7 +87,7 @@ pub trait Body: Storing + Sized {
     /// Notes that every frame which the controller took is on the bus by now.
     fn all_sent(&mut self, base: &mut Base);
 
-    /// Returns whether a frame is owed that may be sent now.
+    /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
 
     /// Returns a bit rate to be in force from now on.
@@ -121,12 +121,12 @@ pub struct Base {
     pub writes: Writes,
     /// When the fault log is to be written.
     pub fault_log: FaultLogClock,
-    restart: Pending,
+    restart: PendingRestart,
 }
 
 /// The restarts under way.
 #[derive(Clone, Debug, Default)]
-struct Pending {
+struct PendingRestart {
     /// Waits until nothing is being written and all is sent.
     wanted: Option<Restart>,
     /// In the platform's hands.
@@ -137,7 +137,7 @@ struct Pending {
     log_failed: bool,
 }
 
-impl Pending {
+impl PendingRestart {
     /// Returns whether a restart waits, and none is being carried out.
     const fn is_due(&self) -> bool {
         self.wanted.is_some() && !self.handed_out
@@ -233,7 +233,7 @@ impl Base {
     /// Returns the restart that nothing keeps waiting any more, and hands it out.
     fn begin_restart(&mut self, all_sent: bool) -> Option<Restart> {
         let scope = self.restart.wanted.filter(|_| self.restart.is_due() && all_sent && self.writes.is_idle())?;
-        self.restart = Pending { handed_out: true, ..Pending::default() };
+        self.restart = PendingRestart { handed_out: true, ..PendingRestart::default() };
         Some(scope)
     }
 }
@@ -267,7 +267,7 @@ impl<B: Body> Host<B> {
             now: Instant::MIN,
             writes: Writes::new(),
             fault_log: FaultLogClock::new(),
-            restart: Pending::default(),
+            restart: PendingRestart::default(),
         };
         Self { body: B::new(setup), base, deadline: NEVER }
     }
@@ -279,7 +279,7 @@ impl<B: Body> Host<B> {
         if cause == StartCause::Watchdog {
             self.body.watchdog_reset(&mut self.base);
         }
-        self.settle();
+        self.finish();
     }
 
     /// Returns the product and its node.
@@ -295,7 +295,7 @@ impl<B: Body> Host<B> {
         }
         self.advance(now);
         self.body.handle(service, frame, &mut self.base);
-        self.settle();
+        self.finish();
     }
 
     /// Takes a frame while a restart waits. Kept apart: it would take registers of the way of all other frames.
@@ -303,7 +303,7 @@ impl<B: Body> Host<B> {
     fn take_restarting(&mut self, frame: &Frame, now: Instant, service: B::Service) {
         self.advance(now);
         self.body.handle_restarting(service, frame, &mut self.base);
-        self.settle();
+        self.finish();
     }
 
     /// Goes to `now`, or stays at the last instant, and lets what is due by then act first. Each frame for the device comes here.
@@ -320,13 +320,13 @@ impl<B: Body> Host<B> {
         if B::FAULT_LOG && self.base.now >= self.base.fault_log.due() {
             self.base.store_fault_log();
         }
-        self.body.settle(&mut self.base);
+        self.body.apply_changes(&mut self.base);
         self.schedule();
     }
 
-    /// Finds out when something is next due, after anything was done.
-    fn settle(&mut self) {
-        self.body.settle(&mut self.base);
+    /// Ends a call: acts on its changes and finds the next deadline.
+    fn finish(&mut self) {
+        self.body.apply_changes(&mut self.base);
         self.schedule();
         // What was just begun can be due at once.
         if self.base.now >= self.deadline {
@@ -372,7 +372,7 @@ impl<B: Body> Device for Host<B> {
             self.run_timers();
         }
         self.body.sense(inputs, &mut self.base);
-        self.settle();
+        self.finish();
     }
 
     #[inline]
@@ -395,7 +395,7 @@ impl<B: Body> Device for Host<B> {
     fn all_sent(&mut self, now: Instant) -> bool {
         self.base.go_to(now);
         self.body.all_sent(&mut self.base);
-        self.settle();
+        self.finish();
         self.body.has_frame()
     }
 
@@ -418,7 +418,7 @@ impl<B: Body> Device for Host<B> {
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {
         self.advance(now);
         self.base.end_write(&mut self.body, key, result.is_ok());
-        self.settle();
+        self.finish();
     }
 
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant) {
@@ -429,7 +429,7 @@ impl<B: Body> Device for Host<B> {
             self.base.fault_log = FaultLogClock::new();
         }
         self.body.start(scope, memory, &mut self.base);
-        self.settle();
+        self.finish();
     }
 
     fn flush(&mut self, now: Instant) {

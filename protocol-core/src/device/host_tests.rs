@@ -20,7 +20,7 @@ struct Obedient {
     polled: heapless::Vec<Instant, 8>,
     /// Whether the last poll found an internal fault.
     found_fault: bool,
-    owed: bool,
+    pending: bool,
     starts: heapless::Vec<Restart, 8>,
     saved: Option<bool>,
     inputs: Inputs,
@@ -89,7 +89,7 @@ impl Body for Obedient {
         }
     }
 
-    fn settle(&mut self, _: &mut Base) {}
+    fn apply_changes(&mut self, _: &mut Base) {}
 
     fn deadline(&self) -> Instant {
         self.beat
@@ -108,17 +108,17 @@ impl Body for Obedient {
     }
 
     fn next_frame(&mut self, _: Instant) -> Option<Frame> {
-        core::mem::take(&mut self.owed).then(|| "701: 05".parse().unwrap())
+        core::mem::take(&mut self.pending).then(|| "701: 05".parse().unwrap())
     }
 
     fn give_back(&mut self, _: Frame) {
-        self.owed = true;
+        self.pending = true;
     }
 
     fn all_sent(&mut self, _: &mut Base) {}
 
     fn has_frame(&self) -> bool {
-        self.owed
+        self.pending
     }
 
     fn take_bit_rate(&mut self) -> Option<BitRate> {
@@ -156,7 +156,7 @@ fn started() -> Host<Obedient> {
         beat: NEVER,
         polled: heapless::Vec::new(),
         found_fault: false,
-        owed: false,
+        pending: false,
         starts: heapless::Vec::new(),
         saved: None,
         inputs: Inputs::default(),

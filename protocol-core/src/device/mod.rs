@@ -93,11 +93,11 @@ pub trait Device {
     /// [`Controller::abort`]: crate::controller::Controller::abort
     fn take_abort(&mut self) -> Option<Filter>;
 
-    /// Makes the most urgent frame that is owed, as things are at `now`: in the order of arbitration, first come first
+    /// Makes the most urgent pending frame, as things are at `now`: in the order of arbitration, first come first
     /// served among equals. The frame counts as the controller's until it is [given back](Self::give_back).
     fn next_frame(&mut self, now: Instant) -> Option<Frame>;
 
-    /// Takes back a frame that the controller could not take, or gave back for a more urgent one: it is owed again.
+    /// Takes back a frame that the controller could not take, or gave back for a more urgent one, and queues it again.
     fn give_back(&mut self, frame: Frame);
 
     /// Takes note that every frame which the controller took is on the bus by `now`. Returns whether that makes another

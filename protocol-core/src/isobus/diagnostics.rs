@@ -43,17 +43,17 @@ impl Dm1 {
         self.active = active;
         self.changed = Some(at);
         self.next = NEVER;
-        Outcome::Owed
+        Outcome::Pending
     }
 
-    /// Owes the repetition that is due.
+    /// Queues the repetition that is due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         if now < self.next {
             return Outcome::Nothing;
         }
         self.next = next_in_grid(self.next, PERIOD, now);
-        Outcome::Owed
+        Outcome::Pending
     }
 
     /// Renders the message of the present state, or before it that of a code that only passed.
@@ -72,10 +72,10 @@ impl Dm1 {
         single(Pgn::DM1, self.rendered, source)
     }
 
-    /// Notes that the message is on the bus. After a code that only passed, the present state is owed.
+    /// Notes that the message is on the bus. After a code that only passed, the present state is pending.
     #[must_use]
     pub const fn sent(&self) -> Outcome {
-        if self.changed.is_some() { Outcome::Owed } else { Outcome::Nothing }
+        if self.changed.is_some() { Outcome::Pending } else { Outcome::Nothing }
     }
 
     /// Returns the code in the DM1 that was rendered last.

@@ -49,7 +49,7 @@ struct Sending<const SIZE: usize> {
     /// The next frame, or the one in the controller; 0 is the announcement.
     sequence: u8,
     in_controller: bool,
-    /// When that frame is owed; [`NEVER`] once it is.
+    /// When that frame is queued; [`NEVER`] once it is.
     due: Instant,
     /// When that frame has to be on the bus.
     give_up: Instant,
@@ -94,7 +94,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         self.sending.take().is_some()
     }
 
-    /// Owes the frame that is due, or gives the message up when the bus kept it waiting for longer than [`SEND_GAP`].
+    /// Queues the frame that is due, or gives the message up when the bus kept it waiting for longer than [`SEND_GAP`].
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match &mut self.sending {
@@ -104,7 +104,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
             }
             Some(sending) if now >= sending.due => {
                 sending.due = NEVER;
-                Outcome::Owed
+                Outcome::Pending
             }
             _ => Outcome::Nothing,
         }
@@ -134,7 +134,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         })
     }
 
-    /// Notes that the controller could not take the frame: it is owed still.
+    /// Notes that the controller could not take the frame: it stays pending.
     pub const fn take_back(&mut self) {
         if let Some(sending) = &mut self.sending {
             sending.in_controller = false;

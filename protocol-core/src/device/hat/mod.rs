@@ -198,7 +198,7 @@ impl Body for HatSensor {
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base) {
+    fn apply_changes(&mut self, base: &mut Base) {
         self.node.start_itself(&mut self.objects, base.now());
         self.objects.in_force.bit_rate = self.node.bit_rate();
     }

@@ -138,7 +138,7 @@ impl Body for CanopenValve {
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base) {
+    fn apply_changes(&mut self, base: &mut Base) {
         if self.objects.application.valve.has_changes() {
             self.report_changes(base);
         }
@@ -205,7 +205,7 @@ impl Body for CanopenValve {
             Restart::Communication => {
                 self.objects.application.shut_down(now);
                 // What fell due while the restart waited is counted and entered before it is told again.
-                self.settle(base);
+                self.apply_changes(base);
                 Reset::Communication
             }
             Restart::Application => {

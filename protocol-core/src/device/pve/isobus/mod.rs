@@ -169,7 +169,7 @@ impl Body for IsobusValve {
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base) {
+    fn apply_changes(&mut self, base: &mut Base) {
         if self.auxiliary.valve.has_changes() {
             self.report_changes(base);
         }
@@ -217,7 +217,7 @@ impl Body for IsobusValve {
 
     #[inline]
     fn has_frame(&self) -> bool {
-        self.node.owes()
+        self.node.has_frame()
     }
 
     fn take_bit_rate(&mut self) -> Option<BitRate> {

@@ -90,7 +90,7 @@ impl Storing for IsobusValve {
         // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked
         // for.
         self.auxiliary.valve.poll(base.now());
-        self.settle(base);
+        self.apply_changes(base);
         let position = write.record.position() as u8;
         self.auxiliary.valve.set_internal(InternalCause::Record(position), !stored, base.now());
         if stored {

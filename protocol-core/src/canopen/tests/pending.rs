@@ -1,4 +1,4 @@
-//! What is owed while the bus takes nothing, and what the controller gives back.
+//! Pending frames while the bus takes nothing, and those that the controller gives back.
 
 use super::Rig;
 use crate::controller::Filter;

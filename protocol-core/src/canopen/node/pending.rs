@@ -1,4 +1,4 @@
-//! The frames that the node owes to the bus. A frame is rendered when the controller can take it, with the state of
+//! The frames that wait for the bus. A frame is rendered when the controller can take it, with the state of
 //! that instant.
 //!
 //! Answers wait in order. Of several boot-ups, heartbeats or TPDOs only the latest is sent. EMCYs keep their order, and
@@ -24,44 +24,44 @@ const ABORTS: usize = 3;
 /// How far the boot-up has come. It must be on the bus before anything else: an EMCY would overtake it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BootUp {
-    Owed,
+    Pending,
     /// In the controller.
     Taken,
     /// On the bus, or there is none because there is no node ID.
     Done,
 }
 
-/// A cyclic frame: of several that are owed only the latest is sent.
+/// A cyclic frame: of several that are pending only the latest is sent.
 #[derive(Clone, Debug)]
 pub(super) struct Latest {
-    owed: bool,
+    pending: bool,
     /// The key of the frame that the controller took and may have still.
     taken: Option<u32>,
 }
 
 impl Latest {
-    const NONE: Self = Self { owed: false, taken: None };
+    const NONE: Self = Self { pending: false, taken: None };
 
-    /// Owes nothing any more. Returns the key of the frame that the controller may have.
-    const fn settle(&mut self) -> Option<u32> {
-        self.owed = false;
+    /// Drops the frame. Returns the key of the frame that the controller may have.
+    const fn clear(&mut self) -> Option<u32> {
+        self.pending = false;
         self.taken.take()
     }
 
     const fn hand_out(&mut self, key: u32) {
-        self.owed = false;
+        self.pending = false;
         self.taken = Some(key);
     }
 
     const fn give_back(&mut self) {
-        self.owed = true;
+        self.pending = true;
         self.taken = None;
     }
 }
 
-/// The frames that a node owes to the bus.
+/// The frames of a node that wait for the bus.
 #[derive(Clone, Debug)]
-pub(super) struct Owed {
+pub(super) struct Pending {
     boot_up: BootUp,
     heartbeat: Latest,
     tpdo: Latest,
@@ -74,7 +74,7 @@ pub(super) struct Owed {
     dropped: u32,
 }
 
-impl Owed {
+impl Pending {
     pub(super) const fn new() -> Self {
         Self {
             boot_up: BootUp::Done,
@@ -97,73 +97,73 @@ impl Owed {
         self.drop_answers();
     }
 
-    pub(super) const fn owe_boot_up(&mut self) {
-        self.boot_up = BootUp::Owed;
+    pub(super) const fn queue_boot_up(&mut self) {
+        self.boot_up = BootUp::Pending;
     }
 
-    /// Owes a heartbeat. An older one must not go out any more.
-    pub(super) fn owe_heartbeat(&mut self) {
-        self.settle_heartbeat();
-        self.heartbeat.owed = true;
+    /// Queues a heartbeat. An older one must not go out any more.
+    pub(super) fn queue_heartbeat(&mut self) {
+        self.clear_heartbeat();
+        self.heartbeat.pending = true;
     }
 
-    /// Owes nothing of the heartbeat any more.
-    pub(super) fn settle_heartbeat(&mut self) {
-        let taken = self.heartbeat.settle();
+    /// Drops the heartbeat, also from the controller.
+    pub(super) fn clear_heartbeat(&mut self) {
+        let taken = self.heartbeat.clear();
         self.abort(taken);
     }
 
-    /// Owes a heartbeat in the place of one that still waits: it tells another state.
+    /// Queues a heartbeat in the place of one that still waits: it tells another state.
     pub(super) fn renew_heartbeat(&mut self) {
         if self.heartbeat.taken.is_some() {
-            self.owe_heartbeat();
+            self.queue_heartbeat();
         }
     }
 
-    /// Owes a TPDO. An older one must not go out any more.
+    /// Queues a TPDO. An older one must not go out any more.
     #[inline]
-    pub(super) fn owe_tpdo(&mut self, sample: Sample) {
-        self.settle_tpdo();
-        self.tpdo.owed = true;
+    pub(super) fn queue_tpdo(&mut self, sample: Sample) {
+        self.clear_tpdo();
+        self.tpdo.pending = true;
         self.tpdo_sample = sample;
     }
 
-    /// Owes a TPDO in the place of one that still waits: it reports something else.
+    /// Queues a TPDO in the place of one that still waits: it reports something else.
     #[inline]
     pub(super) fn renew_tpdo(&mut self) {
         if self.tpdo.taken.is_some() {
-            self.owe_tpdo(self.tpdo_sample);
+            self.queue_tpdo(self.tpdo_sample);
         }
     }
 
-    /// Owes nothing of the TPDO any more.
+    /// Drops the TPDO, also from the controller.
     #[inline]
-    pub(super) fn settle_tpdo(&mut self) {
-        let taken = self.tpdo.settle();
+    pub(super) fn clear_tpdo(&mut self) {
+        let taken = self.tpdo.clear();
         self.abort(taken);
     }
 
     /// Returns whether a TPDO waits that the controller does not have.
     #[inline]
-    pub(super) const fn owes_tpdo(&self) -> bool {
-        self.tpdo.owed
+    pub(super) const fn has_tpdo(&self) -> bool {
+        self.tpdo.pending
     }
 
-    /// Owes an EMCY; `entered` says whether the history has an entry for it.
-    pub(super) fn owe_emcy(&mut self, message: Emcy, entered: bool) {
+    /// Queues an EMCY; `entered` says whether the history has an entry for it.
+    pub(super) fn queue_emcy(&mut self, message: Emcy, entered: bool) {
         if !self.emcys.push(message, entered) {
             self.count_dropped(1);
         }
     }
 
-    /// Owes an answer. When it is the newest of too many, or the node must be `mute`, it is dropped and counted.
-    pub(super) fn owe_answer(&mut self, answer: Frame, mute: bool) {
+    /// Queues an answer. When it is the newest of too many, or the node must be `mute`, it is dropped and counted.
+    pub(super) fn queue_answer(&mut self, answer: Frame, mute: bool) {
         if mute || !self.answers.push(answer) {
             self.count_dropped(1);
         }
     }
 
-    /// Owes no EMCY any more; those that the controller may have are under this key.
+    /// Drops all EMCYs; those that the controller may have are under this key.
     pub(super) fn drop_emcys(&mut self, key: Option<u32>) {
         self.abort(key.filter(|_| self.emcys.is_taken()));
         self.emcys.clear();
@@ -188,7 +188,7 @@ impl Owed {
         self.emcys.take_back();
         self.drop_answers();
         if self.boot_up == BootUp::Taken {
-            self.boot_up = BootUp::Owed;
+            self.boot_up = BootUp::Pending;
         }
     }
 
@@ -206,30 +206,32 @@ impl Owed {
     #[inline(always)]
     fn is_anything(&self) -> bool {
         match self.boot_up {
-            BootUp::Done => self.tpdo.owed || !self.answers.is_empty() || self.heartbeat.owed || self.emcys.is_owed(),
-            BootUp::Owed => true,
+            BootUp::Done => {
+                self.tpdo.pending || !self.answers.is_empty() || self.heartbeat.pending || self.emcys.is_pending()
+            }
+            BootUp::Pending => true,
             BootUp::Taken => false,
         }
     }
 
-    /// Returns whether nothing but the TPDO and answers is owed, and these need not wait for an EMCY.
+    /// Returns whether nothing but the TPDO and answers is pending, and these need not wait for an EMCY.
     #[inline(always)]
-    fn owes_tpdo_and_answers_alone(&self) -> bool {
-        self.has_told_start() && !self.heartbeat.owed
+    fn has_tpdo_and_answers_alone(&self) -> bool {
+        self.has_told_start() && !self.heartbeat.pending
     }
 
-    /// Returns whether the TPDO with this key is owed and may go out: an EMCY of the same instant goes first.
+    /// Returns whether the TPDO with this key is pending and may go out: an EMCY of the same instant goes first.
     #[inline(always)]
     fn may_send_tpdo(&self, key: u32, emcys: &EmcyProducer) -> bool {
         let goes_after = |emcys| arbitration(key) > arbitration(emcys);
-        self.tpdo.owed && (self.emcys.is_empty() || emcys.key().is_none_or(goes_after))
+        self.tpdo.pending && (self.emcys.is_empty() || emcys.key().is_none_or(goes_after))
     }
 
     /// Returns whether a frame with this key goes before heartbeat and answers.
     fn is_most_urgent(&self, key: u32, node_id: NodeId) -> bool {
         let beat = u32::from(node_id.raw_id(Function::Heartbeat));
         let urgency = arbitration(key);
-        !(self.heartbeat.owed && arbitration(beat) < urgency)
+        !(self.heartbeat.pending && arbitration(beat) < urgency)
             && self.answers.first().is_none_or(|answer| urgency < answer.arbitration())
     }
 
@@ -262,22 +264,22 @@ impl Owed {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a frame is owed that may be sent now: not before the platform has been given a new bit rate.
+    /// Returns whether a frame is pending that may be sent now: not before the platform has been given a new bit rate.
     #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {
-        self.owed.is_anything() && !self.is_mute() && !self.rate_is_new
+        self.pending.is_anything() && !self.is_mute() && !self.rate_is_new
     }
 
-    /// Makes the most urgent frame that is owed: in the order of arbitration, answers first come first served.
+    /// Makes the most urgent pending frame: in the order of arbitration, answers first come first served.
     #[inline]
     pub(crate) fn next_frame(&mut self, product: &P, now: Instant) -> Option<Frame> {
         if !self.has_frame() {
             return None;
         }
-        // Mostly one frame is owed: there is nothing to be compared.
-        match (self.owed.owes_tpdo_and_answers_alone(), self.owed.tpdo.owed, self.owed.answers.is_empty()) {
+        // Mostly one frame is pending: there is nothing to be compared.
+        match (self.pending.has_tpdo_and_answers_alone(), self.pending.tpdo.pending, self.pending.answers.is_empty()) {
             (true, true, true) => self.hand_out_tpdo(product, now),
-            (true, false, _) => self.owed.pop_answer(),
+            (true, false, _) => self.pending.pop_answer(),
             _ => self.render(product, now),
         }
     }
@@ -286,11 +288,11 @@ impl<P: Product> Node<P> {
     #[inline]
     pub(crate) fn take_abort(&mut self) -> Option<Filter> {
         // There is almost never one: a look is cheaper than a call.
-        if self.owed.aborts.is_empty() { None } else { self.next_abort() }
+        if self.pending.aborts.is_empty() { None } else { self.next_abort() }
     }
 
     fn next_abort(&mut self) -> Option<Filter> {
-        while let Some(abort) = self.owed.aborts.pop() {
+        while let Some(abort) = self.pending.aborts.pop() {
             if !self.is_of_emcys(abort) {
                 return Some(abort);
             }
@@ -301,15 +303,15 @@ impl<P: Product> Node<P> {
     /// Returns whether an abort is for EMCYs that must go out. A TPDO can have their identifier: an outdated TPDO then
     /// goes out too, so that no EMCY is lost (A).
     fn is_of_emcys(&self, abort: Filter) -> bool {
-        self.owed.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
+        self.pending.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }
 
     /// Takes back a frame that the controller could not take, or gave back for a more urgent one.
     pub(crate) fn give_back(&mut self, frame: Frame) {
         let emcys = self.objects.emcy.key();
-        let owed = &mut self.owed;
-        if owed.boot_up == BootUp::Taken {
-            owed.boot_up = BootUp::Owed;
+        let pending = &mut self.pending;
+        if pending.boot_up == BootUp::Taken {
+            pending.boot_up = BootUp::Pending;
             return;
         }
         if self.bus_off || self.lss.is_silent() {
@@ -317,65 +319,65 @@ impl<P: Product> Node<P> {
         }
         let key = Some(frame.key());
         let emcy = frame.eight().filter(|_| key == emcys).map(Emcy::parse);
-        let is_owed = if emcy.is_some_and(|message| owed.emcys.give_back(message)) {
+        let is_pending = if emcy.is_some_and(|message| pending.emcys.give_back(message)) {
             true
-        } else if owed.heartbeat.taken == key {
-            owed.heartbeat.give_back();
+        } else if pending.heartbeat.taken == key {
+            pending.heartbeat.give_back();
             true
-        } else if owed.tpdo.taken == key {
-            owed.tpdo.give_back();
+        } else if pending.tpdo.taken == key {
+            pending.tpdo.give_back();
             true
         } else {
-            emcy.is_none() && owed.answers.take_back(frame)
+            emcy.is_none() && pending.answers.take_back(frame)
         };
-        if !is_owed {
-            owed.count_dropped(1);
+        if !is_pending {
+            pending.count_dropped(1);
         }
     }
 
     /// Notes that every frame which the controller took is on the bus.
     #[inline]
     pub(crate) fn all_sent(&mut self) {
-        let owed = &mut self.owed;
-        if owed.boot_up == BootUp::Taken {
-            owed.boot_up = BootUp::Done;
+        let pending = &mut self.pending;
+        if pending.boot_up == BootUp::Taken {
+            pending.boot_up = BootUp::Done;
         }
-        owed.heartbeat.taken = None;
-        owed.tpdo.taken = None;
-        owed.answers.sent();
-        owed.emcys.sent();
+        pending.heartbeat.taken = None;
+        pending.tpdo.taken = None;
+        pending.answers.sent();
+        pending.emcys.sent();
     }
 
     #[inline(never)]
     fn render(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let node_id = self.objects.node_id;
-        let owed = &mut self.owed;
-        if owed.boot_up == BootUp::Owed {
-            owed.boot_up = BootUp::Taken;
+        let pending = &mut self.pending;
+        if pending.boot_up == BootUp::Pending {
+            pending.boot_up = BootUp::Taken;
             return node_id.map(|node_id| heartbeat(node_id, State::Initialising));
         }
-        let Some(node_id) = node_id else { return owed.pop_answer() };
-        if owed.emcys.is_owed()
+        let Some(node_id) = node_id else { return pending.pop_answer() };
+        if pending.emcys.is_pending()
             && let Some(key) = self.objects.emcy.key()
-            && owed.is_most_urgent(key, node_id)
+            && pending.is_most_urgent(key, node_id)
         {
             let id = self.objects.emcy.cob_id().id();
-            return owed.emcys.hand_out().map(|message| Frame::full(id, message.emit()));
+            return pending.emcys.hand_out().map(|message| Frame::full(id, message.emit()));
         }
-        let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, &self.objects.emcy));
-        match (tpdo, owed.heartbeat.owed) {
-            (None, false) => owed.pop_answer(),
+        let tpdo = self.objects.tpdo.key().filter(|key| pending.may_send_tpdo(*key, &self.objects.emcy));
+        match (tpdo, pending.heartbeat.pending) {
+            (None, false) => pending.pop_answer(),
             (tpdo, beat) => {
                 let tpdo = tpdo.map_or(u32::MAX, arbitration);
                 let beat = if beat { arbitration(node_id.raw_id(Function::Heartbeat).into()) } else { u32::MAX };
-                let answer = owed.answers.first().map_or(u32::MAX, Frame::arbitration);
+                let answer = pending.answers.first().map_or(u32::MAX, Frame::arbitration);
                 if answer <= tpdo.min(beat) {
-                    owed.pop_answer()
+                    pending.pop_answer()
                 } else if tpdo < beat {
                     self.hand_out_tpdo(product, now)
                 } else {
                     let frame = heartbeat(node_id, self.nmt.state());
-                    owed.heartbeat.hand_out(frame.key());
+                    pending.heartbeat.hand_out(frame.key());
                     Some(frame)
                 }
             }
@@ -386,10 +388,10 @@ impl<P: Product> Node<P> {
     #[inline(never)]
     fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let sample =
-            if P::RULES.tpdo.sampled_when_due { self.owed.tpdo_sample } else { self.sample_tpdo(product, now) };
+            if P::RULES.tpdo.sampled_when_due { self.pending.tpdo_sample } else { self.sample_tpdo(product, now) };
         let frame = self.objects.tpdo.frame(sample);
         self.objects.tpdo.sent(sample);
-        self.owed.tpdo.hand_out(frame.key());
+        self.pending.tpdo.hand_out(frame.key());
         Some(frame)
     }
 }
