@@ -29,7 +29,7 @@ impl AnyDevice {
 
     /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there.
     #[must_use]
-    // As `Host::new`: made where it is to stay.
+    // As `Runtime::new`: made where it is to stay.
     #[inline(always)]
     pub fn new(setup: Setup) -> Self {
         match setup.kind {

@@ -8,12 +8,12 @@ mod any;
 mod description;
 pub mod fault_log;
 pub mod hat;
-pub mod host;
 mod inputs;
 mod kind;
 pub mod plant;
 pub mod pve;
 pub mod reading;
+pub mod runtime;
 pub mod view;
 pub mod writes;
 

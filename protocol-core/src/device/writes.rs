@@ -4,8 +4,8 @@ use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The most kinds of write that a device has: those of a valve on CANopen. [`Host`](super::host::Host) compiles for no device
-/// with more.
+/// The most kinds of write that a device has: those of a valve on CANopen. [`Runtime`](super::runtime::Runtime) compiles
+/// for no device with more.
 pub(super) const KINDS: usize = 9;
 
 /// The places of the queue: each kind waits once, one write is in flight, and one was put before all others.

@@ -1,7 +1,7 @@
 //! The angle sensors HAT 1000 and HAT 3000 (SPEC 9).
 //!
 //! ```text
-//! mod         the body of the device: what the node and the sensor tell each other
+//! mod         the application of the device: what the node and the sensor tell each other
 //! dictionary  the object dictionary, one table
 //! objects     what lies behind it, and the rules
 //! errors      what EMCYs tell of
@@ -24,8 +24,8 @@ use errors::Errors;
 use objects::HatObjects;
 use records::{LAYER, VERSION, decode_serial, identity, new_layer};
 
-use super::host::{Base, Body, Host};
 use super::reading::Reading;
+use super::runtime::{Application, Base, Runtime};
 use super::writes::{Requester, Write};
 use super::{Inputs, Outputs, ProductInputs, Restart};
 use crate::canopen::dictionary::Group;
@@ -43,9 +43,9 @@ use crate::wire::cob_id::NodeId;
 pub type Setup = super::Setup<Kind>;
 
 /// A HAT 1000 or HAT 3000.
-pub type Hat = Host<HatSensor>;
+pub type Hat = Runtime<HatSensor>;
 
-/// The body of a sensor.
+/// The application of a sensor.
 #[derive(Clone, Debug)]
 pub struct HatSensor {
     setup: Setup,
@@ -150,7 +150,7 @@ fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (G
     (group, reading.record(key, VERSION, decode).flatten())
 }
 
-impl Body for HatSensor {
+impl Application for HatSensor {
     type Setup = Setup;
     type Service = Service;
 

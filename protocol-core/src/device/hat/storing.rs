@@ -8,7 +8,7 @@ use super::records::LAYER;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::device::Restart;
-use crate::device::host::{Base, Storing};
+use crate::device::runtime::{Base, Storing};
 use crate::device::writes::{Requester, Write};
 use crate::memory::RecordKey;
 

@@ -2,7 +2,7 @@
 //!
 //! Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF, and of CiA 408 from 0x6000 on.
 
-use super::application::FLOAT;
+use super::device_control::FLOAT;
 use crate::actuator::{COUNTER_MAX, Fault, Position};
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};

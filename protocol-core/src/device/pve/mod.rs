@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! fault_codes     how the faults are told: SPEC 3
-//! dictionary      the object dictionary, one table          objects    what lies behind it
-//! state_machine   the device state machine of CiA 408       application    the valve under it
+//! dictionary      the object dictionary, one table          objects    the state behind its objects
+//! state_machine   the device state machine of CiA 408       device_control  the valve under it
 //! auxiliary_valve the valve under the commands of ISO 11783-7
 //! found           what a start finds in the memory
 //! records         what is kept in the memory
@@ -12,9 +12,9 @@
 //! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
 //! ```
 
-mod application;
 mod auxiliary_valve;
 mod canopen;
+mod device_control;
 mod dictionary;
 mod fault_codes;
 mod found;

@@ -9,7 +9,7 @@ use super::load::Executed;
 use crate::actuator::InternalCause;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
-use crate::device::host::{Base, Storing};
+use crate::device::runtime::{Base, Storing};
 use crate::device::writes::{Requester, Write};
 use crate::memory::RecordKey;
 use crate::uds::node_id_written;
@@ -97,7 +97,7 @@ impl Storing for CanopenValve {
             RecordKey::Parameters => return self.node.default_parameters(&self.objects, payload),
             RecordKey::RestoreFlag => &encode_flag(self.load.asked),
             RecordKey::FaultLog => {
-                let valve = &mut self.objects.application.valve;
+                let valve = &mut self.objects.control.valve;
                 if write.requester == Requester::Sdo {
                     // A fault that activates from now on counts one.
                     self.cleared = valve.take_counters();
@@ -113,7 +113,7 @@ impl Storing for CanopenValve {
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;
-        self.objects.application.valve.set_internal(InternalCause::Record(position), !stored, now);
+        self.objects.control.valve.set_internal(InternalCause::Record(position), !stored, now);
         let by_client = write.requester == Requester::Sdo;
         let is_last = !base.writes.contains(write);
         match write.record {
@@ -155,7 +155,7 @@ impl Storing for CanopenValve {
             }
             RecordKey::FaultLog if by_client => {
                 if !stored {
-                    self.objects.application.valve.add_counters(self.cleared);
+                    self.objects.control.valve.add_counters(self.cleared);
                 }
                 self.end_task(Task::ClearCounters, stored, is_last);
             }

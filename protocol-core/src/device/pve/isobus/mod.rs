@@ -1,7 +1,7 @@
 //! A valve on ISOBUS: the node of `isobus/` with an auxiliary valve in it (SPEC 5, 7).
 //!
 //! ```text
-//! mod      the body of the device: what the node and the valve tell each other
+//! mod      the application of the device: what the node and the valve tell each other
 //! product  groups, NAME and address
 //! storing  writes to the memory, and who waits for them
 //! ```
@@ -23,7 +23,7 @@ use super::records::{Factory, LocalLayer, VERSION};
 use super::sensing::Causes;
 use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
 use crate::controller::{BitRate, Filter, Filters};
-use crate::device::host::{Base, Body, Host};
+use crate::device::runtime::{Application, Base, Runtime};
 use crate::device::writes::{Requester, Write};
 use crate::device::{Inputs, Outputs, Restart, ValveOutputs};
 use crate::frame::Frame;
@@ -42,9 +42,9 @@ const DM2_MAX: usize = payload_len(Fault::ALL.len());
 const CLEARINGS: usize = 8;
 
 /// A PVEA or PVEO on ISOBUS.
-pub type PveIsobus = Host<IsobusValve>;
+pub type PveIsobus = Runtime<IsobusValve>;
 
-/// The body of a valve on ISOBUS.
+/// The application of a valve on ISOBUS.
 #[derive(Clone, Debug)]
 pub struct IsobusValve {
     setup: Setup,
@@ -111,7 +111,7 @@ impl IsobusValve {
     }
 }
 
-impl Body for IsobusValve {
+impl Application for IsobusValve {
     type Setup = Setup;
     type Service = Service;
 

@@ -6,7 +6,7 @@ use super::super::records::{FaultLog, LocalLayer};
 use super::IsobusValve;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::device::Restart;
-use crate::device::host::{Base, Body, Storing};
+use crate::device::runtime::{Application, Base, Storing};
 use crate::device::writes::{Requester, Write};
 use crate::isobus::request::Request;
 use crate::memory::RecordKey;

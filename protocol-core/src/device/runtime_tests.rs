@@ -1,4 +1,4 @@
-//! The host with a body that has one timer, one fault log and one answer.
+//! The runtime with an application that has one timer, one fault log and one answer.
 
 use super::super::fault_log::FAULT_LOG_INTERVAL;
 use super::*;
@@ -10,7 +10,7 @@ const MS: Duration = Duration::from_millis(1);
 
 const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
 
-/// Not among the writes of the body.
+/// Not among the writes of the application.
 const UNLISTED: Write = Write::new(RecordKey::Parameters, Requester::Uds);
 
 /// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 3 asks for an unlisted write, 4 is due at once, 0x81 and 0x82
@@ -46,7 +46,7 @@ impl Storing for Obedient {
     }
 }
 
-impl Body for Obedient {
+impl Application for Obedient {
     type Setup = Self;
     type Service = ();
 
@@ -151,8 +151,8 @@ impl Body for Obedient {
 
 const START: Instant = Instant::from_secs(1);
 
-fn started() -> Host<Obedient> {
-    let mut host = Host::new(Obedient {
+fn started() -> Runtime<Obedient> {
+    let mut runtime = Runtime::new(Obedient {
         beat: NEVER,
         polled: heapless::Vec::new(),
         found_fault: false,
@@ -161,12 +161,12 @@ fn started() -> Host<Obedient> {
         saved: None,
         inputs: Inputs::default(),
     });
-    host.start_up(&Image::empty(), StartCause::PowerOn, START);
-    host
+    runtime.start_up(&Image::empty(), StartCause::PowerOn, START);
+    runtime
 }
 
-fn tell(host: &mut Host<Obedient>, byte: &str, now: Instant) {
-    assert!(host.handle(&format_frame(byte), now));
+fn tell(runtime: &mut Runtime<Obedient>, byte: &str, now: Instant) {
+    assert!(runtime.handle(&format_frame(byte), now));
 }
 
 fn format_frame(byte: &str) -> Frame {
@@ -182,93 +182,93 @@ fn store(key: RecordKey) -> Option<Effect> {
 
 #[test]
 fn time_never_runs_back() {
-    let mut host = started();
-    host.poll(after(START, Duration::from_millis(100)));
-    tell(&mut host, "2", START);
-    assert_eq!(host.base.now(), after(START, Duration::from_millis(100)));
+    let mut runtime = started();
+    runtime.poll(after(START, Duration::from_millis(100)));
+    tell(&mut runtime, "2", START);
+    assert_eq!(runtime.base.now(), after(START, Duration::from_millis(100)));
     // A fault counted at the earlier instant counts from the later one.
-    assert_eq!(host.base.fault_log.due(), after(START, Duration::from_millis(600)));
+    assert_eq!(runtime.base.fault_log.due(), after(START, Duration::from_millis(600)));
 }
 
 #[test]
 fn what_is_due_acts_before_a_frame_that_comes_later() {
-    let mut host = started();
-    tell(&mut host, "1", after(START, Duration::from_millis(150)));
-    assert_eq!(host.body().polled, [after(START, Duration::from_millis(150))]);
-    assert_eq!(host.deadline(), after(START, Duration::from_millis(200)));
+    let mut runtime = started();
+    tell(&mut runtime, "1", after(START, Duration::from_millis(150)));
+    assert_eq!(runtime.application().polled, [after(START, Duration::from_millis(150))]);
+    assert_eq!(runtime.deadline(), after(START, Duration::from_millis(200)));
 }
 
 #[test]
 fn what_a_frame_makes_due_at_once_acts_at_once() {
-    let mut host = started();
-    tell(&mut host, "4", START);
-    assert_eq!(host.body().polled, [START]);
-    assert_eq!(host.deadline(), after(START, Duration::from_millis(100)));
+    let mut runtime = started();
+    tell(&mut runtime, "4", START);
+    assert_eq!(runtime.application().polled, [START]);
+    assert_eq!(runtime.deadline(), after(START, Duration::from_millis(100)));
 }
 
 /// And what is due at that instant on the new ones.
 #[test]
 fn what_was_due_before_new_senses_acts_on_the_old_ones() {
     for (at, on_new) in [(100, true), (101, false)] {
-        let mut host = started();
-        host.sense(&Inputs { internal_fault: true, ..Inputs::default() }, after(START, Duration::from_millis(at)));
-        assert_eq!((host.body().polled.len(), host.body().found_fault), (1, on_new), "{at} ms");
+        let mut runtime = started();
+        runtime.sense(&Inputs { internal_fault: true, ..Inputs::default() }, after(START, Duration::from_millis(at)));
+        assert_eq!((runtime.application().polled.len(), runtime.application().found_fault), (1, on_new), "{at} ms");
     }
 }
 
 #[test]
 fn a_restart_waits_for_writes_and_for_the_bus() {
-    let mut host = started();
-    tell(&mut host, "1", START);
-    tell(&mut host, "82", START);
-    assert_eq!(host.deadline(), after(START, Duration::from_millis(100)), "its timers go on");
-    assert_eq!(host.next_effect(true), store(RecordKey::Parameters));
-    assert_eq!(host.next_effect(true), None);
-    host.stored(RecordKey::Parameters, Ok(()), START);
-    assert_eq!(host.body().saved, Some(true));
-    assert_eq!(host.next_effect(false), None);
-    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Communication)));
-    assert_eq!(host.next_effect(true), None, "handed out once");
-    tell(&mut host, "1", START);
-    assert_eq!(host.next_effect(true), None, "it takes no frames before it is carried out");
-    host.restart(Restart::Communication, &Image::empty(), START);
-    assert_eq!(host.body().starts, [Restart::Application, Restart::Communication]);
-    assert!(!host.base.is_restarting());
+    let mut runtime = started();
+    tell(&mut runtime, "1", START);
+    tell(&mut runtime, "82", START);
+    assert_eq!(runtime.deadline(), after(START, Duration::from_millis(100)), "its timers go on");
+    assert_eq!(runtime.next_effect(true), store(RecordKey::Parameters));
+    assert_eq!(runtime.next_effect(true), None);
+    runtime.stored(RecordKey::Parameters, Ok(()), START);
+    assert_eq!(runtime.application().saved, Some(true));
+    assert_eq!(runtime.next_effect(false), None);
+    assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Communication)));
+    assert_eq!(runtime.next_effect(true), None, "handed out once");
+    tell(&mut runtime, "1", START);
+    assert_eq!(runtime.next_effect(true), None, "it takes no frames before it is carried out");
+    runtime.restart(Restart::Communication, &Image::empty(), START);
+    assert_eq!(runtime.application().starts, [Restart::Application, Restart::Communication]);
+    assert!(!runtime.base.is_restarting());
 }
 
 #[test]
 fn the_wider_of_two_restarts_counts() {
     for orders in [["82", "81"], ["81", "82"]] {
-        let mut host = started();
+        let mut runtime = started();
         for order in orders {
-            tell(&mut host, order, START);
+            tell(&mut runtime, order, START);
         }
-        assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)), "{orders:?}");
+        assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Application)), "{orders:?}");
     }
 }
 
 #[test]
 fn a_restart_that_is_demanded_while_one_is_carried_out_follows_it() {
-    let mut host = started();
-    tell(&mut host, "82", START);
-    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Communication)));
-    tell(&mut host, "81", START);
-    assert_eq!(host.next_effect(true), None);
-    host.restart(Restart::Communication, &Image::empty(), START);
-    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
-    host.restart(Restart::Application, &Image::empty(), START);
-    assert_eq!(host.next_effect(true), None);
+    let mut runtime = started();
+    tell(&mut runtime, "82", START);
+    assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Communication)));
+    tell(&mut runtime, "81", START);
+    assert_eq!(runtime.next_effect(true), None);
+    runtime.restart(Restart::Communication, &Image::empty(), START);
+    assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Application)));
+    runtime.restart(Restart::Application, &Image::empty(), START);
+    assert_eq!(runtime.next_effect(true), None);
 }
 
 #[test]
 fn the_fault_log_is_written_before_a_restart_and_tried_once() {
     for works in [true, false] {
-        let mut host = started();
-        tell(&mut host, "2", START);
-        tell(&mut host, "81", START);
-        assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
-        host.stored(RecordKey::FaultLog, if works { Ok(()) } else { Err(StoreError) }, START);
-        assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
+        let mut runtime = started();
+        tell(&mut runtime, "2", START);
+        tell(&mut runtime, "81", START);
+        assert_eq!(runtime.next_effect(true), store(RecordKey::FaultLog));
+        runtime.stored(RecordKey::FaultLog, if works { Ok(()) } else { Err(StoreError) }, START);
+        assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Application)));
     }
 }
 
@@ -280,72 +280,72 @@ fn a_fault_log_that_failed_before_a_restart() {
     for (order, scope, effect) in
         [("82", Restart::Communication, store(RecordKey::FaultLog)), ("81", Restart::Application, None)]
     {
-        let mut host = started();
-        tell(&mut host, "2", START);
-        tell(&mut host, order, START);
-        assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
-        host.stored(RecordKey::FaultLog, Err(StoreError), START);
-        assert_eq!(host.next_effect(true), Some(Effect::Restart(scope)));
-        host.restart(scope, &Image::empty(), START);
-        host.poll(retried);
-        assert_eq!(host.next_effect(true), effect, "{scope:?}");
+        let mut runtime = started();
+        tell(&mut runtime, "2", START);
+        tell(&mut runtime, order, START);
+        assert_eq!(runtime.next_effect(true), store(RecordKey::FaultLog));
+        runtime.stored(RecordKey::FaultLog, Err(StoreError), START);
+        assert_eq!(runtime.next_effect(true), Some(Effect::Restart(scope)));
+        runtime.restart(scope, &Image::empty(), START);
+        runtime.poll(retried);
+        assert_eq!(runtime.next_effect(true), effect, "{scope:?}");
     }
 }
 
 /// A log whose write was under way when the restart was demanded is tried again when that fails.
 #[test]
 fn a_fault_log_that_fails_just_before_a_restart_is_tried_again() {
-    let mut host = started();
-    tell(&mut host, "2", START);
-    host.flush(START);
-    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
-    tell(&mut host, "81", START);
-    host.stored(RecordKey::FaultLog, Err(StoreError), START);
-    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
-    host.stored(RecordKey::FaultLog, Err(StoreError), START);
-    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)), "and once alone");
+    let mut runtime = started();
+    tell(&mut runtime, "2", START);
+    runtime.flush(START);
+    assert_eq!(runtime.next_effect(true), store(RecordKey::FaultLog));
+    tell(&mut runtime, "81", START);
+    runtime.stored(RecordKey::FaultLog, Err(StoreError), START);
+    assert_eq!(runtime.next_effect(true), store(RecordKey::FaultLog));
+    runtime.stored(RecordKey::FaultLog, Err(StoreError), START);
+    assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Application)), "and once alone");
 }
 
 /// A count that falls while the write before a restart is under way is written as well.
 #[test]
 fn a_count_during_the_last_write_is_not_lost() {
-    let mut host = started();
-    tell(&mut host, "1", START);
-    assert_eq!(host.next_effect(true), store(RecordKey::Parameters));
-    tell(&mut host, "81", START);
-    host.base.fault_log.changed(START);
-    host.stored(RecordKey::Parameters, Ok(()), START);
-    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
-    host.stored(RecordKey::FaultLog, Ok(()), START);
-    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
+    let mut runtime = started();
+    tell(&mut runtime, "1", START);
+    assert_eq!(runtime.next_effect(true), store(RecordKey::Parameters));
+    tell(&mut runtime, "81", START);
+    runtime.base.fault_log.changed(START);
+    runtime.stored(RecordKey::Parameters, Ok(()), START);
+    assert_eq!(runtime.next_effect(true), store(RecordKey::FaultLog));
+    runtime.stored(RecordKey::FaultLog, Ok(()), START);
+    assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Application)));
 }
 
 #[test]
 fn a_flush_writes_the_log_at_once() {
-    let mut host = started();
-    tell(&mut host, "2", START);
-    assert_eq!(host.next_effect(true), None);
-    host.flush(after(START, MS));
-    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
-    assert_eq!(host.deadline(), after(START, Duration::from_millis(100)));
+    let mut runtime = started();
+    tell(&mut runtime, "2", START);
+    assert_eq!(runtime.next_effect(true), None);
+    runtime.flush(after(START, MS));
+    assert_eq!(runtime.next_effect(true), store(RecordKey::FaultLog));
+    assert_eq!(runtime.deadline(), after(START, Duration::from_millis(100)));
 }
 
 #[test]
 fn a_failed_log_is_tried_again_after_the_interval() {
-    let mut host = started();
-    tell(&mut host, "2", START);
-    host.poll(after(START, Duration::from_millis(500)));
-    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+    let mut runtime = started();
+    tell(&mut runtime, "2", START);
+    runtime.poll(after(START, Duration::from_millis(500)));
+    assert_eq!(runtime.next_effect(true), store(RecordKey::FaultLog));
     let failed = after(START, Duration::from_millis(520));
-    host.stored(RecordKey::FaultLog, Err(StoreError), failed);
-    assert_eq!(host.base.fault_log.due(), after(failed, FAULT_LOG_INTERVAL));
+    runtime.stored(RecordKey::FaultLog, Err(StoreError), failed);
+    assert_eq!(runtime.base.fault_log.due(), after(failed, FAULT_LOG_INTERVAL));
 }
 
 /// The queue may have no place for it.
 #[test]
-#[should_panic(expected = "`Body::WRITES`")]
+#[should_panic(expected = "`Application::WRITES`")]
 fn a_write_that_is_not_listed_is_found_by_every_test_that_asks_for_it() {
-    let mut host = started();
-    tell(&mut host, "3", START);
-    host.next_effect(true);
+    let mut runtime = started();
+    tell(&mut runtime, "3", START);
+    runtime.next_effect(true);
 }
