@@ -142,7 +142,7 @@ fn a_linked_shaft_is_the_integral_of_the_spool_in_every_microsecond() {
             if next > after(start, Duration::from_millis(1_600)) {
                 break;
             }
-            let valve = machine.world.device_as::<PveCanopen>(machine.valve).expect("powered").body().valve();
+            let valve = machine.world.device_as::<PveCanopen>(machine.valve).expect("powered").application().valve();
             turn(&mut reference, valve, link, now, next);
             if next < machine.world.next_event() {
                 machine.world.run_until(next);
