@@ -43,31 +43,16 @@ impl Answers {
     }
 
     /// Returns the most urgent answer, the oldest among equals.
-    #[inline]
     pub(crate) fn first(&self) -> Option<&Frame> {
-        self.waiting.get(self.first_place())
+        self.waiting.iter().min_by_key(|frame| frame.arbitration())
     }
 
     /// Takes the [first](Self::first) answer.
-    #[inline]
     pub(crate) fn pop(&mut self) -> Option<Frame> {
-        // Mostly there is one.
-        let first = if self.waiting.len() == 1 { self.waiting.pop() } else { self.pop_first() }?;
+        let waiting = self.waiting.iter().enumerate();
+        let (place, _) = waiting.min_by_key(|(_, frame)| frame.arbitration())?;
         self.taken = self.taken.saturating_add(1);
-        Some(first)
-    }
-
-    #[inline(never)]
-    fn pop_first(&mut self) -> Option<Frame> {
-        let place = self.first_place();
-        (!self.is_empty()).then(|| self.waiting.remove(place))
-    }
-
-    /// Returns the place of the first answer; 0 when there is none.
-    #[inline(never)]
-    fn first_place(&self) -> usize {
-        let urgent = self.waiting.iter().enumerate().min_by_key(|(_, frame)| frame.arbitration());
-        urgent.map_or(0, |(place, _)| place)
+        Some(self.waiting.remove(place))
     }
 
     #[inline]

@@ -84,8 +84,9 @@ pub trait Application: Storing + Sized {
     /// See [`Device::give_back`].
     fn give_back(&mut self, frame: Frame);
 
-    /// Notes that every frame which the controller took is on the bus by now.
-    fn all_sent(&mut self, base: &mut Base);
+    /// Notes that every frame which the controller took is on the bus by now. Returns whether this may have changed more
+    /// than the pending frames, such as the deadline.
+    fn all_sent(&mut self, base: &mut Base) -> bool;
 
     /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
@@ -396,8 +397,9 @@ impl<A: Application> Device for Runtime<A> {
     #[inline]
     fn all_sent(&mut self, now: Instant) -> bool {
         self.base.go_to(now);
-        self.application.all_sent(&mut self.base);
-        self.finish();
+        if self.application.all_sent(&mut self.base) {
+            self.finish();
+        }
         self.application.has_frame()
     }
 

@@ -115,7 +115,9 @@ impl Application for Obedient {
         self.pending = true;
     }
 
-    fn all_sent(&mut self, _: &mut Base) {}
+    fn all_sent(&mut self, _: &mut Base) -> bool {
+        true
+    }
 
     fn has_frame(&self) -> bool {
         self.pending

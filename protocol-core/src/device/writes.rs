@@ -1,6 +1,6 @@
 //! The queue of writes to the memory: one record at a time, in the order of the requests (SPEC 4.5, 6).
 
-use heapless::Vec;
+use heapless::Deque;
 
 use crate::memory::RecordKey;
 
@@ -61,9 +61,8 @@ impl Write {
 /// The writes that wait, and the one in flight.
 #[derive(Clone, Debug)]
 pub struct Writes {
-    /// The newest first. The last one is the next to be written, or in flight.
-    queue: Vec<Write, PLACES, u8>,
-    /// The last one is in flight.
+    queue: Deque<Write, PLACES>,
+    /// The first one is in flight.
     in_flight: bool,
 }
 
@@ -71,53 +70,48 @@ impl Writes {
     /// Returns an empty queue.
     #[must_use]
     pub const fn new() -> Self {
-        Self { queue: Vec::new(), in_flight: false }
+        Self { queue: Deque::new(), in_flight: false }
     }
 
     /// Appends a write, or merges it into one of its kind that waits: the newer value counts, of two DM3s both. The
     /// write in flight is not touched: its record was encoded before.
     pub fn request(&mut self, write: Write) {
-        let mut waiting = self.queue.iter_mut().rev().skip(usize::from(self.in_flight));
+        let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
             let kept = if write.requester == Requester::Dm3 { waiting.value } else { 0 };
             waiting.value = kept | write.value;
         } else {
-            // `insert` could panic: every caller would have to be ready for it.
-            let mut moved = write;
-            for place in &mut self.queue {
-                core::mem::swap(place, &mut moved);
-            }
             // There is a place for every kind.
-            let _ = self.queue.push(moved);
+            let _ = self.queue.push_back(write);
         }
     }
 
     /// Puts a write before all that wait: the second half of one that has just ended, and must not be parted.
     pub fn request_first(&mut self, write: Write) {
-        let _ = self.queue.push(write);
+        let _ = self.queue.push_front(write);
     }
 
     /// Returns the next write and puts it in flight; `None` while one is.
     pub fn begin(&mut self) -> Option<Write> {
-        let next = self.queue.last().filter(|_| !self.in_flight)?;
+        let next = self.queue.front().filter(|_| !self.in_flight)?;
         self.in_flight = true;
         Some(*next)
     }
 
     /// Ends the write in flight and returns it; `None` when it writes another record.
     pub fn end(&mut self, record: RecordKey) -> Option<Write> {
-        let last = self.queue.last()?;
-        if !self.in_flight || last.record != record {
+        let first = self.queue.front()?;
+        if !self.in_flight || first.record != record {
             return None;
         }
         self.in_flight = false;
-        self.queue.pop()
+        self.queue.pop_front()
     }
 
     /// Returns whether this very write waits or is in flight.
     #[must_use]
     pub fn contains(&self, write: Write) -> bool {
-        self.queue.contains(&write)
+        self.queue.iter().any(|waiting| *waiting == write)
     }
 
     /// Returns the writes that wait and the one in flight.

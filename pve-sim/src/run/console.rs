@@ -248,7 +248,7 @@ mod tests {
             assert_eq!(answer(line, &mut simulation), "ok", "{line}");
         }
         let shaft = Shaft { angle_cdeg: 9_000, speed_rpm: -60, since: simulation.now(), measuring_error: true };
-        assert_eq!(*simulation.world().inputs(sensor), Inputs { internal_fault: true, ..Senses::encoder(shaft) });
+        assert_eq!(*simulation.world().inputs(sensor), Inputs { internal_fault: true, ..Inputs::encoder(shaft) });
         simulation.run_until(after(simulation.now(), Duration::from_millis(500)));
         assert_eq!(
             answer("status", &mut simulation),

@@ -50,6 +50,13 @@ pub(crate) enum NodeObject {
     NmtStartup,
 }
 
+impl NodeObject {
+    /// Returns whether the object holds an identifier that the node listens to.
+    pub(super) const fn is_cob_id(self) -> bool {
+        matches!(self, Self::SyncCobId | Self::EmcyConsumer | Self::Rpdo(PdoParameter::CobId))
+    }
+}
+
 /// The errors that can change the NMT state, 0x1029.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ErrorClass {

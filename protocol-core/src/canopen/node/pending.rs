@@ -7,14 +7,15 @@
 use heapless::Vec;
 
 use super::Node;
+use super::objects::Communication;
 use super::product::Product;
 use crate::answers::Answers;
-use crate::canopen::emcy::{EmcyProducer, EmcyQueue};
+use crate::canopen::emcy::EmcyQueue;
 use crate::canopen::pdo::Sample;
 use crate::controller::Filter;
 use crate::frame::{Frame, arbitration};
 use crate::time::Instant;
-use crate::wire::cob_id::{Function, NodeId};
+use crate::wire::cob_id::Function;
 use crate::wire::emcy::Emcy;
 use crate::wire::nmt::{State, heartbeat};
 
@@ -29,6 +30,16 @@ enum BootUp {
     Taken,
     /// On the bus, or there is none because there is no node ID.
     Done,
+}
+
+/// A frame that waits for the bus.
+#[derive(Clone, Copy)]
+enum Candidate {
+    BootUp,
+    Emcy,
+    Answer,
+    Tpdo,
+    Heartbeat,
 }
 
 /// A cyclic frame: of several that are pending only the latest is sent.
@@ -203,42 +214,54 @@ impl Pending {
         self.dropped
     }
 
-    #[inline(always)]
-    fn is_anything(&self) -> bool {
+    fn is_empty(&self) -> bool {
         match self.boot_up {
+            BootUp::Pending => false,
+            // Every other frame waits for it.
+            BootUp::Taken => true,
             BootUp::Done => {
-                self.tpdo.pending || !self.answers.is_empty() || self.heartbeat.pending || self.emcys.is_pending()
+                !self.emcys.is_pending() && self.answers.is_empty() && !self.tpdo.pending && !self.heartbeat.pending
             }
-            BootUp::Pending => true,
-            BootUp::Taken => false,
         }
     }
 
-    /// Returns whether nothing but the TPDO and answers is pending, and these need not wait for an EMCY.
-    #[inline(always)]
-    fn has_tpdo_and_answers_alone(&self) -> bool {
-        self.has_told_start() && !self.heartbeat.pending
+    /// Returns the most urgent frame: the boot-up, then by arbitration. An EMCY goes before a TPDO of any identifier.
+    fn most_urgent(&self, objects: &Communication) -> Option<Candidate> {
+        if self.boot_up == BootUp::Pending {
+            return Some(Candidate::BootUp);
+        }
+        let mut first = (u32::MAX, None);
+        let mut consider = |candidate, urgency| {
+            if urgency < first.0 {
+                first = (urgency, Some(candidate));
+            }
+        };
+        if self.emcys.is_pending()
+            && let Some(key) = objects.emcy.key()
+        {
+            consider(Candidate::Emcy, arbitration(key));
+        }
+        if let Some(answer) = self.answers.first() {
+            consider(Candidate::Answer, answer.arbitration());
+        }
+        if self.tpdo.pending
+            && let Some(key) = objects.tpdo.key()
+            && self.may_send_tpdo(key, objects.emcy.key())
+        {
+            consider(Candidate::Tpdo, arbitration(key));
+        }
+        if self.heartbeat.pending
+            && let Some(node_id) = objects.node_id
+        {
+            consider(Candidate::Heartbeat, arbitration(node_id.raw_id(Function::Heartbeat).into()));
+        }
+        first.1
     }
 
-    /// Returns whether the TPDO with this key is pending and may go out: an EMCY of the same instant goes first.
-    #[inline(always)]
-    fn may_send_tpdo(&self, key: u32, emcys: &EmcyProducer) -> bool {
-        let goes_after = |emcys| arbitration(key) > arbitration(emcys);
-        self.tpdo.pending && (self.emcys.is_empty() || emcys.key().is_none_or(goes_after))
-    }
-
-    /// Returns whether a frame with this key goes before heartbeat and answers.
-    fn is_most_urgent(&self, key: u32, node_id: NodeId) -> bool {
-        let beat = u32::from(node_id.raw_id(Function::Heartbeat));
-        let urgency = arbitration(key);
-        !(self.heartbeat.pending && arbitration(beat) < urgency)
-            && self.answers.first().is_none_or(|answer| urgency < answer.arbitration())
-    }
-
-    /// Hands out an answer. Kept apart: it would take registers of the way of a TPDO.
-    #[inline(never)]
-    fn pop_answer(&mut self) -> Option<Frame> {
-        self.answers.pop()
+    /// Returns whether a TPDO with this key may go out: the controller could send one that is more urgent than a waiting
+    /// EMCY before it.
+    fn may_send_tpdo(&self, key: u32, emcys: Option<u32>) -> bool {
+        self.emcys.is_empty() || emcys.is_none_or(|emcys| arbitration(key) > arbitration(emcys))
     }
 
     #[inline]
@@ -264,34 +287,39 @@ impl Pending {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a frame is pending that may be sent now: not before the platform has been given a new bit rate.
-    #[inline(always)]
+    /// Returns whether a pending frame may be sent now: not before the platform has taken a new bit rate.
     pub(crate) fn has_frame(&self) -> bool {
-        self.pending.is_anything() && !self.is_mute() && !self.rate_is_new
+        !self.pending.is_empty() && !self.is_mute() && !self.rate_is_new
     }
 
     /// Makes the most urgent pending frame: in the order of arbitration, answers first come first served.
-    #[inline]
     pub(crate) fn next_frame(&mut self, product: &P, now: Instant) -> Option<Frame> {
         if !self.has_frame() {
             return None;
         }
-        // Mostly one frame is pending: there is nothing to be compared.
-        match (self.pending.has_tpdo_and_answers_alone(), self.pending.tpdo.pending, self.pending.answers.is_empty()) {
-            (true, true, true) => self.hand_out_tpdo(product, now),
-            (true, false, _) => self.pending.pop_answer(),
-            _ => self.render(product, now),
+        let pending = &mut self.pending;
+        match pending.most_urgent(&self.objects)? {
+            Candidate::BootUp => {
+                pending.boot_up = BootUp::Taken;
+                Some(heartbeat(self.objects.node_id?, State::Initialising))
+            }
+            Candidate::Emcy => {
+                let id = self.objects.emcy.cob_id().id();
+                pending.emcys.hand_out().map(|message| Frame::full(id, message.emit()))
+            }
+            Candidate::Answer => pending.answers.pop(),
+            Candidate::Tpdo => Some(self.hand_out_tpdo(product, now)),
+            Candidate::Heartbeat => {
+                let frame = heartbeat(self.objects.node_id?, self.nmt.state());
+                pending.heartbeat.hand_out(frame.key());
+                Some(frame)
+            }
         }
     }
 
     /// Returns the identifiers of frames that the controller took and that must not go out any more.
     #[inline]
     pub(crate) fn take_abort(&mut self) -> Option<Filter> {
-        // There is almost never one: a look is cheaper than a call.
-        if self.pending.aborts.is_empty() { None } else { self.next_abort() }
-    }
-
-    fn next_abort(&mut self) -> Option<Filter> {
         while let Some(abort) = self.pending.aborts.pop() {
             if !self.is_of_emcys(abort) {
                 return Some(abort);
@@ -348,50 +376,13 @@ impl<P: Product> Node<P> {
         pending.emcys.sent();
     }
 
-    #[inline(never)]
-    fn render(&mut self, product: &P, now: Instant) -> Option<Frame> {
-        let node_id = self.objects.node_id;
-        let pending = &mut self.pending;
-        if pending.boot_up == BootUp::Pending {
-            pending.boot_up = BootUp::Taken;
-            return node_id.map(|node_id| heartbeat(node_id, State::Initialising));
-        }
-        let Some(node_id) = node_id else { return pending.pop_answer() };
-        if pending.emcys.is_pending()
-            && let Some(key) = self.objects.emcy.key()
-            && pending.is_most_urgent(key, node_id)
-        {
-            let id = self.objects.emcy.cob_id().id();
-            return pending.emcys.hand_out().map(|message| Frame::full(id, message.emit()));
-        }
-        let tpdo = self.objects.tpdo.key().filter(|key| pending.may_send_tpdo(*key, &self.objects.emcy));
-        match (tpdo, pending.heartbeat.pending) {
-            (None, false) => pending.pop_answer(),
-            (tpdo, beat) => {
-                let tpdo = tpdo.map_or(u32::MAX, arbitration);
-                let beat = if beat { arbitration(node_id.raw_id(Function::Heartbeat).into()) } else { u32::MAX };
-                let answer = pending.answers.first().map_or(u32::MAX, Frame::arbitration);
-                if answer <= tpdo.min(beat) {
-                    pending.pop_answer()
-                } else if tpdo < beat {
-                    self.hand_out_tpdo(product, now)
-                } else {
-                    let frame = heartbeat(node_id, self.nmt.state());
-                    pending.heartbeat.hand_out(frame.key());
-                    Some(frame)
-                }
-            }
-        }
-    }
-
     /// Hands out the TPDO, as it was sampled or as things are now.
-    #[inline(never)]
-    fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
+    fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Frame {
         let sample =
             if P::RULES.tpdo.sampled_when_due { self.pending.tpdo_sample } else { self.sample_tpdo(product, now) };
         let frame = self.objects.tpdo.frame(sample);
         self.objects.tpdo.sent(sample);
         self.pending.tpdo.hand_out(frame.key());
-        Some(frame)
+        frame
     }
 }

@@ -194,7 +194,9 @@ impl<P: Product> Node<P> {
     ) -> Result<(), AbortCode> {
         let emcys = self.objects.emcy.key();
         self.objects.write_own(object, number, rules, objects, now)?;
-        self.listening.update(&self.objects, rules);
+        if object.0.is_cob_id() {
+            self.listening.update(&self.objects, rules);
+        }
         // Its identifier changes only while it is off.
         if self.objects.tpdo.key().is_none() {
             self.pending.clear_tpdo();

@@ -237,8 +237,9 @@ impl Application for HatSensor {
     }
 
     #[inline]
-    fn all_sent(&mut self, _: &mut Base) {
+    fn all_sent(&mut self, _: &mut Base) -> bool {
         self.node.all_sent();
+        true
     }
 
     #[inline]

@@ -174,8 +174,9 @@ impl Application for CanopenValve {
     }
 
     #[inline]
-    fn all_sent(&mut self, _: &mut Base) {
+    fn all_sent(&mut self, _: &mut Base) -> bool {
         self.node.all_sent();
+        false
     }
 
     #[inline]

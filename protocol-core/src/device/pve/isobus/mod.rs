@@ -204,7 +204,7 @@ impl Application for IsobusValve {
         self.node.give_back(frame);
     }
 
-    fn all_sent(&mut self, base: &mut Base) {
+    fn all_sent(&mut self, base: &mut Base) -> bool {
         self.node.all_sent(base.now());
         let valve = &mut self.auxiliary.valve;
         // A watchdog reset does not last: it is gone once the bus has heard of it.
@@ -213,6 +213,7 @@ impl Application for IsobusValve {
         {
             valve.set_internal(InternalCause::Watchdog, false, base.now());
         }
+        true
     }
 
     #[inline]
