@@ -48,10 +48,18 @@ impl Answers {
     }
 
     /// Takes the [first](Self::first) answer.
+    #[inline(never)]
     pub(crate) fn pop(&mut self) -> Option<Frame> {
+        // Mostly there is one: 60 instructions less for an SDO.
+        let first = if self.waiting.len() == 1 { self.waiting.pop() } else { self.pop_first() }?;
+        self.taken = self.taken.saturating_add(1);
+        Some(first)
+    }
+
+    #[inline(never)]
+    fn pop_first(&mut self) -> Option<Frame> {
         let waiting = self.waiting.iter().enumerate();
         let (place, _) = waiting.min_by_key(|(_, frame)| frame.arbitration())?;
-        self.taken = self.taken.saturating_add(1);
         Some(self.waiting.remove(place))
     }
 

@@ -1,6 +1,6 @@
 //! The queue of writes to the memory: one record at a time, in the order of the requests (SPEC 4.5, 6).
 
-use heapless::Deque;
+use heapless::Vec;
 
 use crate::memory::RecordKey;
 
@@ -61,7 +61,7 @@ impl Write {
 /// The writes that wait, and the one in flight.
 #[derive(Clone, Debug)]
 pub struct Writes {
-    queue: Deque<Write, PLACES>,
+    queue: Vec<Write, PLACES, u8>,
     /// The first one is in flight.
     in_flight: bool,
 }
@@ -70,7 +70,7 @@ impl Writes {
     /// Returns an empty queue.
     #[must_use]
     pub const fn new() -> Self {
-        Self { queue: Deque::new(), in_flight: false }
+        Self { queue: Vec::new(), in_flight: false }
     }
 
     /// Appends a write, or merges it into one of its kind that waits: the newer value counts, of two DM3s both. The
@@ -82,36 +82,36 @@ impl Writes {
             waiting.value = kept | write.value;
         } else {
             // There is a place for every kind.
-            let _ = self.queue.push_back(write);
+            let _ = self.queue.push(write);
         }
     }
 
     /// Puts a write before all that wait: the second half of one that has just ended, and must not be parted.
     pub fn request_first(&mut self, write: Write) {
-        let _ = self.queue.push_front(write);
+        let _ = self.queue.insert(0, write);
     }
 
     /// Returns the next write and puts it in flight; `None` while one is.
     pub fn begin(&mut self) -> Option<Write> {
-        let next = self.queue.front().filter(|_| !self.in_flight)?;
+        let next = self.queue.first().filter(|_| !self.in_flight)?;
         self.in_flight = true;
         Some(*next)
     }
 
     /// Ends the write in flight and returns it; `None` when it writes another record.
     pub fn end(&mut self, record: RecordKey) -> Option<Write> {
-        let first = self.queue.front()?;
+        let first = self.queue.first()?;
         if !self.in_flight || first.record != record {
             return None;
         }
         self.in_flight = false;
-        self.queue.pop_front()
+        Some(self.queue.remove(0))
     }
 
     /// Returns whether this very write waits or is in flight.
     #[must_use]
     pub fn contains(&self, write: Write) -> bool {
-        self.queue.iter().any(|waiting| *waiting == write)
+        self.queue.contains(&write)
     }
 
     /// Returns the writes that wait and the one in flight.
