@@ -49,8 +49,8 @@ const MINUTES: Ratio = Ratio::new(1, MINUTE_US, u64::MAX);
 const TURNS: Ratio = Ratio::new(1, TURN, UNITS_MAX);
 const STEPS_OF_UNITS: Ratio = Ratio::new(STEPS_IN_UNITS, UNITS_IN_STEPS, UNITS_MAX);
 
-/// A constant ratio below 1 that multiplies 64-bit numbers: the Cortex-M4 does not divide them, and the function that
-/// does is 0.9 KiB long.
+/// A constant ratio below 1 that multiplies 64-bit numbers: the Cortex-M4 does not divide them, and a position takes 115
+/// instructions less.
 struct Ratio {
     /// The factors of two in the denominator, which are shifted out first.
     twos: u32,
