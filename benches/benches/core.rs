@@ -212,6 +212,13 @@ fn sdo_download(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>
     exchange.run()
 }
 
+// SDO download of the heartbeat time, an object of the node → the answer and the first heartbeat.
+#[library_benchmark(config = budget(790))]
+#[bench::heartbeat_time(operational(HEARTBEAT))]
+fn sdo_download_of_node(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
+    exchange.run()
+}
+
 // A segment of a string.
 #[library_benchmark(config = budget(400))]
 #[bench::string(in_segmented_upload("620: 60 00 00 00 00 00 00 00"))]
@@ -360,6 +367,7 @@ library_benchmark_group!(
     benchmarks = [
         sdo_upload,
         sdo_download,
+        sdo_download_of_node,
         sdo_segment,
         rpdo_to_tpdo,
         rpdo_to_tpdo_new,

@@ -1,5 +1,5 @@
-//! One CANopen valve on the processor, without an operating system and without a driver: what the core alone takes of
-//! flash, RAM and stack, and what a frame costs. The controller is a mailbox in RAM.
+//! A CANopen valve on the processor, without an operating system and without a driver: the cost of the core alone in
+//! flash, RAM, stack, and instructions for a frame. The controller is a mailbox in RAM.
 //!
 //! `tests/firmware-in-the-loop/run --test firmware core_alone` counts, from the entry of a function `row_of_…` to that
 //! of `row_is_done`.

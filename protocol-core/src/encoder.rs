@@ -3,7 +3,7 @@
 
 use crate::time::{Instant, since};
 
-/// One turn, 1/100 degree.
+/// A turn, 1/100 degree.
 pub const TURN_CDEG: u32 = 36_000;
 
 /// The steps of one turn (A): 14 bits.
@@ -131,7 +131,7 @@ impl Default for Shaft {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preset {
     value: u32,
-    /// What the position is ahead of the raw one, below a turn.
+    /// The offset of the position from the raw one, below a turn.
     offset: u32,
 }
 

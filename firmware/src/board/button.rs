@@ -11,9 +11,9 @@ use super::wake_up::{Event, notify};
 /// The button was pressed.
 pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
 
-/// The button is looked at so often.
+/// The period in which the button is polled.
 const LOOK: Duration = Duration::from_millis(10);
-/// It counts as pressed or released when so many looks in a row say so.
+/// The number of equal polls after which the button counts as pressed or released.
 const STEADY: u8 = 3;
 
 #[embassy_executor::task]

@@ -37,11 +37,11 @@ pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange
 
 /// The answer of the device's task to a line.
 pub(super) enum Answer {
-    /// It is done.
+    /// The command was executed.
     Done,
-    /// It is done, and the processor is to start anew.
+    /// The command was executed, and the processor is to start anew.
     Restart,
-    /// How the device is: in the [`Exchange`].
+    /// The status of the device: in the [`Exchange`].
     Status,
     /// All words of this product.
     Help(Product),

@@ -71,14 +71,14 @@ fn new_device(settings: &Settings) -> &'static mut AnyDevice {
     DEVICE.init_with(|| AnyDevice::new(settings.setup()))
 }
 
-/// What stands between the device and the world.
+/// The hardware that the device is connected to.
 struct Board {
     settings: Settings,
     link: Link,
     watchdog: Watchdog,
     wake_up: WakeUp,
     memory: Client,
-    /// What the memory held when it was last read; it is there while nothing is being read.
+    /// The contents of the memory at the last read; `None` while a read is under way.
     contents: Option<&'static mut Contents>,
     controls: LocalControls,
     lights: &'static Lights,

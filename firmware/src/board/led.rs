@@ -11,11 +11,11 @@ use protocol_core::device::{Device, Inputs, ProductInputs};
 use super::nucleo::Leds;
 use super::wake_up::{Event, notify};
 
-/// A step of what the LEDs show: a third of half a period of 1.5 Hz.
+/// A step of the pattern of the LEDs: a third of half a period of 1.5 Hz.
 const STEP: Duration = Duration::from_millis(111);
-/// So many steps are half a period: 333 ms on, 333 ms off.
+/// The number of steps of half a period: 333 ms on, 333 ms off.
 const HALF_PERIOD: u8 = 3;
-/// After so many steps it begins anew.
+/// The number of steps of the whole pattern.
 pub(super) const STEPS: u8 = 18;
 
 /// Returns what the LEDs show of a device: the LED of a valve. A sensor has none: they show what the board knows of it.
@@ -35,7 +35,7 @@ pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     }
 }
 
-/// What the LEDs show: nothing at first.
+/// The pattern of the LEDs: off at first.
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {

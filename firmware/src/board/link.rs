@@ -1,4 +1,4 @@
-//! The way onto the bus and off it: bit rates, and bus-off as the plant wants it.
+//! Joining and leaving the bus: bit rates, and the bus-off of the plant.
 
 use embassy_time::{Duration, Instant};
 use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
@@ -32,13 +32,13 @@ pub(super) struct Link {
     leaving: Option<u64>,
 }
 
-/// Whether the plant lets the controller take part in the bus.
+/// The part that the plant lets the controller take in the bus.
 #[derive(Clone, Copy)]
 enum State {
     Up,
-    /// It is kept off.
+    /// The controller is kept off the bus.
     Cut,
-    /// It is on its way back until then.
+    /// The controller recovers until this instant.
     Recovering(Instant),
 }
 

@@ -39,7 +39,7 @@ impl LocalControls {
         Some(self.injection.applied_to(*plant))
     }
 
-    /// Returns the command of a line that was typed; answers a line that is none.
+    /// Returns the command of a typed line; answers a line that cannot be parsed.
     pub(super) fn command(&mut self) -> Option<Command> {
         let exchange = self.exchange.insert(self.lines.try_take()?);
         let command = Command::parse(exchange.line.text());
@@ -56,8 +56,8 @@ impl LocalControls {
         }
     }
 
-    /// Tells how the device is, to the line that was typed last: a line for each thing that can be told. What does not
-    /// fit is left out.
+    /// Answers the last typed line with the status of the device, a line for each value. Lines that do not fit are left
+    /// out.
     pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
         let Some(Exchange { status, .. }) = &mut self.exchange else { return };
         let bus = match plant.inputs.bus {

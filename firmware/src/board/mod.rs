@@ -63,7 +63,7 @@ fn UART4() {
     unsafe { SERVICES.on_interrupt() }
 }
 
-/// What a NUCLEO has, by whichever pins.
+/// Peripherals common to all NUCLEO boards.
 struct Nucleo {
     can: can::Can1,
     sectors: flash::Sectors,

@@ -9,7 +9,7 @@ use crate::wire::cob_id::CobId;
 use crate::wire::emcy::{Emcy, NO_ERROR};
 use crate::wire::sdo::AbortCode;
 
-/// How many errors the history holds (SPEC 4.1).
+/// The number of errors that the history holds (SPEC 4.1).
 pub(crate) const HISTORY: usize = 8;
 
 /// The number of messages that can wait for the bus (A): every fault of a device, and its end.

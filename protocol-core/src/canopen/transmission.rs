@@ -1,4 +1,4 @@
-//! When a TPDO is sent: transmission type, SYNC count, inhibit time and event timer (CiA 301 7.5.2.37).
+//! The transmission of a TPDO: type, SYNC count, inhibit time and event timer (CiA 301 7.5.2.37).
 
 use crate::time::{Duration, Instant, NEVER, delayed, since};
 
@@ -14,10 +14,10 @@ pub(crate) const ON_CHANGE: u8 = 0;
 /// The unit of the inhibit time.
 const INHIBIT_UNIT_US: u64 = 100;
 
-/// What a SYNC does to a TPDO.
+/// The effect of a SYNC on a TPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtSync {
-    /// It does not count, or is not the n-th of a transmission type 1–240.
+    /// The SYNC does not count, or is not the n-th of a transmission type 1–240.
     Nothing,
     /// The TPDO is due.
     Due,
@@ -25,7 +25,7 @@ pub(crate) enum AtSync {
     OnChange,
 }
 
-/// What makes a TPDO due.
+/// The conditions that make a TPDO due.
 #[derive(Clone, Debug)]
 pub(crate) struct Transmission {
     kind: u8,

@@ -85,7 +85,7 @@ impl Inputs {
     }
 }
 
-/// What a device drives.
+/// The outputs of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// A valve: its solenoids and its LED.
@@ -95,7 +95,7 @@ pub enum Outputs {
 }
 
 impl Outputs {
-    /// Returns what a valve drives; `None` for another product.
+    /// Returns the outputs of a valve; `None` for another product.
     #[must_use]
     pub const fn valve(self) -> Option<ValveOutputs> {
         match self {
@@ -105,10 +105,10 @@ impl Outputs {
     }
 }
 
-/// What a valve drives.
+/// The outputs of a valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveOutputs {
-    /// Whether the solenoids are energised.
+    /// The solenoids are energised.
     pub solenoids: bool,
     /// The LED.
     pub led: Led,

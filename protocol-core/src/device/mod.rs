@@ -41,7 +41,7 @@ pub enum Effect {
     Restart(Restart),
 }
 
-/// How much of the device starts anew (CiA 301, NMT), the narrower scope first.
+/// The scope of a restart (CiA 301, NMT), the narrower scope first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Restart {
     /// Reset communication: the communication objects alone.
@@ -74,11 +74,11 @@ pub enum StartCause {
 /// `now` never runs backwards for a device: an instant earlier than the last one counts as the last one. So does an instant
 /// from 2^63 µs on, to which no clock comes.
 pub trait Device {
-    /// Takes a frame from the bus. Says whether it was for the device; when it was not, all is as it was.
+    /// Takes a frame from the bus. Returns whether it was for the device; a frame for another changes nothing.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
-    /// Returns the filters for the frames that the device listens to: at first, and whenever they have changed. Every
-    /// frame that means something to it passes one of the filters; many that mean nothing to it pass as well.
+    /// Returns the filters of the device: at first, and whenever they have changed. Every frame for the device passes
+    /// one of them; many others pass as well.
     fn take_filters(&mut self) -> Option<Filters>;
 
     /// Takes the inputs; to be called when any of them has changed, and once after the start.
@@ -104,7 +104,7 @@ pub trait Device {
     /// one ready to be sent.
     fn all_sent(&mut self, now: Instant) -> bool;
 
-    /// Returns the next thing to be done. A store and a new bit rate are handed out at any time: a bus that takes
+    /// Returns the next effect. A store and a new bit rate are handed out at any time: a bus that takes
     /// nothing keeps neither waiting. A restart is handed out only when `all_sent`: it must not swallow the answer
     /// before it.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect>;
@@ -115,23 +115,23 @@ pub trait Device {
     /// Answers [`Effect::Restart`] with what the memory holds now.
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant);
 
-    /// Asks for everything that waits to be stored to be stored at once: the platform is about to be switched off.
+    /// Stores everything pending at once: the platform is about to be switched off.
     fn flush(&mut self, now: Instant);
 
     /// Returns when [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) when only a frame or a sense can
     /// change anything.
     fn deadline(&self) -> Instant;
 
-    /// Returns what the device drives.
+    /// Returns the outputs of the device.
     fn outputs(&self) -> Outputs;
 
-    /// Returns the bit rate that the device wants to run at.
+    /// Returns the bit rate that the device is set to.
     fn bit_rate(&self) -> BitRate;
 
     /// Returns the node ID in force; `None` for a device that has none.
     fn node_id(&self) -> Option<u8>;
 
-    /// Returns how many frames were dropped: for want of room in the queue, by bus-off, or during a change of the bit
-    /// rate. Nothing is lost silently.
+    /// Returns the number of dropped frames: for want of room in the queue, by bus-off, or during a change of the bit
+    /// rate. No frame is lost silently.
     fn frames_dropped(&self) -> u32;
 }

@@ -1,4 +1,4 @@
-//! What a start reads from the memory: each record checked, the corrupt ones noted (SPEC 6).
+//! The reading of the memory at a start: each record checked, the corrupt ones noted (SPEC 6).
 
 use crate::memory::{Memory, RecordKey, open};
 

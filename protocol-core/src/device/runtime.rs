@@ -21,9 +21,9 @@ const OWN_WRITES: [Write; 3] = [
     Write::new(RecordKey::FaultLog, Requester::Device),
 ];
 
-/// What a device writes to the memory: its product's part of a write.
+/// The product's part of a write to the memory.
 pub trait Storing {
-    /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record
+    /// Appends the payload of a write, with the present state; `None` without a payload, or if it is longer than a record
     /// holds.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
@@ -35,12 +35,12 @@ pub trait Storing {
 ///
 /// Each call happens at [`Base::now`], after everything that was due before then has acted.
 pub trait Application: Storing + Sized {
-    /// What a device is made as.
+    /// The setup of a device.
     type Setup;
     /// The services that listen to frames.
     type Service: Copy;
 
-    /// Whether the device keeps a fault log.
+    /// The device keeps a fault log.
     const FAULT_LOG: bool;
     /// The version of the payloads of its records.
     const RECORD_VERSION: u8;
@@ -114,13 +114,13 @@ pub trait Application: Storing + Sized {
     fn frames_dropped(&self) -> u32;
 }
 
-/// What every device has.
+/// The state that every device has.
 #[derive(Clone, Debug)]
 pub struct Base {
     now: Instant,
     /// The writes to the memory.
     pub writes: Writes,
-    /// When the fault log is to be written.
+    /// The schedule of the fault log.
     pub fault_log: FaultLogClock,
     restart: PendingRestart,
 }
@@ -205,8 +205,7 @@ impl Base {
         Some(write)
     }
 
-    /// Returns the next write, or the restart when there is none. Kept apart from the look whether there is any: a
-    /// record takes much of the stack.
+    /// Returns the next write, or the restart without one. Not inlined: a record takes much of the stack.
     #[inline(never)]
     fn next_effect(&mut self, application: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
         while let Some(write) = self.begin_write() {
@@ -245,7 +244,7 @@ impl Base {
 pub struct Runtime<A: Application> {
     application: A,
     base: Base,
-    /// When the application or the fault log is next due.
+    /// The instant at which the application or the fault log is next due.
     deadline: Instant,
 }
 
@@ -258,10 +257,10 @@ impl<A: Application> Runtime<A> {
         device
     }
 
-    /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there: the stack
-    /// then carries no device while it starts.
+    /// Returns a device without power, to be moved to its final place and [started](Self::start_up) there: the stack then
+    /// holds no device during the start.
     #[must_use]
-    // In the caller the device is made where it is to stay; a function of its own makes it on the stack first.
+    // Inlined, the device is made in its final place; a call would make it on the stack first.
     #[inline(always)]
     pub fn new(setup: A::Setup) -> Self {
         const { assert!(A::WRITES.len() + OWN_WRITES.len() <= KINDS, "`KINDS` is too small for this device") };
@@ -289,7 +288,7 @@ impl<A: Application> Runtime<A> {
         &self.application
     }
 
-    /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
+    /// Takes a frame for the device. Not inlined: most frames are dropped by their identifier before.
     #[inline(never)]
     fn take(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         if self.base.is_restarting() {
@@ -300,7 +299,7 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Takes a frame while a restart waits. Kept apart: it would take registers of the way of all other frames.
+    /// Takes a frame while a restart waits. Not inlined: it would take registers from the usual path.
     #[inline(never)]
     fn take_restarting(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         self.advance(now);

@@ -11,10 +11,10 @@ pub(super) const KINDS: usize = 9;
 /// The places of the queue: each kind waits once, one write is in flight, and one was put before all others.
 const PLACES: usize = KINDS + 2;
 
-/// One write. The record is encoded when the write begins, so this names the record and holds only what differs.
+/// A write. The record is encoded when the write begins; this names the record and its requester.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Write {
-    /// What is written.
+    /// The record that is written.
     pub record: RecordKey,
     /// The service that requested it.
     pub requester: Requester,

@@ -32,7 +32,7 @@ enum State {
     },
     Claimed,
     Lost {
-        /// When the cannot-claim goes out; [`NEVER`] when none is pending.
+        /// The instant of the cannot-claim; [`NEVER`] when none is pending.
         answer_at: Instant,
     },
 }

@@ -17,7 +17,7 @@ pub struct Dm1 {
     changed: Option<Instant>,
     /// A code that was active at the instant of that change alone.
     passing: Option<Trouble>,
-    /// When the next repetition is due.
+    /// The instant at which the next repetition is due.
     next: Instant,
     /// The code in the DM1 that was rendered last.
     rendered: Option<Trouble>,
@@ -30,10 +30,10 @@ impl Dm1 {
         Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Takes the active code. A change is to be told at once, be it of the counter alone.
+    /// Takes the active code. A change, even of the counter alone, is reported at once.
     ///
-    /// `at` is the instant at which the bus can hear of it, [`NEVER`] in bus-off. It hears of a code that comes and
-    /// goes at one instant when the frame can be made at that instant; later, DM1 tells the present state alone.
+    /// `at` is the instant at which a frame can be sent, [`NEVER`] in bus-off. A code that comes and goes at one instant
+    /// is reported when the frame can be made at that instant; a later DM1 has the present state alone.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {

@@ -17,7 +17,7 @@ pub struct Request {
     pub pgn: Pgn,
     /// The controller that asks.
     pub requester: Address,
-    /// Whether this controller is asked, not all.
+    /// The request is addressed to this controller, not to all.
     pub addressed: bool,
 }
 

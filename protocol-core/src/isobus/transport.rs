@@ -36,9 +36,9 @@ pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Fra
 /// Why a message cannot be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// Another one is being sent.
+    /// Another message is being sent.
     Busy,
-    /// It has fewer bytes than are sent this way, or more.
+    /// The length of the message is outside the range of a broadcast.
     Size,
 }
 
@@ -49,9 +49,9 @@ struct Sending<const SIZE: usize> {
     /// The next frame, or the one in the controller; 0 is the announcement.
     sequence: u8,
     in_controller: bool,
-    /// When that frame is queued; [`NEVER`] once it is.
+    /// The instant at which that frame is queued; [`NEVER`] once it is.
     due: Instant,
-    /// When that frame has to be on the bus.
+    /// The instant by which that frame has to be on the bus.
     give_up: Instant,
 }
 
@@ -168,7 +168,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
 pub struct Message<const SIZE: usize> {
     /// The group.
     pub pgn: Pgn,
-    /// Who sent it.
+    /// The sender.
     pub source: Address,
     /// Its bytes.
     pub payload: Vec<u8, SIZE>,
@@ -180,14 +180,14 @@ struct Receiving<const SIZE: usize> {
     size: usize,
     /// The packet that must come next.
     sequence: u8,
-    /// When the sender was last heard.
+    /// The instant of the sender's last frame.
     heard: Instant,
 }
 
 /// Receives broadcast messages of up to `SIZE` bytes from up to `SENDERS` senders at once.
 ///
-/// It only listens, so it has no deadline: a message that stopped keeps its place until its sender is heard again, or
-/// another one needs the place. A sender for whom there is none is not heard; nobody else's message suffers for it.
+/// The receiver has no deadline: an interrupted message keeps its place until its sender sends again, or another message
+/// needs the place. A sender without a place is ignored, and disturbs no other message.
 #[derive(Clone, Debug)]
 pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
     wanted: &'static [Pgn],

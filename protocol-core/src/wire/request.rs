@@ -26,7 +26,7 @@ pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
     Frame::with_len(id.id(), [low, middle, high, 0, 0, 0, 0, 0], LEN)
 }
 
-/// What an acknowledgement says.
+/// The control byte of an acknowledgement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Control {
@@ -48,11 +48,11 @@ impl Control {
 /// An acknowledgement, which goes to all and names whom it is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Acknowledgement {
-    /// What it says.
+    /// The control byte.
     pub control: Control,
     /// Whose request it answers.
     pub requester: Address,
-    /// What was asked for.
+    /// The requested group.
     pub pgn: Pgn,
 }
 

@@ -37,10 +37,10 @@ pub(super) use transmit::retry;
 /// The alternate function that connects the pins with CAN 1.
 const AF_CAN: u8 = 9;
 
-/// How many error interrupts there were.
+/// The number of error interrupts.
 pub(super) static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
-/// The registers of CAN 1, as `bxcan` wants them.
+/// The registers of CAN 1, for `bxcan`.
 struct Registers;
 
 // SAFETY: the pointer is that of CAN 1, whose clock is on before a `Registers` exists. `bxcan` asks for all of the

@@ -51,7 +51,7 @@ pub(super) struct Listening {
     groups: u32,
     /// The node ID; 0 without one.
     node: u8,
-    /// Whether the controller has been told.
+    /// The controller has these filters.
     told: bool,
 }
 

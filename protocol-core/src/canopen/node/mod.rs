@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! mod        the node: what goes in, and what it demands of the device around it
-//! product    what a product brings
-//! object     what lies behind a row of the dictionary          objects    the node's own objects
-//! services   what each service does with a frame
+//! product    the trait of a product
+//! object     the object of a row of the dictionary             objects    the node's own objects
+//! services   the services of the node
 //! listening  which frames are for the node
 //! pending    the frames that wait for the bus                description  the objects as an EDS describes them
 //! ```
@@ -50,7 +50,7 @@ use crate::wire::nmt::State;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::AbortCode;
 
-/// What the node demands of the device around it.
+/// A demand of the node on the device around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand<T> {
     /// An SDO client waits for a task of the product: answer with [`Node::end_task`].
@@ -74,7 +74,7 @@ pub(crate) struct Node<P: Product> {
     bus_off: bool,
     /// In force on the bus.
     bit_rate: BitRate,
-    /// Whether the platform has not been given `bit_rate` yet.
+    /// The platform has not taken `bit_rate` yet.
     rate_is_new: bool,
     /// Configured by LSS, in force from the restart that it has demanded.
     activated: Option<LssNodeId>,

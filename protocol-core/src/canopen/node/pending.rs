@@ -22,7 +22,7 @@ use crate::wire::nmt::{State, heartbeat};
 /// The number of identifiers to be aborted at once: heartbeat, TPDO and EMCY.
 const ABORTS: usize = 3;
 
-/// How far the boot-up has come. It must be on the bus before anything else: an EMCY would overtake it.
+/// The progress of the boot-up. No frame may go out before it: an EMCY would overtake it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BootUp {
     Pending,
@@ -76,7 +76,7 @@ pub(super) struct Pending {
     boot_up: BootUp,
     heartbeat: Latest,
     tpdo: Latest,
-    /// What the TPDO carries, of a product that samples when it becomes due.
+    /// The data of the TPDO, of a product that samples when it becomes due.
     tpdo_sample: Sample,
     emcys: EmcyQueue,
     answers: Answers,
@@ -304,7 +304,7 @@ impl<P: Product> Node<P> {
         let pending = &mut self.pending;
         let others = pending.heartbeat.pending || !pending.has_told_start();
         match (others, pending.tpdo.pending, pending.answers.is_empty()) {
-            (false, true, true) => Some(self.hand_out_tpdo(product, now)),
+            (false, true, true) => self.hand_out_tpdo(product, now),
             (false, false, _) => pending.answers.pop(),
             _ => self.make_most_urgent(product, now),
         }
@@ -323,7 +323,7 @@ impl<P: Product> Node<P> {
                 pending.emcys.hand_out().map(|message| Frame::full(id, message.emit()))
             }
             Candidate::Answer => pending.answers.pop(),
-            Candidate::Tpdo => Some(self.hand_out_tpdo(product, now)),
+            Candidate::Tpdo => self.hand_out_tpdo(product, now),
             Candidate::Heartbeat => {
                 let frame = heartbeat(self.objects.node_id?, self.nmt.state());
                 pending.heartbeat.hand_out(frame.key());
@@ -398,12 +398,12 @@ impl<P: Product> Node<P> {
 
     /// Hands out the TPDO, as it was sampled or as things are now.
     #[inline(never)]
-    fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Frame {
+    fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let sample =
             if P::RULES.tpdo.sampled_when_due { self.pending.tpdo_sample } else { self.sample_tpdo(product, now) };
         let frame = self.objects.tpdo.frame(sample);
         self.objects.tpdo.sent(sample);
         self.pending.tpdo.hand_out(frame.key());
-        frame
+        Some(frame)
     }
 }

@@ -1,4 +1,4 @@
-//! What each service does with a frame.
+//! The services of the node, each with its frames.
 
 use super::listening::Service;
 use super::object::{NodeObject, Object};

@@ -87,7 +87,7 @@ fn an_emcy_is_not_aborted_with_a_tpdo_under_its_identifier() {
     assert_eq!(rig.node.take_abort(), None);
 }
 
-/// They arbitrate alike, and a controller may send either first: the TPDO is not even handed out before the EMCY is sent.
+/// The two arbitrate alike, and a controller may send either first: the node hands out the TPDO after the EMCY is sent.
 #[test]
 fn an_emcy_before_a_tpdo_under_its_identifier() {
     let mut rig = operational();

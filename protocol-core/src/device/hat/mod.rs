@@ -39,7 +39,7 @@ use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
 
-/// What a sensor is made as.
+/// The setup of a sensor.
 pub type Setup = super::Setup<Kind>;
 
 /// A HAT 1000 or HAT 3000.
@@ -53,15 +53,15 @@ pub struct HatSensor {
     pub(super) node: Node<HatObjects>,
     /// Node ID and bit rate as stored.
     layer: Layer,
-    /// What the write of node ID and bit rate in flight changes of them.
+    /// The changes of node ID and bit rate by the write in flight.
     layer_in_flight: Configuration,
     /// The task that an SDO client waits for.
     task: Option<Task>,
-    /// One of the task's writes has failed; the client is answered after the last one.
+    /// A write of the task has failed; the client is answered after the last write.
     task_failed: bool,
     /// The records that are damaged, by their position.
     damaged: u8,
-    /// The errors that were entered into the history when they were last told.
+    /// The errors that were entered into the history at their last report.
     entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
@@ -93,7 +93,7 @@ impl HatSensor {
         self.entered.set(error, entered);
     }
 
-    /// Takes the mode of the CAN controller. Bus-off takes the place of error-passive; it is told when it is over.
+    /// Takes the mode of the CAN controller. Bus-off replaces error-passive; it is reported when it is over.
     fn set_bus(&mut self, bus: BusErrorMode, base: &Base) {
         self.bus = bus;
         let bus_off = bus == BusErrorMode::BusOff;
@@ -253,7 +253,7 @@ impl Application for HatSensor {
     }
 
     /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that
-    /// a reset of the communication has left are told again, and not entered again if they are in the history.
+    /// a reset of the communication has left are reported again, and not entered again if they are in the history.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);

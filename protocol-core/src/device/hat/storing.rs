@@ -12,7 +12,7 @@ use crate::device::runtime::{Base, Storing};
 use crate::device::writes::{Requester, Write};
 use crate::memory::RecordKey;
 
-/// What LSS stores, and what "save" and "load" do.
+/// The writes of LSS, "save" and "load".
 pub(super) const WRITES: [Write; 4] = [
     Write::new(RecordKey::LocalLayer, Requester::Lss),
     Write::new(RecordKey::LocalLayer, Requester::Sdo),
@@ -77,7 +77,7 @@ impl Storing for HatSensor {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Takes the memory's answer to a write: a failed one is told to whoever waits for it, and to nobody else.
+    /// Takes the memory's answer to a write: a failure is reported to the client that waits for it alone.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
             self.set_damaged(self.damaged & !bit(write.record), base);

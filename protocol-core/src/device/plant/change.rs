@@ -1,4 +1,4 @@
-//! A change of the plant: read from a word and its value, told as such, and made.
+//! A change of the plant: parsed from a word and its value, printed as such, and applied.
 
 use core::fmt;
 
@@ -11,7 +11,8 @@ use crate::device::{Inputs, ProductInputs};
 use crate::encoder::Shaft;
 use crate::time::Instant;
 
-/// A change of what acts on a device; the range is that of its [word](Self::word). Its text is the word and the value that a console takes: `supply_mv 8500`.
+/// A change of the plant; its range is that of the [word](Self::word). Its text is the word and the value of a console
+/// line: `supply_mv 8500`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
     /// Valves: the supply, in millivolt.

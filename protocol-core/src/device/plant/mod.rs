@@ -13,7 +13,7 @@ use super::{Inputs, Kind, ProductInputs};
 use crate::actuator::{Position, ValveInputs};
 use crate::time::Instant;
 
-/// What acts on a device. Of the inputs all but the error mode of the bus, which is the controller's to tell.
+/// The plant of a device: all its inputs but the error mode of the bus, which the controller reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plant {
     /// The inputs of the device.

@@ -118,11 +118,11 @@ pub enum Values {
         /// The highest one.
         max: i32,
     },
-    /// One of these words.
+    /// A word of this list.
     Words(&'static [&'static str]),
 }
 
-/// What a word stands at.
+/// The value of a plant word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
     /// A number that is not negative.
@@ -133,7 +133,7 @@ pub enum Value {
     Word(&'static str),
 }
 
-/// What a device is, as far as its plant is concerned.
+/// The product of a device, as its plant distinguishes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// A valve.

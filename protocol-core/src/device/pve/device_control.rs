@@ -7,7 +7,7 @@ use crate::actuator::{
 };
 use crate::time::Instant;
 
-/// What 0x6300 and 0x6301 hold for float.
+/// The value of 0x6300 and 0x6301 for float.
 pub(super) const FLOAT: i16 = 32767;
 
 /// Device control: the effect of set-point, control word and device mode on the valve, whatever service brought them.

@@ -7,8 +7,8 @@
 //! serve     what each service makes of a frame
 //! ```
 //!
-//! The services keep the pending messages, the node renders the most urgent one when the controller can take a frame. A frame
-//! that waits in the controller is aborted before a newer message of its kind is queued.
+//! The services keep the pending messages, the node renders the most urgent one when the controller can take a frame. A
+//! frame that waits in the controller is aborted before a newer message of its kind is queued.
 
 mod groups;
 mod messages;
@@ -33,7 +33,7 @@ use crate::wire::dm::{self, Trouble};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::wire::name::{COMMANDED_ADDRESS_LEN, Name};
 
-/// The number of senders of a commanded address that are heard at once.
+/// The number of senders of a commanded address that are received at once.
 const SENDERS: usize = 16;
 
 /// The broadcasts that are received in packets.
@@ -53,7 +53,7 @@ pub struct Rules {
     pub report_period: Duration,
 }
 
-/// What a product tells when a frame is rendered.
+/// The data of a product in the frames of the node.
 pub trait Product {
     /// Returns the data of the report, as things are at `now`.
     fn report(&self, now: Instant) -> [u8; 8];

@@ -13,7 +13,7 @@ use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::name::Name;
 use crate::wire::request::Control;
 
-/// What the product learns from a frame.
+/// The indication of a frame to the product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Indication {
     /// Nothing: the frame was for the node, or for nobody here.

@@ -3,8 +3,8 @@
 //! ```text
 //! mod        the application of the device: what the node and the valve tell each other
 //! emergency  faults become EMCYs, and the error history
-//! storing    writes to the memory, and who waits for them
-//! load       how far a "load" and its execution have come
+//! storing    writes to the memory, and their clients
+//! load       the progress of a "load" and its execution
 //! ```
 
 mod emergency;
@@ -49,7 +49,7 @@ pub struct CanopenValve {
     /// As stored.
     local_layer: LocalLayer,
     load: Load,
-    /// What the write of the local layer in flight changes.
+    /// The changes of the local layer by the write in flight.
     layer_in_flight: Configuration,
     /// The counts that the write in flight clears: they come back when it fails.
     cleared: Counters,
@@ -190,7 +190,7 @@ impl Application for CanopenValve {
     }
 
     /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD
-    /// and keeps its parameters; faults that are active are told again.
+    /// and keeps its parameters; active faults are reported again.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
         let mut found = Found::look(&self.setup, memory);

@@ -1,4 +1,4 @@
-//! Writes to the memory: what each holds, and who waits for it (SPEC 4.5, 6).
+//! Writes to the memory: their payloads, and the clients that wait for them (SPEC 4.5, 6).
 
 use heapless::VecView;
 
