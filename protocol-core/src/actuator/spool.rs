@@ -208,7 +208,6 @@ impl Spool {
     }
 
     /// Returns the travel of the spool.
-    #[inline(never)]
     pub(super) fn at(&self, now: Instant) -> Travel {
         self.path.at(now)
     }

@@ -241,7 +241,6 @@ impl Path {
 
     /// Returns the first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does
     /// not.
-    #[inline(never)]
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));
         self.approach.crosses(band, now).min(creeps)

@@ -241,7 +241,6 @@ impl Valve {
         }
     }
 
-    #[inline(never)]
     fn command_in_general(&mut self, drive: Drive, now: Instant) {
         self.feed_guard(now);
         self.drive(drive, now);

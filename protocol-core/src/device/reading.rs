@@ -27,7 +27,6 @@ impl<'a> Reading<'a> {
         decoded
     }
 
-    #[inline(never)]
     fn payload(&mut self, key: RecordKey, version: u8) -> Option<&'a [u8]> {
         let payload = match self.memory.sealed(key) {
             Ok(None) => return None,

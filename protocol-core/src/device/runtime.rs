@@ -153,9 +153,7 @@ impl Base {
         self.now
     }
 
-    /// Goes to `now`, or stays at the last instant. A function of its own: the smallest firmware has no room for copies
-    /// of it.
-    #[inline(never)]
+    /// Goes to `now`, or stays at the last instant.
     fn go_to(&mut self, now: Instant) {
         self.now = latest(self.now, now);
     }

@@ -223,7 +223,6 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
     }
 
     /// Takes the announcement of a message. Whatever its sender sent before is over, even when this one is not wanted.
-    #[inline(never)]
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
         if id.destination() != Address::GLOBAL {
@@ -247,7 +246,6 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
     }
 
     /// Takes a packet. One that is out of order, late or malformed ends its message.
-    #[inline(never)]
     fn continued(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
         if id.destination() != Address::GLOBAL {
             return None;

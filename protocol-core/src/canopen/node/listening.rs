@@ -105,7 +105,6 @@ impl Listening {
         Some(self.filters())
     }
 
-    #[inline(never)]
     fn filters(&self) -> Filters {
         let mut filters = Filters::new();
         let mut add = |filter: Filter| {

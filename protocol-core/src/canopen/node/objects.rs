@@ -153,6 +153,7 @@ impl Communication {
     }
 
     /// Reads an object.
+    // Inlined, an SDO upload takes 11 instructions more.
     #[inline(never)]
     pub(super) fn read<'a, P: Product>(
         &'a self,

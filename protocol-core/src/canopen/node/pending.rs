@@ -221,7 +221,7 @@ impl Pending {
             // Every other frame waits for it.
             BootUp::Taken => true,
             BootUp::Done => {
-                !self.emcys.is_pending() && self.answers.is_empty() && !self.tpdo.pending && !self.heartbeat.pending
+                !self.tpdo.pending && self.answers.is_empty() && !self.heartbeat.pending && !self.emcys.is_pending()
             }
         }
     }

@@ -154,15 +154,12 @@ const DECIMAL: u32 = 10;
 const SPOOL_FAULTS: [SpoolFault; SPOOL_WORDS.len()] =
     [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
 
-/// Reads a number without a minus sign. The one place for all numbers of a console: each reading takes 100 to 200 bytes
-/// of flash.
-#[inline(never)]
+/// Parses a number without a minus sign.
 #[must_use]
 pub fn natural(value: &str, radix: u32) -> Option<u32> {
     u32::from_str_radix(value, radix).ok()
 }
 
-#[inline(never)]
 fn integer(value: &str) -> Option<i32> {
     match value.strip_prefix('-') {
         Some(signed) if signed.starts_with('+') => None,
