@@ -312,9 +312,9 @@ mod tests {
         ] {
             assert_eq!(answer(line, &mut simulation), "ok", "{line}");
         }
-        let senses = *simulation.world().inputs(valve);
-        assert!(senses.internal_fault);
-        let sensed = senses.valve().expect("a valve");
+        let inputs = *simulation.world().inputs(valve);
+        assert!(inputs.internal_fault);
+        let sensed = inputs.valve().expect("a valve");
         assert_eq!((sensed.supply_mv, sensed.temperature_c), (8000, -41));
         assert_eq!((sensed.spool.fault, sensed.spool.lever), (SpoolFault::Stuck, Position::new(4096)));
         assert_eq!(answer("bus_off on", &mut simulation), "ok");
