@@ -188,7 +188,7 @@ impl World {
         self.device(node).map(Device::outputs)
     }
 
-    /// Returns the inputs of a device. The bus mode in them is its controller's; the shaft in them, where it follows a valve, is as
+    /// Returns the inputs of a device. The bus mode in them is that of its controller; the shaft of a linked sensor is as
     /// the device last saw it.
     #[must_use]
     pub fn inputs(&self, node: NodeId) -> &Inputs {
