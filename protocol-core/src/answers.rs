@@ -56,6 +56,7 @@ impl Answers {
         Some(first)
     }
 
+    #[inline(never)]
     fn pop_first(&mut self) -> Option<Frame> {
         let waiting = self.waiting.iter().enumerate();
         let (place, _) = waiting.min_by_key(|(_, frame)| frame.arbitration())?;

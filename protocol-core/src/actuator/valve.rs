@@ -241,6 +241,7 @@ impl Valve {
         }
     }
 
+    #[inline(never)]
     fn command_in_general(&mut self, drive: Drive, now: Instant) {
         self.feed_guard(now);
         self.drive(drive, now);

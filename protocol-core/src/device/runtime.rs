@@ -153,7 +153,9 @@ impl Base {
         self.now
     }
 
-    /// Goes to `now`, or stays at the last instant.
+    /// Goes to `now`, or stays at the last instant. A function of its own: the smallest firmware has no room for copies
+    /// of it.
+    #[inline(never)]
     fn go_to(&mut self, now: Instant) {
         self.now = latest(self.now, now);
     }

@@ -37,6 +37,7 @@ impl Valve {
     }
 
     /// Steps from deadline to deadline. A change of a fault ends that: the protocol has to act on it first.
+    #[inline(never)]
     fn run(&mut self, now: Instant) {
         for _ in 0..CATCH_UP_STEPS {
             self.step(self.deadline.min(now));

@@ -105,6 +105,7 @@ impl Listening {
         Some(self.filters())
     }
 
+    #[inline(never)]
     fn filters(&self) -> Filters {
         let mut filters = Filters::new();
         let mut add = |filter: Filter| {

@@ -153,7 +153,6 @@ impl Communication {
     }
 
     /// Reads an object.
-    // Inlined, an SDO upload takes 11 instructions more.
     #[inline(never)]
     pub(super) fn read<'a, P: Product>(
         &'a self,
