@@ -11,7 +11,7 @@ use gungraun::{Callgrind, EventKind};
 use protocol_core::controller::{Controller, Filter, Filters};
 use protocol_core::device::hat::{self, Hat};
 use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
-use protocol_core::device::{Device, Effect, Senses, StartCause};
+use protocol_core::device::{Device, Effect, Inputs, StartCause};
 use protocol_core::encoder::Shaft;
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
@@ -34,7 +34,7 @@ fn frame(text: &str) -> Frame {
 fn after_frames<D: Device>(power_on: impl FnOnce(Instant) -> D, texts: &[&str], next: &str) -> Box<Case<D>> {
     let mut now = Instant::from_secs(1);
     let mut valve = power_on(now);
-    valve.sense(&Senses::default(), now);
+    valve.sense(&Inputs::default(), now);
     settle(&mut valve, now);
     let booted = after(now, Duration::from_millis(510));
     while valve.deadline() <= booted {
@@ -105,7 +105,7 @@ fn sensor(kind: u8, next: &str) -> Box<Case<Hat>> {
     let (timer, on) = ("601: 2B 00 18 05 64 00 00 00", "601: 23 00 18 01 81 01 00 00");
     let mut case = after_frames(hat, &["601: 2B 17 10 00 E8 03 00 00", &kind, timer, on, START], next);
     let shaft = Shaft { speed_rpm: 33, since: case.now, ..Shaft::at(1_234) };
-    case.valve.sense(&Senses::encoder(shaft), case.now);
+    case.valve.sense(&Inputs::encoder(shaft), case.now);
     case
 }
 
@@ -209,6 +209,13 @@ fn sdo_upload(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> 
 #[library_benchmark(config = budget(540))]
 #[bench::u16(operational("620: 2B 40 60 00 01 00 00 00"))]
 fn sdo_download(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
+    exchange.run()
+}
+
+// SDO download of the heartbeat time, an object of the node → the answer and the first heartbeat.
+#[library_benchmark(config = budget(790))]
+#[bench::heartbeat_time(operational(HEARTBEAT))]
+fn sdo_download_of_node(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
@@ -360,6 +367,7 @@ library_benchmark_group!(
     benchmarks = [
         sdo_upload,
         sdo_download,
+        sdo_download_of_node,
         sdo_segment,
         rpdo_to_tpdo,
         rpdo_to_tpdo_new,

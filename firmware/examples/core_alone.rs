@@ -1,5 +1,5 @@
-//! One CANopen valve on the processor, without an operating system and without a driver: what the core alone takes of
-//! flash, RAM and stack, and what a frame costs. The controller is a mailbox in RAM.
+//! A CANopen valve on the processor, without an operating system and without a driver: the cost of the core alone in
+//! flash, RAM, stack, and instructions for a frame. The controller is a mailbox in RAM.
 //!
 //! `tests/firmware-in-the-loop/run --test firmware core_alone` counts, from the entry of a function `row_of_…` to that
 //! of `row_is_done`.
@@ -18,7 +18,7 @@ mod image {
     use firmware as _;
     use protocol_core::controller::{Controller, Filter, Filters};
     use protocol_core::device::pve::{Kind, PveCanopen, Setup};
-    use protocol_core::device::{Device as _, Effect, Senses, StartCause};
+    use protocol_core::device::{Device as _, Effect, Inputs, StartCause};
     use protocol_core::frame::{Frame, standard};
     use protocol_core::memory::Image;
     use protocol_core::pump::{pump, receive};
@@ -148,7 +148,7 @@ mod image {
         let now = Instant::from_secs(1);
         let mut node = Node { valve: place(), can: Mailbox::default(), now };
         start_up(node.valve, now);
-        node.valve.sense(&Senses::default(), now);
+        node.valve.sense(&Inputs::default(), now);
         node.settle(None);
         node.now += Duration::from_millis(510);
         // A heartbeat every second; operational; and ACTIVE with a set-point.

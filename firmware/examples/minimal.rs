@@ -26,7 +26,7 @@ mod image {
     use firmware as _;
     use protocol_core::controller::{BitRate, Filter, Filters};
     use protocol_core::device::pve::{Kind, PveCanopen, Setup};
-    use protocol_core::device::{Device as _, Effect, Senses, StartCause};
+    use protocol_core::device::{Device as _, Effect, Inputs, StartCause};
     use protocol_core::frame::{Frame, extended, standard};
     use protocol_core::memory::{Corrupt, Memory, Record, RecordKey, StoreError};
     use protocol_core::pump::pump;
@@ -181,7 +181,7 @@ mod image {
         let (mut can, mut memory, mut now) = (Controller, NoMemory, Instant::from_ticks(0));
         valve.start_up(&memory, StartCause::PowerOn, now);
         can.set_bit_rate(valve.bit_rate());
-        valve.sense(&Senses::default(), now);
+        valve.sense(&Inputs::default(), now);
         if let Some(peripherals) = cortex_m::Peripherals::take() {
             let mut timer = peripherals.SYST;
             timer.set_clock_source(SystClkSource::Core);

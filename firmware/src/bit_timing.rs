@@ -5,7 +5,7 @@ use protocol_core::controller::BitRate;
 /// The clock of the controller, APB1.
 pub const CLOCK: u32 = 40_000_000;
 
-/// One bit: prescaler and time quanta.
+/// Timing of a bit: prescaler and time quanta.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
     /// Clocks a time quantum.

@@ -62,7 +62,7 @@ impl Command {
     }
 }
 
-/// Returns a serial number, decimal or with 0x, if there is one; `None` for what is none.
+/// Returns a serial number, decimal or with 0x, if there is one; `None` for text that is no serial number.
 fn serial(word: Option<&str>) -> Option<Option<u32>> {
     let Some(word) = word else { return Some(None) };
     let (digits, radix) = word.strip_prefix("0x").map_or((word, 10), |digits| (digits, 16));

@@ -3,14 +3,14 @@
 use protocol_core::controller::{FILTERS, Filter, Filters};
 use protocol_core::frame::{extended, key, standard};
 
-/// How many banks CAN 1 has as long as nobody takes some for CAN 2.
+/// The number of banks of CAN 1 while none is assigned to CAN 2.
 pub const BANKS: usize = 14;
 
 const _: () = assert!(FILTERS <= BANKS);
 
-/// Where a standard identifier begins in an identifier register.
+/// The lowest bit of a standard identifier in an identifier register.
 const STID: u32 = 21;
-/// Where an extended identifier begins.
+/// The lowest bit of an extended identifier.
 const EXID: u32 = 3;
 /// Tells an extended identifier.
 const IDE: u32 = 1 << 2;
@@ -20,7 +20,7 @@ const RTR: u32 = 1 << 1;
 /// The registers of a bank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bank {
-    /// What the identifier register of a frame is compared with.
+    /// The value that the identifier register of a frame is compared with.
     pub identifier: u32,
     /// The bits of it that count.
     pub mask: u32,

@@ -1,4 +1,4 @@
-//! What `cargo flash-board` runs on the host, with the image as argument: probe-rs, which flashes it and shows its log.
+//! The runner of `cargo flash-board` on the host: starts probe-rs, which flashes the image and shows its log.
 
 use std::env::args_os;
 use std::io::ErrorKind;

@@ -1,4 +1,4 @@
-//! What of the firmware needs no board: tested on the host.
+//! The parts of the firmware that need no board: tested on the host.
 //!
 //! ```text
 //! bit_timing    the bit rates       filter_bank  the filters of the CAN controller

@@ -4,9 +4,9 @@
 //! ```text
 //! board            the wiring: which task has what
 //! board/nucleo_…   one board each: its pins, watchdog, LEDs
-//! board/device     the device's task, above all others      board/attention  what it waits for
+//! board/device     the device's task, above all others      board/wake_up    the events that wake it
 //! board/link       on the bus and off it                    board/can        the CAN controller
-//! board/front      console and button, seen from it          board/console    lines that are obeyed
+//! board/local_controls  console and button, for that task   board/console    the console's task
 //! board/storage    the memory's task                        board/flash      the sectors it has
 //! board/led        the valve's LED                          board/serial     their characters
 //! board/clock      the clock tree                           board/button     faults by hand

@@ -1,4 +1,4 @@
-//! What the compiler calls to copy, move and fill memory, in 160 bytes of flash.
+//! The functions that the compiler calls to copy, move and fill memory, in 160 bytes of flash.
 //!
 //! The functions that come with the compiler are made for long copies on every processor, and take 3.6 KiB; they are
 //! weak symbols, and give way to these. Most copies here are those of frames: with these functions an SDO upload costs

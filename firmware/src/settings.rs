@@ -1,8 +1,8 @@
-//! What the board is: a setting of its own in the memory, beside the records of the device.
+//! The settings of the board: its kind of device, in the memory beside the records of the device.
 
 use protocol_core::device::{Kind, Setup, pve};
 
-/// How many bytes a setting takes.
+/// The length of encoded settings in bytes.
 pub const LEN: usize = 7;
 
 /// The layout of the bytes.
@@ -13,18 +13,18 @@ const FRESH: u8 = 2;
 const CHOSEN: u8 = 4;
 const SERIAL: u8 = 8;
 
-/// What the board is.
+/// The settings of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Which device.
+    /// The kind of device.
     pub kind: Kind,
-    /// A new memory gets no node ID. On ISOBUS, where there is always an address, it does all the same.
+    /// A new memory gets no node ID; on ISOBUS it gets an address nevertheless, which is mandatory there.
     pub blank: bool,
-    /// The memory is still that of the device before, and to be cleared first.
+    /// The memory still holds the records of the previous device and must be cleared first.
     pub fresh: bool,
-    /// Somebody chose the kind at the console; else it is that of the image, also of the next one.
+    /// The kind was chosen at the console; otherwise it follows the image, after an update too.
     pub chosen: bool,
-    /// The serial number of a new memory; without one that of all boards.
+    /// The serial number of a new memory; `None` for the default of all boards.
     pub serial: Option<u32>,
 }
 

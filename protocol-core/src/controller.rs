@@ -1,6 +1,6 @@
-//! What the core asks of a CAN controller, and what it hears of the bus from one.
+//! The CAN controller of a device: its trait, its filters and its error mode.
 //!
-//! The simulated controller and the board's share these types, so that what is tested on the host is what is flashed.
+//! The simulated controller and that of the board share these types, so that host tests run the flashed code.
 
 use heapless::Vec;
 
@@ -23,7 +23,7 @@ pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
 /// The number of frames that a controller holds at the most: older ones that it took are on the bus.
 pub const MAILBOXES: usize = 3;
 
-/// What a controller may let through: every frame whose identifier is `key` in the bits of `mask`.
+/// A filter of a controller: passes every frame whose identifier equals `key` in the bits of `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filter {
     /// An identifier as one number, as [`frame::key`](crate::frame::key) makes it.
@@ -50,13 +50,13 @@ impl Filter {
     }
 }
 
-/// How many filters a device needs at most: one for each service that goes by an identifier of its own.
+/// The most filters that a device needs: one for each service with an identifier of its own.
 pub const FILTERS: usize = 8;
 
-/// All that a device listens to.
+/// The filters of a device.
 pub type Filters = Vec<Filter, FILTERS>;
 
-/// How far the error counters let a controller take part in the bus (ISO 11898-1, fault confinement).
+/// The error mode of a controller, by its error counters (ISO 11898-1, fault confinement).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusErrorMode {
     /// Takes part in full.

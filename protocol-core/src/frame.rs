@@ -1,4 +1,4 @@
-//! A classic CAN frame: what goes over the bus, on the host and on the board alike.
+//! A classic CAN frame, the same on the host and on the board.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ pub use embedded_can::{ExtendedId, Id, StandardId};
 /// The most bytes that a classic CAN frame carries.
 pub const MAX_LEN: usize = 8;
 
-/// What tells an extended identifier in a key: the same bit as in an object of type COB-ID.
+/// The bit of an extended identifier in a key: the same as in an object of type COB-ID.
 const EXTENDED: u32 = 1 << 29;
 
 /// The bits of the first so many bytes: a shift of 64 bits is a call on the board.

@@ -24,10 +24,10 @@
 //!
 //! # A device on a bus
 //!
-//! Frames, time and what the device senses go in; frames and effects come out.
+//! Frames, time and inputs go in; frames and effects come out.
 //!
 //! ```
-//! use protocol_core::device::{AnyDevice, Kind, Senses, Setup, StartCause, pve};
+//! use protocol_core::device::{AnyDevice, Inputs, Kind, Setup, StartCause, pve};
 //! use protocol_core::memory::Image;
 //! use protocol_core::time::Instant;
 //!
@@ -35,7 +35,7 @@
 //! let kind = Kind::Pve(pve::Kind::PveaCanopen);
 //! let mut valve = AnyDevice::power_on(Setup::<Kind>::new(kind), &Image::empty(), StartCause::PowerOn, now);
 //! let valve = valve.as_dyn_mut();
-//! valve.sense(&Senses::healthy(kind), now);
+//! valve.sense(&Inputs::healthy(kind), now);
 //! assert_eq!(valve.next_frame(now).unwrap().to_string(), "720: 00"); // boot-up
 //! valve.all_sent(now);
 //! assert_eq!(valve.next_frame(now).unwrap().to_string(), "0A0: 00 00 00 00 00 00 00 00"); // EMCY: no error

@@ -1,6 +1,6 @@
 //! The one answer to every request: what a service did, or what its device has to do first.
 
-/// What a request comes to.
+/// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome<R, D> {
     /// Nothing: the request asks for nothing, or not now, or not of this device.

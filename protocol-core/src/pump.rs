@@ -4,22 +4,21 @@ use crate::controller::Controller;
 use crate::device::{Device, Effect};
 use crate::time::Instant;
 
-/// Hands the device what the controller received. Says whether any of it was for the device; when nothing was, there is
-/// no need to [pump].
+/// Hands the device the received frames. Returns whether any was for the device; otherwise there is no need to [pump].
 pub fn receive<D, C>(device: &mut D, can: &mut C, now: Instant) -> bool
 where
     D: Device + ?Sized,
     C: Controller,
 {
     let mut any = false;
-    // An overrun is the controller's to count; what came after it can still be read.
+    // The controller counts overruns; later frames can still be read.
     while let Ok(frame) = can.receive() {
         any |= device.handle(&frame, now);
     }
     any
 }
 
-/// Hands the device what the controller received and the time, and the controller what the device has to send.
+/// Hands the device the received frames and the time, and the controller the frames of the device.
 ///
 /// Returns an effect that the platform must carry out; call again until there is none. Call it when a frame was
 /// received or sent, when [`Device::deadline`] has come, and after every effect.
@@ -32,7 +31,7 @@ where
 {
     receive(device, can, now);
     device.poll(now);
-    // Before the answer to the request that changed them goes out: whoever waits for it can rely on them.
+    // Before the answer to the request that changed them: its client can rely on them.
     if let Some(filters) = device.take_filters() {
         can.set_filters(&filters);
     }

@@ -26,7 +26,7 @@ pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().wrapping_add(delay.as_ticks()))
 }
 
-/// Returns the instant that a device is at when it is told `now`: not before `last`. An instant from 2^63 ticks on, to
+/// Returns the instant of a device at a call with `now`: not before `last`. An instant from 2^63 ticks on, to
 /// which no clock comes, counts as before it: timers that are off are due at [`NEVER`], and the sum of a
 /// [delay](delayed) must not wrap.
 #[inline]

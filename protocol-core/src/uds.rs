@@ -15,7 +15,7 @@ pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
 /// The most bytes that an identifier holds: what a single frame leaves.
 pub const DATA_MAX: usize = 4;
 
-/// What is behind the identifiers.
+/// The data behind the identifiers.
 pub trait Identifiers {
     /// Returns what an identifier holds; `None` when there is no such identifier.
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;

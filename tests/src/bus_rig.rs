@@ -10,7 +10,7 @@ use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant, after};
 
-use super::{Senses, frame};
+use super::{Inputs, frame};
 
 /// How long the master waits for an answer.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -137,10 +137,10 @@ impl BusRig {
     }
 
     /// Changes what a valve senses.
-    pub fn sense(&mut self, valve: NodeId, change: impl FnOnce(&mut Senses)) {
-        let mut senses = Senses::from(*self.world.senses(valve));
-        change(&mut senses);
-        self.world.set_senses(valve, senses.into());
+    pub fn sense(&mut self, valve: NodeId, change: impl FnOnce(&mut Inputs)) {
+        let mut inputs = Inputs::from(*self.world.inputs(valve));
+        change(&mut inputs);
+        self.world.set_inputs(valve, inputs.into());
     }
 
     /// What a valve drives.

@@ -114,11 +114,11 @@ impl Disturbance {
                     record[at] ^= 1 << bit;
                 }
             }
-            Self::Bus(mode) => rig.sense_hat(|senses| senses.bus = *mode),
-            Self::Internal(there) => rig.sense_hat(|senses| senses.internal_fault = *there),
+            Self::Bus(mode) => rig.sense_hat(|inputs| inputs.bus = *mode),
+            Self::Internal(there) => rig.sense_hat(|inputs| inputs.internal_fault = *there),
             Self::Toggle(times) => (0..*times).for_each(|_| rig.internal_fault_comes_and_goes()),
-            Self::Hot(there) => rig.sense(|senses| senses.temperature_c = if *there { 130 } else { 25 }),
-            Self::SupplyLow(there) => rig.sense(|senses| senses.supply_mv = if *there { 8_000 } else { 24_000 }),
+            Self::Hot(there) => rig.sense(|inputs| inputs.temperature_c = if *there { 130 } else { 25 }),
+            Self::SupplyLow(there) => rig.sense(|inputs| inputs.supply_mv = if *there { 8_000 } else { 24_000 }),
             Self::Send(text) => rig.send(text),
             Self::Burst(times, text) => (0..*times).for_each(|_| rig.send(text)),
             Self::Cyclic(ms, text) => rig.advance_cyclic(*ms, text),

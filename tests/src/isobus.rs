@@ -3,7 +3,7 @@
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 
-use crate::{Rig, Senses};
+use crate::{Inputs, Rig};
 
 /// Block.
 pub const BLOCK: &str = "0CFE3327: 00 FF 30 FF FF FF FF FF";
@@ -79,10 +79,10 @@ impl Rig {
     #[must_use]
     pub fn with_two_previously_active() -> Self {
         let mut rig = Self::claimed();
-        rig.sense(|senses| senses.internal_fault = true);
-        rig.sense(|senses| senses.temperature_c = 130);
+        rig.sense(|inputs| inputs.internal_fault = true);
+        rig.sense(|inputs| inputs.temperature_c = 130);
         rig.advance_cyclic(300, BLOCK);
-        rig.sense(|senses| *senses = Senses::default());
+        rig.sense(|inputs| *inputs = Inputs::default());
         rig.recover();
         rig.take();
         rig
@@ -140,7 +140,7 @@ impl Rig {
 
     /// Changes what the valve senses; it must send these, beside its estimated flow, and nothing more.
     #[track_caller]
-    pub fn sense_news(&mut self, change: impl FnOnce(&mut Senses), frames: &[&str]) {
+    pub fn sense_news(&mut self, change: impl FnOnce(&mut Inputs), frames: &[&str]) {
         self.sense(change);
         self.expect_news(frames);
     }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! rig                   one device on a bus of its own: for what a device says and does
-//! senses                what a valve senses
+//! inputs                the inputs of a valve
 //! hostile               what can happen to any device, for random tests
 //! nmt, lss, sdo, uds    frames of these services, which read like the manuals
 //! isobus                a valve on ISOBUS on the rig
@@ -11,14 +11,14 @@
 
 mod bus_rig;
 pub mod hostile;
+mod inputs;
 pub mod isobus;
 pub mod lss;
 pub mod nmt;
 mod rig;
 pub mod sdo;
-mod senses;
 pub mod uds;
 
 pub use bus_rig::BusRig;
+pub use inputs::Inputs;
 pub use rig::{Rig, frame};
-pub use senses::Senses;

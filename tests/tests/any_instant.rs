@@ -6,7 +6,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::{BusErrorMode, Controller, Filter, Filters};
-use protocol_core::device::{AnyDevice, Device, Effect, Kind, ProductSenses, Protocol, Senses, StartCause};
+use protocol_core::device::{AnyDevice, Device, Effect, Inputs, Kind, ProductInputs, Protocol, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::pump::pump;
@@ -68,7 +68,7 @@ enum Event {
     Poll,
     /// One of the frames for the kind.
     Frame(usize),
-    /// The senses of a device that is well, with this supply and state of the bus.
+    /// The inputs of a healthy device, with this supply and state of the bus.
     Sense(u32, BusErrorMode),
     Flush,
 }
@@ -175,11 +175,11 @@ proptest! {
                 Event::Poll => {}
                 Event::Frame(which) => can.received = frames.get(which % frames.len()).copied(),
                 Event::Sense(supply_mv, bus) => {
-                    let mut senses = Senses { bus, ..Senses::healthy(kind) };
-                    if let ProductSenses::Valve(valve) = &mut senses.product {
+                    let mut inputs = Inputs { bus, ..Inputs::healthy(kind) };
+                    if let ProductInputs::Valve(valve) = &mut inputs.product {
                         valve.supply_mv = supply_mv;
                     }
-                    device.sense(&senses, now);
+                    device.sense(&inputs, now);
                 }
                 Event::Flush => device.flush(now),
             }

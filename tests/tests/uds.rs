@@ -70,7 +70,7 @@ impl Valve {
             for internal_fault in [false, true] {
                 let mut rig = self.fresh();
                 rig.send(state);
-                rig.sense(|senses| senses.internal_fault = internal_fault);
+                rig.sense(|inputs| inputs.internal_fault = internal_fault);
                 rig.take();
                 test(&mut rig);
             }

@@ -5,15 +5,15 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 
-use super::attention::{Caller, call};
 use super::nucleo::PRESSED;
+use super::wake_up::{Event, notify};
 
 /// The button was pressed.
 pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
 
-/// The button is looked at so often.
+/// The period in which the button is polled.
 const LOOK: Duration = Duration::from_millis(10);
-/// It counts as pressed or released when so many looks in a row say so.
+/// The number of equal polls after which the button counts as pressed or released.
 const STEADY: u8 = 3;
 
 #[embassy_executor::task]
@@ -28,7 +28,7 @@ pub(super) async fn run(button: Input<'static>, presses: &'static Presses) -> ! 
         (pressed, looks) = (!pressed, 0);
         if pressed {
             presses.signal(());
-            call(Caller::Front);
+            notify(Event::Controls);
         }
     }
 }

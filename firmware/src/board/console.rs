@@ -9,9 +9,9 @@ use firmware::plant::Product;
 use heapless::Vec;
 use static_cell::ConstStaticCell;
 
-use super::attention::{Caller, call};
 use super::reset;
 use super::serial::{BUFFER, Port, Transmitter, arrived};
+use super::wake_up::{Event, notify};
 
 /// The time in which two characters are sent, rounded up.
 const LAST_TWO: Duration = Duration::from_millis(1);
@@ -37,11 +37,11 @@ pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange
 
 /// The answer of the device's task to a line.
 pub(super) enum Answer {
-    /// It is done.
+    /// The command was executed.
     Done,
-    /// It is done, and the processor is to start anew.
+    /// The command was executed, and the processor is to start anew.
     Restart,
-    /// How the device is: in the [`Exchange`].
+    /// The status of the device: in the [`Exchange`].
     Status,
     /// All words of this product.
     Help(Product),
@@ -72,7 +72,7 @@ pub(super) async fn run(mut port: Port, lines: &'static Lines, answers: &'static
                 Some(Arrival::Damaged) => Answer::Damaged,
                 Some(Arrival::Whole) => {
                     lines.signal(exchange);
-                    call(Caller::Front);
+                    notify(Event::Controls);
                     let answer;
                     (exchange, answer) = answers.wait().await;
                     answer

@@ -12,13 +12,13 @@ use protocol_core::pump::{pump, receive};
 use protocol_core::time::NEVER;
 use static_cell::StaticCell;
 
-use super::attention::{Attention, Caller, Calls, call};
 use super::can::{self, Can1};
 use super::console::Answer;
-use super::front::Front;
 use super::led::{Lights, led_of};
 use super::link::Link;
+use super::local_controls::LocalControls;
 use super::storage::{Client, Done, Request};
+use super::wake_up::{Event, Events, WakeUp, notify};
 use super::watchdog::{FEED, Watchdog};
 
 /// The period in which the controller is polled while it is not error-active, or blocked: no interrupt tells the way
@@ -31,25 +31,25 @@ pub(super) async fn run(
     mut watchdog: Watchdog,
     cause: StartCause,
     mut memory: Client,
-    front: Front,
+    controls: LocalControls,
     lights: &'static Lights,
 ) -> ! {
-    let mut attention = Attention::new().await;
+    let mut wake_up = WakeUp::new().await;
     let (settings, contents) = loop {
         let now = Instant::now();
         watchdog.feed(&memory, now);
         if let Some(Done::Started(settings, contents)) = memory.take() {
             break (settings, contents);
         }
-        attention.wait(now + FEED, now).await;
+        wake_up.wait(now + FEED, now).await;
     };
-    // The waits above have consumed the call of a line or a press.
-    call(Caller::Front);
+    // The waits above have consumed the event of a line or a press.
+    notify(Event::Controls);
     defmt::info!("{}", settings.kind.name());
     let device = power_on(&settings, &contents.image, cause);
     let link = Link::new(can);
     let (plant, contents, restarting) = (Plant::healthy(settings.kind), Some(contents), None);
-    Board { settings, link, watchdog, attention, memory, contents, front, lights, plant, restarting }
+    Board { settings, link, watchdog, wake_up, memory, contents, controls, lights, plant, restarting }
         .serve(device)
         .await
 }
@@ -57,30 +57,30 @@ pub(super) async fn run(
 /// The device, which may be served by an executor of its own.
 type SendDevice = dyn Device + Send;
 
-/// Starts the device in its place.
+/// Makes and starts the device.
 fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut SendDevice {
-    let device = place(settings);
+    let device = new_device(settings);
     device.start_up(image, cause, Instant::now());
     device.as_dyn_mut()
 }
 
-// Kept apart: it is as large as a device on the stack, and gone from there when that is in its place.
+// Not inlined: the stack frame of this function holds a whole device, and is gone when the device starts.
 #[inline(never)]
-fn place(settings: &Settings) -> &'static mut AnyDevice {
+fn new_device(settings: &Settings) -> &'static mut AnyDevice {
     static DEVICE: StaticCell<AnyDevice> = StaticCell::new();
     DEVICE.init_with(|| AnyDevice::new(settings.setup()))
 }
 
-/// What stands between the device and the world.
+/// The hardware that the device is connected to.
 struct Board {
     settings: Settings,
     link: Link,
     watchdog: Watchdog,
-    attention: Attention,
+    wake_up: WakeUp,
     memory: Client,
-    /// What the memory held when it was last read; it is there while nothing is being read.
+    /// The contents of the memory at the last read; `None` while a read is under way.
     contents: Option<&'static mut Contents>,
-    front: Front,
+    controls: LocalControls,
     lights: &'static Lights,
     plant: Plant,
     /// The device waits for what the memory holds.
@@ -90,35 +90,35 @@ struct Board {
 impl Board {
     /// Runs the device for ever.
     async fn serve(mut self, device: &mut SendDevice) -> ! {
-        device.sense(&self.plant.senses, Instant::now());
+        device.sense(&self.plant.inputs, Instant::now());
         self.link.set_bit_rate(device.bit_rate());
         let (mut now, mut due) = (Instant::now(), Instant::MIN);
         loop {
-            let calls = self.attention.wait(due, now).await;
+            let events = self.wake_up.wait(due, now).await;
             now = Instant::now();
             self.watchdog.feed(&self.memory, now);
             // Most frames that pass the filters are for nobody: nothing is asked of the device then.
-            let only_received = calls.are_only(Caller::Received) && self.restarting.is_none() && now < due;
+            let only_received = events.are_only(Event::Received) && self.restarting.is_none() && now < due;
             if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
-            let answer = self.look(calls, device);
-            if self.link.settle(&mut self.attention).await {
+            let answer = self.look(events, device);
+            if self.link.settle(&mut self.wake_up).await {
                 // Frames were received in the meantime: what they start counts from now.
                 now = Instant::now();
             }
             if let Some(answer) = answer {
-                self.front.answer(answer);
+                self.controls.answer(answer);
             }
             while self.restarting.is_none()
                 && let Some(effect) = pump(device, &mut self.link.can, now)
             {
                 self.carry_out(effect, device);
-                self.link.settle(&mut self.attention).await;
+                self.link.settle(&mut self.wake_up).await;
                 now = Instant::now();
             }
-            if calls.include(Caller::Leds) {
-                self.lights.show(led_of(device, &self.plant.senses));
+            if events.include(Event::Leds) {
+                self.lights.show(led_of(device, &self.plant.inputs));
             }
             due = self.next_look(device, now);
         }
@@ -126,29 +126,29 @@ impl Board {
 
     /// Hands the device what has changed beside its frames: the error mode, the memory, console and button. Returns the
     /// answer to a line that was typed, if it is known.
-    fn look(&mut self, calls: Calls, device: &mut SendDevice) -> Option<Answer> {
-        if calls.include(Caller::Errors) || self.plant.senses.bus != BusErrorMode::ErrorActive {
+    fn look(&mut self, events: Events, device: &mut SendDevice) -> Option<Answer> {
+        if events.include(Event::Errors) || self.plant.inputs.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);
         }
-        if calls.include(Caller::Memory) {
+        if events.include(Event::Memory) {
             self.look_at_memory(device);
         }
-        if calls.include(Caller::Front) { self.look_at_front(device) } else { None }
+        if events.include(Event::Controls) { self.look_at_controls(device) } else { None }
     }
 
-    /// Returns when there is something to do although nobody calls.
+    /// Returns the time of the next look without an event.
     fn next_look(&self, device: &SendDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
-        let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !can::retry();
+        let is_calm = self.plant.inputs.bus == BusErrorMode::ErrorActive && !can::retry();
         due.min(now + if is_calm { FEED } else { LOOK })
     }
 
     /// Tells the device how its controller stands to the bus.
     fn look_at_bus(&mut self, device: &mut SendDevice) {
         let mode = self.link.follow(self.plant.bus_off);
-        if mode != self.plant.senses.bus {
-            self.plant.senses.bus = mode;
-            device.sense(&self.plant.senses, Instant::now());
+        if mode != self.plant.inputs.bus {
+            self.plant.inputs.bus = mode;
+            device.sense(&self.plant.inputs, Instant::now());
         }
     }
 
@@ -164,28 +164,28 @@ impl Board {
                     }
                     self.contents = Some(contents);
                 }
-                Done::Became(Ok(())) => self.front.answer(Answer::Restart),
-                Done::Became(Err(_)) => self.front.answer(Answer::Refused("the memory failed")),
+                Done::Became(Ok(())) => self.controls.answer(Answer::Restart),
+                Done::Became(Err(_)) => self.controls.answer(Answer::Refused("the memory failed")),
                 Done::Started(..) => {}
             }
         }
     }
 
     /// Obeys console and button. Returns the answer to a line, if it is known.
-    fn look_at_front(&mut self, device: &mut SendDevice) -> Option<Answer> {
-        if let Some(plant) = self.front.pressed(&self.plant) {
+    fn look_at_controls(&mut self, device: &mut SendDevice) -> Option<Answer> {
+        if let Some(plant) = self.controls.pressed(&self.plant) {
             self.set_plant(plant, device);
         }
-        match self.front.command()? {
+        match self.controls.command()? {
             Command::Plant(change) => Some(self.change_plant(change, device)),
             Command::Status => {
-                self.front.tell_status(&self.settings, device, &self.link, &self.plant);
+                self.controls.tell_status(&self.settings, device, &self.link, &self.plant);
                 Some(Answer::Status)
             }
             Command::Kind(kind, serial) => self.become_new(Some(Settings::new(kind, serial))),
             Command::Blank(serial) => self.become_new(Settings::new_blank(self.settings.kind, serial)),
             Command::PowerCycle => Some(Answer::Restart),
-            Command::Help => Some(Answer::Help((&self.plant.senses.product).into())),
+            Command::Help => Some(Answer::Help((&self.plant.inputs.product).into())),
         }
     }
 
@@ -212,7 +212,7 @@ impl Board {
 
     fn set_plant(&mut self, plant: Plant, device: &mut SendDevice) {
         self.plant = plant;
-        device.sense(&plant.senses, Instant::now());
+        device.sense(&plant.inputs, Instant::now());
         self.look_at_bus(device);
     }
 

@@ -89,7 +89,7 @@ fn erase_by_words() {
 
 /// Keeps the data cache off while it lives, and leaves it empty.
 ///
-/// What was read before an erase or a write is out of date (RM0090 3.6.4, RM0390 3.5.4). With two banks, a read of one
+/// Data cached before an erase or a write is out of date (RM0090 3.6.4, RM0390 3.5.4). With two banks, a read of one
 /// while the other is written can also corrupt what is cached (ES0206): the driver means to prevent that, and takes the
 /// STM32F429 for a part with one bank.
 struct Uncached;

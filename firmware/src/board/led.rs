@@ -6,27 +6,27 @@ use critical_section::Mutex;
 use embassy_time::{Duration, Timer};
 use protocol_core::actuator::Led;
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::{Device, ProductSenses, Senses};
+use protocol_core::device::{Device, Inputs, ProductInputs};
 
-use super::attention::{Caller, call};
 use super::nucleo::Leds;
+use super::wake_up::{Event, notify};
 
-/// A step of what the LEDs show: a third of half a period of 1.5 Hz.
+/// A step of the pattern of the LEDs: a third of half a period of 1.5 Hz.
 const STEP: Duration = Duration::from_millis(111);
-/// So many steps are half a period: 333 ms on, 333 ms off.
+/// The number of steps of half a period: 333 ms on, 333 ms off.
 const HALF_PERIOD: u8 = 3;
-/// After so many steps it begins anew.
+/// The number of steps of the whole pattern.
 pub(super) const STEPS: u8 = 18;
 
 /// Returns what the LEDs show of a device: the LED of a valve. A sensor has none: they show what the board knows of it.
-pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
+pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     if let Some(outputs) = device.outputs().valve() {
         return outputs.led;
     }
-    let measuring_error = matches!(senses.product, ProductSenses::Encoder(shaft) if shaft.measuring_error);
-    if senses.bus == BusErrorMode::BusOff {
+    let measuring_error = matches!(inputs.product, ProductInputs::Encoder(shaft) if shaft.measuring_error);
+    if inputs.bus == BusErrorMode::BusOff {
         Led::RED
-    } else if senses.internal_fault || measuring_error {
+    } else if inputs.internal_fault || measuring_error {
         Led::RED_FLASHING
     } else if device.node_id().is_none() {
         Led::YELLOW
@@ -35,7 +35,7 @@ pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
     }
 }
 
-/// What the LEDs show: nothing at first.
+/// The pattern of the LEDs: off at first.
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {
@@ -64,7 +64,7 @@ pub(super) async fn run(mut leds: Leds, lights: &'static Lights) -> ! {
     let mut step = 0;
     loop {
         // The device's task is above this one: it has answered when this is done.
-        call(Caller::Leds);
+        notify(Event::Leds);
         if let Some(led) = lights.shown() {
             leds.show(led, step);
         }

@@ -1,10 +1,10 @@
-//! The way onto the bus and off it: bit rates, and bus-off as the plant wants it.
+//! Joining and leaving the bus: bit rates, and the bus-off of the plant.
 
 use embassy_time::{Duration, Instant};
 use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
 
-use super::attention::Attention;
 use super::can::Can1;
+use super::wake_up::WakeUp;
 
 /// The period in which a controller that leaves the bus is polled: it waits for the end of a frame.
 const LEAVING: Duration = Duration::from_micros(50);
@@ -32,13 +32,13 @@ pub(super) struct Link {
     leaving: Option<u64>,
 }
 
-/// Whether the plant lets the controller take part in the bus.
+/// The part that the plant lets the controller take in the bus.
 #[derive(Clone, Copy)]
 enum State {
     Up,
-    /// It is kept off.
+    /// The controller is kept off the bus.
     Cut,
-    /// It is on its way back until then.
+    /// The controller recovers until this instant.
     Recovering(Instant),
 }
 
@@ -101,7 +101,7 @@ impl Link {
     /// To be done before the controller is used again. Returns whether the controller was leaving, so that time has passed.
     ///
     /// A bus that is held dominant keeps the controller for as long as that lasts: each further call polls it once.
-    pub(super) async fn settle(&mut self, attention: &mut Attention) -> bool {
+    pub(super) async fn settle(&mut self, wake_up: &mut WakeUp) -> bool {
         let Some(polls) = &mut self.leaving else { return false };
         while !self.can.has_left() {
             match *polls {
@@ -111,7 +111,7 @@ impl Link {
                 _ => {}
             }
             *polls += 1;
-            attention.pause(LEAVING).await;
+            wake_up.pause(LEAVING).await;
         }
         self.leaving = None;
         if let State::Up = self.state {

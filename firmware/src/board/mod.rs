@@ -9,22 +9,22 @@
 //! | [`SERVICE_PRIORITY`] | console, LEDs, button, on an executor of their own; the interrupts of DMA and flash |
 //! | thread | the memory's task, which lets nobody else run while it waits for the flash |
 
-mod attention;
 mod button;
 mod can;
 mod clock;
 mod console;
 mod device;
 mod flash;
-mod front;
 mod led;
 mod link;
+mod local_controls;
 #[cfg_attr(feature = "nucleo-f429zi", path = "nucleo_f429zi.rs")]
 #[cfg_attr(feature = "nucleo-f446re", path = "nucleo_f446re.rs")]
 mod nucleo;
 mod reset;
 mod serial;
 mod storage;
+mod wake_up;
 mod watchdog;
 
 use defmt_rtt as _;
@@ -36,7 +36,7 @@ use embassy_stm32::pac::Interrupt;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 
-use front::Front;
+use local_controls::LocalControls;
 use watchdog::Watchdog;
 
 const CAN_PRIORITY: Priority = Priority::P4;
@@ -63,7 +63,7 @@ fn UART4() {
     unsafe { SERVICES.on_interrupt() }
 }
 
-/// What a NUCLEO has, by whichever pins.
+/// Peripherals common to all NUCLEO boards.
 struct Nucleo {
     can: can::Can1,
     sectors: flash::Sectors,
@@ -100,10 +100,10 @@ async fn main(spawner: Spawner) {
 
     let Nucleo { can, sectors, console, button, leds } = nucleo::open(board);
     let memory = storage::Client::new(REQUESTS.sender(), RESULTS.receiver());
-    let front = Front::new(&LINES, &ANSWERS, &PRESSES);
+    let controls = LocalControls::new(&LINES, &ANSWERS, &PRESSES);
 
     // Each task is spawned once: there is room for it.
-    if let Ok(task) = device::run(can, watchdog, cause, memory, front, &LIGHTS) {
+    if let Ok(task) = device::run(can, watchdog, cause, memory, controls, &LIGHTS) {
         DEVICE.start(Interrupt::UART5).spawn(task);
     }
     if let Ok(task) = storage::run(sectors, REQUESTS.receiver(), RESULTS.sender()) {

@@ -30,7 +30,7 @@ pub(super) const STANDSTILL: Duration = Duration::MIN;
 /// The level of the button while it is pressed.
 pub(super) const PRESSED: Level = Level::High;
 
-/// Where the memory begins in the flash: with bank 2.
+/// The start of the memory in the flash: bank 2.
 pub(super) const MEMORY: u32 = 0x10_0000;
 
 bind_interrupts!(struct Interrupts {

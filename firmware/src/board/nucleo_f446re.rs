@@ -37,7 +37,7 @@ const _: () = assert!(CLOCK_HALF * 1000 > STANDSTILL.as_millis() * TICK_HZ);
 /// The level of the button while it is pressed.
 pub(super) const PRESSED: Level = Level::Low;
 
-/// Where the memory begins in the flash: in sector 1. Sector 0 holds the vectors.
+/// The start of the memory in the flash: sector 1. Sector 0 holds the vectors.
 pub(super) const MEMORY: u32 = 0x4000;
 
 bind_interrupts!(struct Interrupts {

@@ -92,8 +92,8 @@ impl Receiver {
     }
 }
 
-/// Waits until characters have arrived, and stops the transfer. Returns how many, and whether some of them came damaged,
-/// or some were lost. A loss that is known before the next characters come is told with those.
+/// Waits until characters have arrived, and stops the transfer. Returns their number, and whether some were damaged or
+/// lost. A loss that is found before the next characters arrive is reported with those.
 pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     select(&mut transfer, ARRIVED.wait()).await;
     transfer.request_pause();

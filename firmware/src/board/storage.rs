@@ -1,4 +1,4 @@
-//! The memory's task: writes what the device wants to keep, while the bus goes on.
+//! The memory's task: writes the records of the device while the bus goes on.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::{Channel, Receiver, Sender};
@@ -8,23 +8,23 @@ use nvm::{BUFFER, Contents, Records, Unreadable};
 use protocol_core::memory::{Record, RecordKey, StoreError};
 use static_cell::ConstStaticCell;
 
-use super::attention::{Caller, call};
 use super::flash::{LONGEST_ERASE, Sectors};
+use super::wake_up::{Event, notify};
 
-/// One request of each kind waits at the most.
+/// The number of requests that can wait: one of each kind.
 const REQUESTS: usize = 3;
 
 /// The longest time of a request: four erases, and the words written between them.
 const LONGEST: Duration = Duration::from_secs(3);
 const _: () = assert!(LONGEST.as_millis() > 4 * LONGEST_ERASE.as_millis());
 
-/// What the device's task asks for.
+/// A request of the device's task.
 pub(super) enum Request {
-    /// To write a record.
+    /// Write a record.
     Store(RecordKey, Record),
-    /// To read everything, into this place.
+    /// Read everything, into this place.
     Read(&'static mut Contents),
-    /// To make the board another device at the next start.
+    /// Make the board another device at the next start.
     Become(Settings),
 }
 
@@ -49,9 +49,9 @@ pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
 pub(super) struct Client {
     requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
-    /// How many results are to come.
+    /// The number of results still expected.
     awaited: u8,
-    /// When the next one is overdue.
+    /// The instant at which the next result is overdue.
     overdue: Instant,
 }
 
@@ -102,7 +102,7 @@ pub(super) async fn run(
     let mut done = Done::Started(memory.start(contents), contents);
     loop {
         results.send(done).await;
-        call(Caller::Memory);
+        notify(Event::Memory);
         done = match requests.receive().await {
             Request::Store(key, record) => Done::Stored(key, memory.store(key, &record)),
             Request::Read(contents) => {

@@ -49,10 +49,10 @@ impl NamedDevice {
     /// Adds the device to a world, healthy and unpowered.
     pub fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
         let node = world.add_with(&self.name, self.setup, memory);
-        let mut senses = *world.senses(node);
-        if let Some(valve) = senses.valve_mut() {
+        let mut inputs = *world.inputs(node);
+        if let Some(valve) = inputs.valve_mut() {
             valve.spool.times = self.spool_times;
-            world.set_senses(node, senses);
+            world.set_inputs(node, inputs);
         }
         node
     }

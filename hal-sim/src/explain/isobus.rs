@@ -104,14 +104,14 @@ fn claim(source: Address, frame: &Frame) -> Option<String> {
 }
 
 fn acknowledgement(frame: &Frame, sender: &str, context: &Context<'_>) -> Option<String> {
-    let Acknowledgement { control, asker, pgn } = Acknowledgement::parse(frame.eight()?)?;
+    let Acknowledgement { control, requester, pgn } = Acknowledgement::parse(frame.eight()?)?;
     let what = match control {
         Control::Positive => "done",
         Control::Negative => "not supported",
         Control::AccessDenied => "access denied",
         Control::CannotRespond => "not now",
     };
-    Some(format!("{sender} → {}: {what}, {}", party(asker, context), group(pgn)))
+    Some(format!("{sender} → {}: {what}, {}", party(requester, context), group(pgn)))
 }
 
 fn broadcast(announcement: Announcement) -> String {

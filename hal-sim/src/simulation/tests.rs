@@ -336,7 +336,7 @@ fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
         let condition: StateCondition = serde_json::from_str(&format!(r#"{{"position": {wanted}}}"#)).expect("one");
         let (mut waits, mut completed) = (Waits::default(), Completed::new());
         let start = rig.world.now();
-        let shaft = *rig.world.senses(node).shaft().expect("a shaft");
+        let shaft = *rig.world.inputs(node).shaft().expect("a shaft");
         let is_there = |at: &Instant| {
             let position = shaft.position_at(*at);
             condition.position == Some(serde_json::from_str(&position.to_string()).ok())

@@ -144,14 +144,14 @@ pub struct PlantChange {
 impl PlantState {
     /// Returns the present plant of a device.
     pub fn of(node: NodeId, world: &World) -> Self {
-        let senses = world.senses(node);
-        let (internal_fault, bus_off) = (senses.internal_fault, world.is_bus_off_forced(node));
+        let inputs = world.inputs(node);
+        let (internal_fault, bus_off) = (inputs.internal_fault, world.is_bus_off_forced(node));
         let memory = match world.memory(node) {
             memory if memory.is_spoilt() => Memory::Damaged,
             memory if memory.write_fails() => Memory::WriteFails,
             _ => Memory::Ok,
         };
-        if let Some(shaft) = senses.shaft() {
+        if let Some(shaft) = inputs.shaft() {
             return Self::Encoder(EncoderPlant {
                 angle_cdeg: world.angle_cdeg(node).unwrap_or(shaft.angle_cdeg),
                 speed_rpm: shaft.speed_rpm,
@@ -161,7 +161,7 @@ impl PlantState {
                 bus_off,
             });
         }
-        let valve = senses.valve().copied().unwrap_or_default();
+        let valve = inputs.valve().copied().unwrap_or_default();
         Self::Valve(ValvePlant {
             supply_mv: valve.supply_mv,
             temperature_c: valve.temperature_c,

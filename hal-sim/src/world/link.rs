@@ -5,7 +5,7 @@
 //! number of updates.
 
 use protocol_core::actuator::Valve;
-use protocol_core::device::Senses;
+use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
@@ -71,10 +71,10 @@ impl World {
     /// # Errors
     /// [`LinkError`] for devices that cannot be linked, and for wrong end stops.
     pub fn link(&mut self, valve: NodeId, sensor: NodeId, link: Link) -> Result<(), LinkError> {
-        if self.senses(valve).valve().is_none() {
+        if self.inputs(valve).valve().is_none() {
             return Err(LinkError::NoValve);
         }
-        let shaft = *self.senses(sensor).shaft().ok_or(LinkError::NoSensor)?;
+        let shaft = *self.inputs(sensor).shaft().ok_or(LinkError::NoSensor)?;
         if self.is_linked(sensor) {
             return Err(LinkError::Linked);
         }
@@ -84,7 +84,7 @@ impl World {
         let angle_cdeg = shaft.angle_at(self.now).clamp(link.min, link.max);
         let angle = i128::from(angle_cdeg) * CDEG;
         self.couplings.push(Coupling { valve, sensor, link, angle, reckoned: self.now });
-        self.set_senses(sensor, *self.senses(sensor));
+        self.set_inputs(sensor, *self.inputs(sensor));
         Ok(())
     }
 
@@ -97,7 +97,7 @@ impl World {
     /// Returns the present angle of a device's shaft, in 1/100 degree; `None` for a device without a shaft.
     #[must_use]
     pub fn angle_cdeg(&self, node: NodeId) -> Option<u32> {
-        let shaft = self.nodes[node.0].senses.shaft()?;
+        let shaft = self.nodes[node.0].inputs.shaft()?;
         let linked = self.coupling_of(node);
         Some(linked.map_or_else(|| shaft.angle_at(self.now), |coupling| coupling.angle_at(self, self.now)))
     }
@@ -126,12 +126,12 @@ impl World {
             (coupling.angle, coupling.reckoned) = (angle, self.now);
             let angle_cdeg = coupling.angle_cdeg(angle);
             let node = &mut self.nodes[sensor.0];
-            if let Some(shaft) = node.senses.shaft_mut()
+            if let Some(shaft) = node.inputs.shaft_mut()
                 && shaft.angle_cdeg != angle_cdeg
             {
                 shaft.angle_cdeg = angle_cdeg;
                 if let Power::On(device) = &mut node.power {
-                    device.sense(&node.senses, self.now);
+                    device.sense(&node.inputs, self.now);
                 }
             }
         }
@@ -145,14 +145,14 @@ impl World {
     }
 
     /// Returns the senses with the angle of the link, which must be up to date.
-    pub(super) fn as_linked(&self, sensor: NodeId, mut senses: Senses) -> Senses {
+    pub(super) fn as_linked(&self, sensor: NodeId, mut inputs: Inputs) -> Inputs {
         if let Some(coupling) = self.couplings.iter().find(|coupling| coupling.sensor == sensor)
-            && let Some(shaft) = senses.shaft_mut()
+            && let Some(shaft) = inputs.shaft_mut()
         {
             let measuring_error = shaft.measuring_error;
             *shaft = Shaft { measuring_error, ..Shaft::at(coupling.angle_cdeg(coupling.angle)) };
         }
-        senses
+        inputs
     }
 
     /// Returns the valve of a powered device. Without power its spool counts as neutral (A), as at its next start.

@@ -23,7 +23,7 @@ use std::sync::Arc;
 use std::vec::Drain;
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::{AnyDevice, Device, Outputs, Senses, Setup, StartCause};
+use protocol_core::device::{AnyDevice, Device, Inputs, Outputs, Setup, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
@@ -117,7 +117,7 @@ impl World {
         let setup = Setup { bit_rate, ..setup };
         let power_on = move |image: &Image, cause, now| AnyDevice::power_on(setup, image, cause, now).into();
         let node = self.add_device(name, power_on, memory);
-        self.set_senses(node, Senses::healthy(setup.kind));
+        self.set_inputs(node, Inputs::healthy(setup.kind));
         node
     }
 
@@ -138,7 +138,7 @@ impl World {
             port,
             factory: Arc::new(factory),
             memory,
-            senses: Senses::default(),
+            inputs: Inputs::default(),
             power: Power::Off,
             write: None,
             forced_bus_off: false,
@@ -191,18 +191,18 @@ impl World {
     /// Returns what a device senses. The bus mode is that of its controller; the angle of a linked shaft is the one
     /// that the device sampled last.
     #[must_use]
-    pub fn senses(&self, node: NodeId) -> &Senses {
-        &self.nodes[node.0].senses
+    pub fn inputs(&self, node: NodeId) -> &Inputs {
+        &self.nodes[node.0].inputs
     }
 
     /// Sets what a device senses. The bus mode is ignored: see [`force_bus_off`](Self::force_bus_off); so is the angle
     /// of a linked shaft: see [`set_plant`](Self::set_plant).
-    pub fn set_senses(&mut self, node: NodeId, senses: Senses) {
+    pub fn set_inputs(&mut self, node: NodeId, inputs: Inputs) {
         self.follow_links(node);
         let now = self.now;
-        let senses = self.as_linked(node, senses);
-        let Node { senses: sensed, power, .. } = &mut self.nodes[node.0];
-        *sensed = Senses { bus: sensed.bus, ..senses };
+        let inputs = self.as_linked(node, inputs);
+        let Node { inputs: sensed, power, .. } = &mut self.nodes[node.0];
+        *sensed = Inputs { bus: sensed.bus, ..inputs };
         if let Power::On(device) = power {
             device.sense(sensed, now);
             self.service(node);

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use protocol_core::device::{AnyDevice, Device, Effect, Senses, StartCause, Viewable};
+use protocol_core::device::{AnyDevice, Device, Effect, Inputs, StartCause, Viewable};
 use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -64,7 +64,7 @@ pub(super) struct Node {
     pub(super) port: PortId,
     pub(super) factory: Factory,
     pub(super) memory: Memory,
-    pub(super) senses: Senses,
+    pub(super) inputs: Inputs,
     pub(super) power: Power,
     /// The record that is being written.
     pub(super) write: Option<Write>,

@@ -36,12 +36,12 @@ impl World {
     /// [`PlantError`] for the first refused change; the plant is unchanged.
     pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
-        let mut senses = *self.senses(node);
+        let mut inputs = *self.inputs(node);
         for &plant in plants {
             if matches!(plant, Plant::SpeedRpm(speed) if speed != 0) && self.is_linked(node) {
                 return Err(PlantError::Linked(plant));
             }
-            plant.apply(&mut senses, self.now).map_err(|error| match error {
+            plant.apply(&mut inputs, self.now).map_err(|error| match error {
                 Inapplicable::OtherProduct => PlantError::OtherProduct(plant),
                 Inapplicable::OutOfRange => PlantError::OutOfRange(plant),
             })?;
@@ -52,8 +52,8 @@ impl World {
                 self.turn_link(node, angle);
             }
         }
-        if senses != *self.senses(node) {
-            self.set_senses(node, senses);
+        if inputs != *self.inputs(node) {
+            self.set_inputs(node, inputs);
         }
         for plant in plants {
             match *plant {
@@ -67,11 +67,11 @@ impl World {
 
     /// Returns the plant of a device, one change for each word that it has.
     pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Plant> + use<> {
-        let mut senses = *self.senses(node);
-        if let (Some(shaft), Some(angle)) = (senses.shaft_mut(), self.angle_cdeg(node)) {
+        let mut inputs = *self.inputs(node);
+        if let (Some(shaft), Some(angle)) = (inputs.shaft_mut(), self.angle_cdeg(node)) {
             (shaft.angle_cdeg, shaft.since) = (angle, self.now);
         }
         let (memory_fails, bus_off) = (self.memory(node).write_fails(), self.is_bus_off_forced(node));
-        protocol_core::device::plant::Plant { senses, memory_fails, bus_off }.words(self.now)
+        protocol_core::device::plant::Plant { inputs, memory_fails, bus_off }.words(self.now)
     }
 }

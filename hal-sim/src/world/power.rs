@@ -71,10 +71,10 @@ impl World {
             self.bus.force_bus_off(port, true, now);
         }
         let mode = self.bus.port(port).mode();
-        let Node { power, senses, .. } = &mut self.nodes[id.0];
-        senses.bus = mode;
+        let Node { power, inputs, .. } = &mut self.nodes[id.0];
+        inputs.bus = mode;
         if let Power::On(device) = power {
-            device.sense(senses, now);
+            device.sense(inputs, now);
         }
         self.service(id);
     }

@@ -1,7 +1,7 @@
 //! A small device for the tests: a heartbeat, an echo, and commands that request each effect.
 
 use protocol_core::controller::{BitRate, Filter, Filters};
-use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause, View, Viewable};
+use protocol_core::device::{Device, Effect, Inputs, Outputs, Restart, StartCause, View, Viewable};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::memory::{Image, Memory, RecordKey, StoreError, open, seal};
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -44,7 +44,7 @@ pub(crate) struct Probe {
     pub(crate) out: Vec<Frame>,
     pub(crate) effects: Vec<Effect>,
     pub(crate) later: Option<Effect>,
-    pub(crate) senses: Senses,
+    pub(crate) inputs: Inputs,
     pub(crate) heard: u32,
     pub(crate) restarts: u32,
     pub(crate) cause: StartCause,
@@ -87,7 +87,7 @@ impl Probe {
             out: Vec::new(),
             effects: Vec::new(),
             later: None,
-            senses: Senses::default(),
+            inputs: Inputs::default(),
             heard: 0,
             restarts: 0,
             cause,
@@ -157,8 +157,8 @@ impl Device for Probe {
         None
     }
 
-    fn sense(&mut self, senses: &Senses, _: Instant) {
-        self.senses = *senses;
+    fn sense(&mut self, inputs: &Inputs, _: Instant) {
+        self.inputs = *inputs;
     }
 
     fn poll(&mut self, now: Instant) {

@@ -149,15 +149,15 @@ impl World {
     fn pump(&mut self, id: NodeId) -> Option<Effect> {
         let Self { nodes, bus, agenda, now, .. } = self;
         let now = *now;
-        let Node { port, power, senses, write, frames_dropped, .. } = &mut nodes[id.0];
+        let Node { port, power, inputs, write, frames_dropped, .. } = &mut nodes[id.0];
         let (port_id, Power::On(device)) = (*port, power) else { return None };
         let port = bus.port_mut(port_id);
-        if port.mode() != senses.bus {
-            senses.bus = port.mode();
-            if senses.bus == BusErrorMode::BusOff {
+        if port.mode() != inputs.bus {
+            inputs.bus = port.mode();
+            if inputs.bus == BusErrorMode::BusOff {
                 bus.drop_pending(port_id, now);
             }
-            device.sense(senses, now);
+            device.sense(inputs, now);
         }
         let effect = device.pump(bus.port_mut(port_id), now);
         if effect.is_some() {

@@ -1,7 +1,7 @@
 //! The world from the outside: time, power, plant, effects, trace.
 
 use protocol_core::controller::{BitRate, BusErrorMode};
-use protocol_core::device::{Senses, StartCause};
+use protocol_core::device::{Inputs, StartCause};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::memory::{RecordKey, StoreError};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
@@ -304,15 +304,15 @@ fn a_restart_reads_the_memory_again() {
 fn the_plant_reaches_the_device_at_once() {
     let mut rig = Rig::of(1);
     let node = rig.nodes[0];
-    let low = Senses { internal_fault: true, bus: BusErrorMode::BusOff, ..*rig.world.senses(node) };
-    rig.world.set_senses(node, low);
-    let expected = Senses { bus: BusErrorMode::ErrorActive, ..low };
-    assert_eq!(rig.probe(0).senses, expected);
+    let low = Inputs { internal_fault: true, bus: BusErrorMode::BusOff, ..*rig.world.inputs(node) };
+    rig.world.set_inputs(node, low);
+    let expected = Inputs { bus: BusErrorMode::ErrorActive, ..low };
+    assert_eq!(rig.probe(0).inputs, expected);
     // The plant is unchanged while the device is off.
     rig.world.power(node, false);
     rig.world.power(node, true);
-    assert_eq!(rig.probe(0).senses, expected);
-    assert_eq!(rig.world.senses(node), &expected);
+    assert_eq!(rig.probe(0).inputs, expected);
+    assert_eq!(rig.world.inputs(node), &expected);
 }
 
 #[test]
@@ -321,13 +321,13 @@ fn bus_off_is_sensed_and_so_is_the_recovery() {
     let node = rig.nodes[0];
     rig.world.force_bus_off(node, true);
     assert!(rig.world.is_bus_off_forced(node));
-    assert_eq!(rig.probe(0).senses.bus, BusErrorMode::BusOff);
+    assert_eq!(rig.probe(0).inputs.bus, BusErrorMode::BusOff);
     rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
     rig.run_for(100);
     assert_eq!(rig.received(), []);
     rig.world.force_bus_off(node, false);
     let released = rig.world.now();
-    while rig.probe(0).senses.bus == BusErrorMode::BusOff {
+    while rig.probe(0).inputs.bus == BusErrorMode::BusOff {
         rig.world.step();
     }
     assert_eq!(since(rig.world.now(), released), bits(128 * 11));
@@ -338,9 +338,9 @@ fn bus_off_is_sensed_and_so_is_the_recovery() {
     rig.world.force_bus_off(node, true);
     rig.world.power(node, false);
     rig.world.power(node, true);
-    assert_eq!(rig.probe(0).senses.bus, BusErrorMode::BusOff);
+    assert_eq!(rig.probe(0).inputs.bus, BusErrorMode::BusOff);
     rig.run_for(1000);
-    assert_eq!(rig.probe(0).senses.bus, BusErrorMode::BusOff);
+    assert_eq!(rig.probe(0).inputs.bus, BusErrorMode::BusOff);
 }
 
 #[test]
@@ -351,7 +351,7 @@ fn a_sender_that_is_disturbed_goes_through_every_mode() {
     let mut modes = vec![BusErrorMode::ErrorActive];
     while rig.world.next_event() != NEVER {
         rig.world.step();
-        let mode = rig.probe(0).senses.bus;
+        let mode = rig.probe(0).inputs.bus;
         if modes.last() != Some(&mode) {
             modes.push(mode);
         }
@@ -391,7 +391,7 @@ fn a_device_at_another_bit_rate_is_not_heard() {
     assert_eq!((rig.received(), rig.probe(0).heard), (vec![], 0));
     // It has destroyed 15 attempts, then it is error-passive.
     let errors = rig.trace().iter().filter(|event| event.is_error_frame()).count();
-    assert_eq!((errors, rig.probe(0).senses.bus), (15, BusErrorMode::ErrorPassive));
+    assert_eq!((errors, rig.probe(0).inputs.bus), (15, BusErrorMode::ErrorPassive));
     assert_eq!(rig.probe(1).heard, 1);
 }
 

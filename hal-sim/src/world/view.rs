@@ -74,7 +74,7 @@ impl World {
     /// fastest valve; for a spool, now.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
-        let Some(shaft) = self.senses(node).shaft() else { return self.now };
+        let Some(shaft) = self.inputs(node).shaft() else { return self.now };
         let Power::On(device) = &self.nodes[node.0].power else { return NEVER };
         let position = i64::from(device.view(self.now).position);
         let (min, max) = (i64::from(*range.start()).max(0), i64::from(*range.end()).min(POSITION_MAX.into()));
@@ -115,7 +115,7 @@ impl World {
     /// happens.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
         let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
-        match (self.coupling_of(node), self.senses(node).shaft(), self.valve(node)) {
+        match (self.coupling_of(node), self.inputs(node).shaft(), self.valve(node)) {
             (Some(coupling), ..) => raw(&Shaft::at(coupling.angle_at(self, at))),
             (None, Some(shaft), _) => raw(shaft),
             (None, None, Some(valve)) => valve.position(at).raw().into(),

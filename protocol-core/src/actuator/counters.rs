@@ -1,8 +1,8 @@
-//! How often each fault has occurred (SPEC 2, occurrence counter).
+//! The occurrence counters of the faults (SPEC 2).
 
 use super::fault::{Fault, FaultSet};
 
-/// Where a counter stops.
+/// The highest value of a counter.
 pub const COUNTER_MAX: u8 = 127;
 
 /// The occurrence counters of all faults, each 0–127.

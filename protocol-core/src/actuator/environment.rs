@@ -7,18 +7,18 @@ use super::monitor::{Monitor, Reading};
 use super::register::FaultRegister;
 use crate::time::{Duration, Instant, NEVER};
 
-/// How long the temperature may be out of its limits.
+/// The time for which the temperature may be out of its limits.
 pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
-/// How long the supply may be out of its limits.
+/// The time for which the supply may be out of its limits.
 pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
 /// Highest temperature, °C.
 const TEMPERATURE_MAX: i32 = 120;
-/// Lowest temperature where there is one, °C.
+/// Lowest temperature, of the kinds that monitor it, °C.
 const TEMPERATURE_MIN: i32 = -40;
-/// How far inside its limits the temperature is well again, K (A).
+/// The hysteresis of the temperature inside its limits, K (A).
 const TEMPERATURE_HYSTERESIS: i32 = 5;
 
-/// The limits of a value, and those within which it must come back.
+/// The limits of a value: the allowed range, and the range that clears the fault.
 #[derive(Clone, Debug)]
 struct Limits {
     allowed: RangeInclusive<i32>,

@@ -1,4 +1,4 @@
-//! What the LED shows (SPEC 2).
+//! The LED (SPEC 2).
 
 use super::fault::{Fault, FaultSet};
 
@@ -13,23 +13,23 @@ pub enum Color {
     Red,
 }
 
-/// What the LED shows. Flashing is 1.5 Hz: 333 ms on, 333 ms off, in the platform's hands.
+/// The state of the LED. The platform flashes it with 1.5 Hz: 333 ms on, 333 ms off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Led {
     /// The colour.
     pub color: Color,
-    /// Whether it flashes.
+    /// The LED flashes.
     pub flashing: bool,
 }
 
-/// What the LED is to tell.
+/// The condition of the valve that the LED signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Condition {
     /// The active faults.
     pub faults: FaultSet,
     /// The device waits to be let out of a shutdown.
     pub fault_hold: bool,
-    /// The device does not regulate because it was not told to, or must not: no node ID, not enabled, hand operation,
+    /// The device does not regulate: no node ID, not enabled, hand operation,
     /// emergency stop, no address.
     pub disabled: bool,
     /// The solenoids rest.

@@ -40,7 +40,7 @@ pub use spool::{
     DRIFT_PERCENT, DRIFT_STROKE, END_BAND_PERCENT, NO_FLOAT_PERCENT, SLOWNESS, SOLENOID_STROKE, SPRING_STROKE,
     SpoolFault, SpoolSense, SpoolTimes,
 };
-pub use valve::{ActuatorType, Drive, SpoolMonitors, Valve, ValveConfig, ValveSenses};
+pub use valve::{ActuatorType, Drive, SpoolMonitors, Valve, ValveConfig, ValveInputs};
 
 #[cfg(test)]
 mod tests;

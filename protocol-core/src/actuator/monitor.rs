@@ -6,13 +6,13 @@ use super::register::FaultRegister;
 use super::travel::{Band, Travel};
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// How far the spool may be away from its set-point, in percent of the full stroke (A).
+/// The tolerance of the spool's position around its set-point, in percent of the full stroke (A).
 pub const SET_POINT_PERCENT: i32 = 15;
-/// How long the spool may be away from its set-point (A).
+/// The time for which the spool may be away from its set-point (A).
 pub const SET_POINT_DELAY: Duration = Duration::from_millis(500);
-/// How long the spool may take to reach float (A).
+/// The time within which the spool must reach float (A).
 pub const FLOAT_DELAY: Duration = Duration::from_millis(1000);
-/// How long there may be no valid set-point.
+/// The time for which valid set-points may be missing.
 pub const GUARD_TIME: Duration = Duration::from_millis(250);
 
 /// Returns where monitor 1 lets the spool be: within [`SET_POINT_PERCENT`] of its target.
@@ -21,12 +21,12 @@ pub(super) const fn tolerance(target: Travel) -> Band {
     Band::around(target, Travel::percent(SET_POINT_PERCENT))
 }
 
-/// What a monitored value says.
+/// The state of a monitored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
-    /// It is beyond the limit.
+    /// The value is beyond its limit.
     pub(super) trips: bool,
-    /// It is so good that an active fault is gone.
+    /// The value is in the range that clears an active fault.
     pub(super) clears: bool,
 }
 

@@ -5,7 +5,7 @@ use super::fault::{Fault, FaultSet, SPOOL_FAULTS};
 
 /// The changes of the faults since they were last taken.
 ///
-/// They are told by priority, activations first. A fault in both sets was activated and is gone again; one that was
+/// Changes are reported by priority, activations first. A fault in both sets was activated and cleared; one that was
 /// activated last is not in `cleared`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes {

@@ -91,7 +91,7 @@ impl Scale {
     }
 }
 
-/// What the valve is told to do.
+/// The command of the protocol to the valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetPoint {
     /// Move the spool there.

@@ -8,30 +8,30 @@ use super::Position;
 use super::travel::{Band, Path, Rate, Travel};
 use crate::time::{Duration, Instant};
 
-/// How long the solenoids take from neutral to full stroke (A).
+/// The time that the solenoids take from neutral to full stroke (A).
 pub const SOLENOID_STROKE: Duration = Duration::from_millis(250);
-/// How long the springs take from full stroke to neutral (A).
+/// The time that the springs take from full stroke to neutral (A).
 pub const SPRING_STROKE: Duration = Duration::from_millis(150);
-/// How many times slower a [`SpoolFault::Slow`] spool moves (A).
+/// The factor by which a [`SpoolFault::Slow`] spool is slower (A).
 pub const SLOWNESS: i32 = 8;
-/// How long a [`SpoolFault::Drifting`] spool would take to creep over the full stroke (A).
+/// The time in which a [`SpoolFault::Drifting`] spool would creep over the full stroke (A).
 pub const DRIFT_STROKE: Duration = Duration::from_secs(8);
-/// How far a [`SpoolFault::Drifting`] spool creeps away, in percent of the full stroke: further than monitor 1 allows
+/// The distance that a [`SpoolFault::Drifting`] spool creeps, in percent of the full stroke: more than monitor 1 allows
 /// (A).
 pub const DRIFT_PERCENT: i32 = 20;
-/// Where a [`SpoolFault::NoFloat`] spool stops in float, in percent of the full stroke: short of the float band (A).
+/// The stop of a [`SpoolFault::NoFloat`] spool in float, in percent of the full stroke: short of the float band (A).
 pub const NO_FLOAT_PERCENT: i32 = 80;
 /// The spool is in neutral, or has reached float, when it is so many percent of the full stroke away at most (A).
 pub const END_BAND_PERCENT: i32 = 5;
 
 const DRIFT: Rate = Rate::of_full_stroke(DRIFT_STROKE);
 
-/// Where the spool counts as in neutral.
+/// The band in which the spool is in neutral.
 pub(super) const IN_NEUTRAL: Band = Band::around(Travel::NEUTRAL, Travel::percent(END_BAND_PERCENT));
-/// Where the spool counts as in float.
+/// The band in which the spool is in float.
 pub(super) const IN_FLOAT: Band = Band::around(Travel::FULL_B, Travel::percent(END_BAND_PERCENT));
 
-/// What can be wrong with a spool.
+/// A fault of the spool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SpoolFault {
     /// Nothing.
@@ -101,12 +101,12 @@ impl Rates {
     }
 }
 
-/// What acts on the spool from outside the device.
+/// The influences on the spool from outside the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SpoolSense {
-    /// What is wrong with it.
+    /// The fault of the spool.
     pub fault: SpoolFault,
-    /// Where the hand lever pushes it, while it does.
+    /// The position to which the hand lever pushes the spool.
     pub lever: Option<Position>,
     /// The position that a sensor reads, on a board that has one: takes the model's place.
     pub measured: Option<Position>,
@@ -119,18 +119,18 @@ impl SpoolSense {
     pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None, times: SpoolTimes::DEFAULT };
 }
 
-/// What the device does to the spool.
+/// The action of the device on the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
-    /// Leaves it to the springs: the solenoids are off.
+    /// The solenoids are off, and the springs move the spool.
     Release,
-    /// Moves it there and holds it.
+    /// The solenoids move the spool to this travel and hold it.
     Move(Travel),
-    /// Moves it to the float position and holds it.
+    /// The solenoids move the spool to the float position and hold it.
     Float,
 }
 
-/// What decides where the spool goes, the strongest of what acts on it.
+/// The strongest influence on the spool, which decides its travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Influence {
     /// The device alone.
@@ -208,7 +208,6 @@ impl Spool {
     }
 
     /// Returns the travel of the spool.
-    #[inline(never)]
     pub(super) fn at(&self, now: Instant) -> Travel {
         self.path.at(now)
     }

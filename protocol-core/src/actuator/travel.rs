@@ -1,4 +1,4 @@
-//! Where the spool is at any instant: straight lines in time, in whole numbers.
+//! The travel of the spool at any instant: straight lines in time, in whole numbers.
 //!
 //! Travel is counted in steps so fine that every rate of the model is a whole number of them in a microsecond: those of
 //! the defaults exactly, those of other times to the nearest. So no position is ever rounded on the way, and none
@@ -79,7 +79,7 @@ impl Band {
     }
 }
 
-/// How fast the spool moves, in steps a microsecond.
+/// The speed of the spool, in steps a microsecond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Rate(i32);
 
@@ -182,11 +182,11 @@ impl Leg {
     }
 }
 
-/// Where the spool goes: to a place, and from there, when it does not stay, slowly on to another.
+/// The path of the spool: an approach to a place, and for a drifting spool a slow creep from there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
     approach: Leg,
-    /// The way on, for a spool that does not stay.
+    /// The creep of a drifting spool.
     creep: Option<Leg>,
 }
 
@@ -241,7 +241,6 @@ impl Path {
 
     /// Returns the first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does
     /// not.
-    #[inline(never)]
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));
         self.approach.crosses(band, now).min(creeps)

@@ -59,7 +59,7 @@ pub enum DefaultValue {
     Product,
 }
 
-/// What an object of a new device reads, as an EDS says it.
+/// The value of an object in a new device, as the EDS has it.
 #[cfg(feature = "names")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Initial<'a> {

@@ -9,7 +9,7 @@ use crate::wire::cob_id::CobId;
 use crate::wire::emcy::{Emcy, NO_ERROR};
 use crate::wire::sdo::AbortCode;
 
-/// How many errors the history holds (SPEC 4.1).
+/// The number of errors that the history holds (SPEC 4.1).
 pub(crate) const HISTORY: usize = 8;
 
 /// The number of messages that can wait for the bus (A): every fault of a device, and its end.
@@ -129,10 +129,10 @@ impl EmcyQueue {
         kept
     }
 
-    /// Returns whether a message is owed that the controller does not have.
+    /// Returns whether a message waits that the controller does not have.
     #[inline]
     #[must_use]
-    pub(crate) fn is_owed(&self) -> bool {
+    pub(crate) fn is_pending(&self) -> bool {
         self.messages.len() > self.taken
     }
 
@@ -148,7 +148,7 @@ impl EmcyQueue {
         self.messages.is_empty()
     }
 
-    /// Hands the oldest message that is owed to the controller.
+    /// Hands the oldest pending message to the controller.
     pub(crate) fn hand_out(&mut self) -> Option<Emcy> {
         let Waiting { message, .. } = *self.messages.get(self.taken)?;
         if self.taken == MAILBOXES {
@@ -159,7 +159,7 @@ impl EmcyQueue {
         Some(message)
     }
 
-    /// Takes a message back from the controller: it is owed again, before those that were not handed out. Returns
+    /// Takes a message back from the controller and queues it again, before those that were not handed out. Returns
     /// `false` when it was dropped, because newer ones have taken its place.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
@@ -191,7 +191,7 @@ impl EmcyQueue {
         entries
     }
 
-    /// Notes that the controller has dropped what it had: it is owed again.
+    /// Notes that the controller has dropped its messages: they are pending again.
     pub(crate) const fn take_back(&mut self) {
         self.taken = 0;
     }

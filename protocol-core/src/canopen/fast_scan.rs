@@ -5,7 +5,7 @@ use crate::wire::lss::{Address, FastScan, Part};
 /// The bit check that asks who is there.
 const WHO_IS_THERE: u8 = 0x80;
 
-/// How far a scan has come: the number that is asked for next.
+/// The progress of a scan: the number that is asked for next.
 ///
 /// After the serial number a standard master names 0 as next, the manual's sequence 4, which is no number: either way
 /// the next scan begins with part 0.

@@ -20,7 +20,7 @@ pub(crate) enum State {
     Configuration,
 }
 
-/// What switching to waiting does with a pending node ID.
+/// The effect of switching to waiting on a pending node ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OnWaiting {
     /// Restarts the device under it, as after reset application.
@@ -40,13 +40,13 @@ pub(crate) struct Rules {
     pub(crate) non_configured_in: &'static [State],
     /// The states in which a slave without node ID answers fast scan.
     pub(crate) fast_scan_in: &'static [State],
-    /// Whether the slave that a fast scan has found goes to configuration.
+    /// The slave that a fast scan has found enters configuration.
     pub(crate) fast_scan_selects: bool,
-    /// Whether 255 takes the node ID away.
+    /// Node ID 255 removes the node ID.
     pub(crate) takes_node_id_away: bool,
-    /// What switching to waiting does with a pending node ID.
+    /// The effect of switching to waiting on a pending node ID.
     pub(crate) on_waiting: OnWaiting,
-    /// Whether NMT start drops what is pending.
+    /// NMT start drops the pending configuration.
     pub(crate) start_drops_pending: bool,
     /// The error code for a node ID out of range.
     pub(crate) node_id_error: u8,
@@ -56,7 +56,7 @@ pub(crate) struct Rules {
     pub(crate) store_error: u8,
 }
 
-/// What the slave has to know of its device to answer a request.
+/// The identity of the device that answers a request.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Identity<'a> {
     /// The four numbers.
@@ -67,7 +67,7 @@ pub(crate) struct Identity<'a> {
     pub(crate) bit_rate: BitRate,
 }
 
-/// What a request demands of the device.
+/// A demand of a request on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand {
     /// Store [`LssSlave::unstored`] as it is now, then answer with [`Answer::Stored`].
@@ -126,7 +126,7 @@ impl Layer {
         [self.node_id.get(), self.bit_rate.table_index()]
     }
 
-    /// Decodes a layer; `None` when it is none.
+    /// Decodes a layer; `None` for other bytes.
     #[must_use]
     pub(crate) fn decode(payload: &[u8]) -> Option<Self> {
         let &[node_id, bit_rate] = payload else { return None };
@@ -156,9 +156,9 @@ pub(crate) struct Switch {
 #[derive(Clone, Debug)]
 pub(crate) struct LssSlave {
     state: State,
-    /// How many numbers of a switch selective have agreed so far: none when waiting is entered.
+    /// The number of numbers of a switch selective that have agreed so far: none when waiting is entered.
     matched: Part,
-    /// How many bounds of an identify remote slave have held so far.
+    /// The number of bounds of an identify remote slave that have held so far.
     bounds: u8,
     scan: ScanPosition,
     /// Configured, and not in force.

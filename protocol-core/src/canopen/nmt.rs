@@ -17,7 +17,7 @@ impl Rules {
     pub(crate) const NONE: Self = Self { startup: &[], starts_itself: None };
 }
 
-/// What an error does to the NMT state: object 0x1029.
+/// The effect of an error on the NMT state: object 0x1029.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ErrorBehaviour {

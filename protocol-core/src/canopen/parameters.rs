@@ -1,5 +1,5 @@
-//! What "save" stores, a record for each group: the values of the dictionary's stored objects in the order of the table
-//! (CiA 301 7.5.2.13; SPEC 6).
+//! The parameters that "save" stores, a record for each group: the values of the stored objects in the order of the
+//! table (CiA 301 7.5.2.13; SPEC 6).
 
 use heapless::VecView;
 

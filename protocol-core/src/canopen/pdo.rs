@@ -16,28 +16,28 @@ use crate::wire::cob_id::CobId;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
-/// How many objects a PDO of these devices can carry (SPEC 4.1).
+/// The number of objects that a PDO of these devices can carry (SPEC 4.1).
 pub(crate) const ENTRIES: usize = 8;
 
-/// How many bits a PDO can carry.
+/// The number of bits that a PDO can carry.
 const MAX_BITS: u8 = 64;
 
 /// The rules of a product for its PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// Which objects can be mapped.
+    /// The objects that can be mapped.
     pub(crate) direction: Mappable,
     /// The transmission types that can be set.
     pub(crate) transmission_types: &'static [RangeInclusive<u8>],
-    /// Whether 29-bit identifiers can be set.
+    /// 29-bit identifiers can be set.
     pub(crate) extended_ids: bool,
-    /// Whether a PDO that maps nothing can be switched on.
+    /// A PDO that maps nothing can be switched on.
     pub(crate) may_be_empty: bool,
-    /// Whether dummies can be mapped.
+    /// Dummies can be mapped.
     pub(crate) dummies: bool,
-    /// Whether mapping entries can be written while sub-index 0 is not 0.
+    /// Mapping entries can be written while sub-index 0 is not 0.
     pub(crate) entries_while_counted: bool,
-    /// Whether there are inhibit time and event timer.
+    /// The PDO has an inhibit time and an event timer.
     pub(crate) timers: bool,
     /// Whether a TPDO that waits for the bus tells what was sampled when it became due; otherwise what is true when it
     /// is sent.
@@ -58,7 +58,7 @@ impl Rules {
     };
 }
 
-/// One PDO.
+/// A PDO.
 #[derive(Clone, Debug)]
 pub(crate) struct Pdo {
     cob_id: CobId,
@@ -82,7 +82,7 @@ impl Sample {
     pub(crate) const NOTHING: Self = Self(0);
 }
 
-/// Where an object lies in the frame; the gaps of dummies have no slot.
+/// The place of an object in the frame; the gaps of dummies have no slot.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     /// The position of the object in the dictionary.
@@ -333,7 +333,7 @@ impl Pdo {
 
     /// Returns whether a sample differs from the last one that was sent.
     #[inline]
-    pub(crate) fn is_news(&self, sample: Sample) -> bool {
+    pub(crate) fn has_changed(&self, sample: Sample) -> bool {
         self.last != Some(sample)
     }
 

@@ -1,7 +1,7 @@
 //! SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented transfers, both ways.
 //!
-//! The server knows the entries of the dictionary and no objects: it hands out what is to be read or written, and is
-//! told what came of it.
+//! The server knows the entries of the dictionary and no objects: it hands out reads and writes, and takes their
+//! results.
 
 use super::dictionary::{Access, Entries, Entry, Place, Value, number};
 use super::sdo_download::Download;
@@ -43,7 +43,7 @@ pub(crate) enum Step<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct SdoServer {
     transfer: Transfer,
-    /// When the next segment is overdue; [`NEVER`] while none is expected.
+    /// The instant at which the next segment is overdue; [`NEVER`] while none is expected.
     timeout: Instant,
 }
 

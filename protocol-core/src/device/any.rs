@@ -29,7 +29,7 @@ impl AnyDevice {
 
     /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there.
     #[must_use]
-    // As `Host::new`: made where it is to stay.
+    // As `Runtime::new`: made where it is to stay.
     #[inline(always)]
     pub fn new(setup: Setup) -> Self {
         match setup.kind {
@@ -87,7 +87,7 @@ mod tests {
             };
             assert!(is_as_made, "{kind}");
             assert_eq!(any.as_dyn().bit_rate(), kind.bit_rates()[0], "{kind}");
-            any.as_dyn_mut().sense(&crate::device::Senses::healthy(kind), now);
+            any.as_dyn_mut().sense(&crate::device::Inputs::healthy(kind), now);
             assert!(any.as_dyn_mut().next_frame(now).is_some(), "{kind} has booted");
         }
     }

@@ -6,10 +6,10 @@ use super::{Kind, Protocol, hat, pve};
 use crate::canopen::dictionary::{Entry, Initial};
 use crate::canopen::node;
 
-/// What an EDS says of a product beside its objects.
+/// The description of a product in an EDS, beside its objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capabilities {
-    /// Whether the indices of the data types, 0x0001–0x0007, can be mapped as gaps in a PDO.
+    /// The indices of the data types, 0x0001–0x0007, can be mapped as gaps in a PDO.
     pub dummies: bool,
 }
 

@@ -1,5 +1,5 @@
-//! When the fault log is written (SPEC 6): within a second of the first change, then at most once in ten seconds. The
-//! change after a clearing is a first one again.
+//! The schedule of the fault log (SPEC 6): written within a second of the first change, then at most every ten seconds.
+//! The change after a clearing counts as a first one.
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 

@@ -1,4 +1,4 @@
-//! What a start reads from the memory: each record checked, the corrupt ones noted (SPEC 6).
+//! The reading of the memory at a start: each record checked, the corrupt ones noted (SPEC 6).
 
 use crate::memory::{Memory, RecordKey, open};
 
@@ -27,7 +27,6 @@ impl<'a> Reading<'a> {
         decoded
     }
 
-    #[inline(never)]
     fn payload(&mut self, key: RecordKey, version: u8) -> Option<&'a [u8]> {
         let payload = match self.memory.sealed(key) {
             Ok(None) => return None,

@@ -1,30 +1,30 @@
-//! The queue of writes to the memory: one record at a time, in the order in which they were asked for (SPEC 4.5, 6).
+//! The queue of writes to the memory: one record at a time, in the order of the requests (SPEC 4.5, 6).
 
 use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The most kinds of write that a device has: those of a valve on CANopen. [`Host`](super::host::Host) compiles for no device
-/// with more.
+/// The most kinds of write that a device has: those of a valve on CANopen. [`Runtime`](super::runtime::Runtime) compiles
+/// for no device with more.
 pub(super) const KINDS: usize = 9;
 
 /// The places of the queue: each kind waits once, one write is in flight, and one was put before all others.
 const PLACES: usize = KINDS + 2;
 
-/// One write. The record is encoded when the write begins, so this names the record and holds only what differs.
+/// A write. The record is encoded when the write begins; this names the record and its requester.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Write {
-    /// What is written.
+    /// The record that is written.
     pub record: RecordKey,
-    /// Who asked for it.
-    pub asked_by: Asker,
-    /// The value that the asker gave, see [`Asker`]; 0 for none.
+    /// The service that requested it.
+    pub requester: Requester,
+    /// The value that the requester gave, see [`Requester`]; 0 for none.
     pub value: u8,
 }
 
-/// Who asks for a write, and waits for its end.
+/// The service that requests a write, and waits for its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asker {
+pub enum Requester {
     /// The device itself: nobody waits.
     Device,
     /// LSS store.
@@ -42,8 +42,8 @@ pub enum Asker {
 impl Write {
     /// Returns a write without a value.
     #[must_use]
-    pub const fn new(record: RecordKey, asked_by: Asker) -> Self {
-        Self { record, asked_by, value: 0 }
+    pub const fn new(record: RecordKey, requester: Requester) -> Self {
+        Self { record, requester, value: 0 }
     }
 
     /// Returns the write with this value.
@@ -52,7 +52,7 @@ impl Write {
         Self { value, ..self }
     }
 
-    /// Returns whether both are of one kind: the same record for the same asker.
+    /// Returns whether both are of one kind: the same record for the same requester.
     pub(super) fn is_like(self, other: Self) -> bool {
         self.with(0) == other.with(0)
     }
@@ -61,9 +61,8 @@ impl Write {
 /// The writes that wait, and the one in flight.
 #[derive(Clone, Debug)]
 pub struct Writes {
-    /// The newest first. The last one is the next to be written, or in flight.
     queue: Vec<Write, PLACES, u8>,
-    /// The last one is in flight.
+    /// The first one is in flight.
     in_flight: bool,
 }
 
@@ -76,42 +75,37 @@ impl Writes {
 
     /// Appends a write, or merges it into one of its kind that waits: the newer value counts, of two DM3s both. The
     /// write in flight is not touched: its record was encoded before.
-    pub fn ask(&mut self, write: Write) {
-        let mut waiting = self.queue.iter_mut().rev().skip(usize::from(self.in_flight));
+    pub fn request(&mut self, write: Write) {
+        let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
-            let kept = if write.asked_by == Asker::Dm3 { waiting.value } else { 0 };
+            let kept = if write.requester == Requester::Dm3 { waiting.value } else { 0 };
             waiting.value = kept | write.value;
         } else {
-            // `insert` could panic: every caller would have to be ready for it.
-            let mut moved = write;
-            for place in &mut self.queue {
-                core::mem::swap(place, &mut moved);
-            }
             // There is a place for every kind.
-            let _ = self.queue.push(moved);
+            let _ = self.queue.push(write);
         }
     }
 
     /// Puts a write before all that wait: the second half of one that has just ended, and must not be parted.
-    pub fn ask_first(&mut self, write: Write) {
-        let _ = self.queue.push(write);
+    pub fn request_first(&mut self, write: Write) {
+        let _ = self.queue.insert(0, write);
     }
 
     /// Returns the next write and puts it in flight; `None` while one is.
     pub fn begin(&mut self) -> Option<Write> {
-        let next = self.queue.last().filter(|_| !self.in_flight)?;
+        let next = self.queue.first().filter(|_| !self.in_flight)?;
         self.in_flight = true;
         Some(*next)
     }
 
     /// Ends the write in flight and returns it; `None` when it writes another record.
     pub fn end(&mut self, record: RecordKey) -> Option<Write> {
-        let last = self.queue.last()?;
-        if !self.in_flight || last.record != record {
+        let first = self.queue.first()?;
+        if !self.in_flight || first.record != record {
             return None;
         }
         self.in_flight = false;
-        self.queue.pop()
+        Some(self.queue.remove(0))
     }
 
     /// Returns whether this very write waits or is in flight.
@@ -143,22 +137,22 @@ impl Default for Writes {
 mod tests {
     use super::*;
 
-    const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
-    const LOG: Write = Write::new(RecordKey::FaultLog, Asker::Device);
+    const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
+    const LOG: Write = Write::new(RecordKey::FaultLog, Requester::Device);
 
     #[test]
     fn writes_of_one_kind_wait_once_and_keep_their_turn() {
         let mut writes = Writes::new();
         for ticket in 0..100 {
-            writes.ask(SAVE.with(ticket));
-            writes.ask(LOG);
+            writes.request(SAVE.with(ticket));
+            writes.request(LOG);
         }
         assert_eq!(writes.end(RecordKey::Parameters), None, "it has not begun");
         assert_eq!(writes.begin(), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), None, "one at a time");
         assert_eq!(writes.end(RecordKey::FaultLog), None, "not in flight");
         // The record of the one in flight is older than this request.
-        writes.ask(SAVE.with(100));
+        writes.request(SAVE.with(100));
         assert_eq!(writes.end(RecordKey::Parameters), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), Some(LOG));
         assert_eq!(writes.end(RecordKey::FaultLog), Some(LOG));
@@ -169,24 +163,24 @@ mod tests {
     }
 
     #[test]
-    fn one_record_for_two_askers_is_written_twice() {
+    fn one_record_for_two_requesters_is_written_twice() {
         let mut writes = Writes::new();
-        writes.ask(LOG);
-        writes.ask(Write::new(RecordKey::FaultLog, Asker::Sdo));
+        writes.request(LOG);
+        writes.request(Write::new(RecordKey::FaultLog, Requester::Sdo));
         assert_eq!(writes.begin(), Some(LOG));
         assert_eq!(writes.end(RecordKey::FaultLog), Some(LOG));
         assert!(!writes.contains(LOG));
-        assert!(writes.iter().any(|waiting| waiting.asked_by == Asker::Sdo));
+        assert!(writes.iter().any(|waiting| waiting.requester == Requester::Sdo));
     }
 
     #[test]
-    fn of_two_dm3s_that_wait_one_write_clears_what_either_asked_for() {
+    fn of_two_dm3s_that_wait_one_write_clears_the_faults_of_both() {
         let mut writes = Writes::new();
-        let dm3 = Write::new(RecordKey::FaultLog, Asker::Dm3);
-        writes.ask(dm3.with(0b01));
+        let dm3 = Write::new(RecordKey::FaultLog, Requester::Dm3);
+        writes.request(dm3.with(0b01));
         assert_eq!(writes.begin(), Some(dm3.with(0b01)));
-        writes.ask(dm3.with(0b011));
-        writes.ask(dm3.with(0b110));
+        writes.request(dm3.with(0b011));
+        writes.request(dm3.with(0b110));
         assert_eq!(writes.end(RecordKey::FaultLog), Some(dm3.with(0b01)));
         assert_eq!(writes.begin(), Some(dm3.with(0b111)));
     }
@@ -194,8 +188,8 @@ mod tests {
     #[test]
     fn the_second_half_of_a_write_comes_before_all_others() {
         let mut writes = Writes::new();
-        writes.ask(SAVE);
-        writes.ask_first(LOG);
+        writes.request(SAVE);
+        writes.request_first(LOG);
         assert_eq!(writes.begin(), Some(LOG));
     }
 }

@@ -32,7 +32,7 @@ enum State {
     },
     Claimed,
     Lost {
-        /// When the cannot-claim goes out; [`NEVER`] when none is owed.
+        /// The instant of the cannot-claim; [`NEVER`] when none is pending.
         answer_at: Instant,
     },
 }
@@ -48,7 +48,7 @@ pub struct AddressClaim {
 }
 
 impl AddressClaim {
-    /// Begins to claim an address. The claim is owed, and nothing else may go out before it is [`sent`](Self::sent).
+    /// Begins to claim an address. The claim is pending, and nothing else may go out before it is [`sent`](Self::sent).
     #[must_use]
     pub const fn new(name: Name, address: Address) -> Self {
         Self { name, address, state: State::Begun, next_objection: Instant::MIN }
@@ -113,7 +113,7 @@ impl AddressClaim {
             return Outcome::Nothing;
         }
         if self.name < name {
-            return Outcome::Owed;
+            return Outcome::Pending;
         }
         self.state = State::Lost { answer_at: self.cannot_claim_at(now) };
         Outcome::Lost
@@ -127,12 +127,12 @@ impl AddressClaim {
             return Outcome::Nothing;
         }
         self.next_objection = delayed(now, OBJECTION_INTERVAL);
-        Outcome::Owed
+        Outcome::Pending
     }
 
     /// Takes a request for [`Pgn::ADDRESS_CLAIMED`]; other requests are not the claim's.
     ///
-    /// Without an address, a request to all is answered by a cannot-claim after its delay; while one is owed, another
+    /// Without an address, a request to all is answered by a cannot-claim after its delay; while one is pending, another
     /// request changes nothing.
     #[inline]
     #[must_use]
@@ -141,7 +141,7 @@ impl AddressClaim {
             return Outcome::Nothing;
         }
         match self.state {
-            State::Begun | State::Waiting { .. } | State::Claimed => return Outcome::Owed,
+            State::Begun | State::Waiting { .. } | State::Claimed => return Outcome::Pending,
             State::Lost { answer_at: NEVER } if !request.addressed => {
                 self.state = State::Lost { answer_at: self.cannot_claim_at(now) };
             }
@@ -157,7 +157,7 @@ impl AddressClaim {
         CommandedAddress::parse(payload).filter(|command| command.name == self.name).map(|command| command.address)
     }
 
-    /// Ends the wait, or owes a cannot-claim, when it is due.
+    /// Ends the wait, or queues a cannot-claim, when it is due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match self.state {
@@ -167,7 +167,7 @@ impl AddressClaim {
             }
             State::Lost { answer_at } if now >= answer_at => {
                 self.state = State::Lost { answer_at: NEVER };
-                Outcome::Owed
+                Outcome::Pending
             }
             _ => Outcome::Nothing,
         }

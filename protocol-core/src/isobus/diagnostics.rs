@@ -17,7 +17,7 @@ pub struct Dm1 {
     changed: Option<Instant>,
     /// A code that was active at the instant of that change alone.
     passing: Option<Trouble>,
-    /// When the next repetition is due.
+    /// The instant at which the next repetition is due.
     next: Instant,
     /// The code in the DM1 that was rendered last.
     rendered: Option<Trouble>,
@@ -30,10 +30,10 @@ impl Dm1 {
         Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Takes the active code. A change is to be told at once, be it of the counter alone.
+    /// Takes the active code. A change, even of the counter alone, is reported at once.
     ///
-    /// `at` is the instant at which the bus can hear of it, [`NEVER`] in bus-off. It hears of a code that comes and
-    /// goes at one instant when the frame can be made at that instant; later, DM1 tells the present state alone.
+    /// `at` is the instant at which a frame can be sent, [`NEVER`] in bus-off. A code that comes and goes at one instant
+    /// is reported when the frame can be made at that instant; a later DM1 has the present state alone.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {
@@ -43,17 +43,17 @@ impl Dm1 {
         self.active = active;
         self.changed = Some(at);
         self.next = NEVER;
-        Outcome::Owed
+        Outcome::Pending
     }
 
-    /// Owes the repetition that is due.
+    /// Queues the repetition that is due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         if now < self.next {
             return Outcome::Nothing;
         }
         self.next = next_in_grid(self.next, PERIOD, now);
-        Outcome::Owed
+        Outcome::Pending
     }
 
     /// Renders the message of the present state, or before it that of a code that only passed.
@@ -72,10 +72,10 @@ impl Dm1 {
         single(Pgn::DM1, self.rendered, source)
     }
 
-    /// Notes that the message is on the bus. After a code that only passed, the present state is owed.
+    /// Notes that the message is on the bus. After a code that only passed, the present state is pending.
     #[must_use]
     pub const fn sent(&self) -> Outcome {
-        if self.changed.is_some() { Outcome::Owed } else { Outcome::Nothing }
+        if self.changed.is_some() { Outcome::Pending } else { Outcome::Nothing }
     }
 
     /// Returns the code in the DM1 that was rendered last.

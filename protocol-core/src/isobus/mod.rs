@@ -5,7 +5,7 @@
 //! request      requests, and who is acknowledged, refused, or left without an answer
 //! transport    messages of more than eight bytes: broadcasts both ways, connections refused
 //! diagnostics  DM1 and DM2; DM3 is a request that the product carries out
-//! node/        dispatch, the schedule, and what is owed to the bus
+//! node/        dispatch, the schedule, and the pending messages
 //! ```
 //!
 //! A product decides what its groups hold. The services know addresses, times and counts, never what a fault or a
@@ -25,8 +25,8 @@ mod tests;
 pub enum Outcome {
     /// Nothing is different.
     Nothing,
-    /// The service's frame is owed: the node renders it when the controller can take it.
-    Owed,
+    /// The service has a frame for the bus: the node renders it when the controller can take it.
+    Pending,
     /// The wait after the claim is over: every frame may be sent.
     Claimed,
     /// The address belongs to another controller: no frame may leave under it any more.

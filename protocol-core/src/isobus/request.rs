@@ -16,8 +16,8 @@ pub struct Request {
     /// The group asked for.
     pub pgn: Pgn,
     /// The controller that asks.
-    pub asker: Address,
-    /// Whether this controller is asked, not all.
+    pub requester: Address,
+    /// The request is addressed to this controller, not to all.
     pub addressed: bool,
 }
 
@@ -28,15 +28,15 @@ impl Request {
     #[must_use]
     pub fn of(id: J1939Id, frame: &Frame) -> Option<Self> {
         let addressed = id.pdu_specific() != Address::GLOBAL.get();
-        Some(Self { pgn: request::parse(frame)?, asker: id.source(), addressed })
+        Some(Self { pgn: request::parse(frame)?, requester: id.source(), addressed })
     }
 
-    /// Returns the acknowledgement from the controller at `own`; `None` for a request to all, and for an asker without
+    /// Returns the acknowledgement from the controller at `own`; `None` for a request to all, and for an requester without
     /// an address, whom no answer can name.
     #[must_use]
     pub fn acknowledgement(&self, control: Control, own: Address) -> Option<Frame> {
-        let acknowledgement = Acknowledgement { control, asker: self.asker, pgn: self.pgn };
-        (self.addressed && is_controller(self.asker)).then(|| acknowledgement.frame(own))
+        let acknowledgement = Acknowledgement { control, requester: self.requester, pgn: self.pgn };
+        (self.addressed && is_controller(self.requester)).then(|| acknowledgement.frame(own))
     }
 }
 

@@ -36,9 +36,9 @@ pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Fra
 /// Why a message cannot be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// Another one is being sent.
+    /// Another message is being sent.
     Busy,
-    /// It has fewer bytes than are sent this way, or more.
+    /// The length of the message is outside the range of a broadcast.
     Size,
 }
 
@@ -49,9 +49,9 @@ struct Sending<const SIZE: usize> {
     /// The next frame, or the one in the controller; 0 is the announcement.
     sequence: u8,
     in_controller: bool,
-    /// When that frame is owed; [`NEVER`] once it is.
+    /// The instant at which that frame is queued; [`NEVER`] once it is.
     due: Instant,
-    /// When that frame has to be on the bus.
+    /// The instant by which that frame has to be on the bus.
     give_up: Instant,
 }
 
@@ -94,7 +94,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         self.sending.take().is_some()
     }
 
-    /// Owes the frame that is due, or gives the message up when the bus kept it waiting for longer than [`SEND_GAP`].
+    /// Queues the frame that is due, or gives the message up when the bus kept it waiting for longer than [`SEND_GAP`].
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match &mut self.sending {
@@ -104,7 +104,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
             }
             Some(sending) if now >= sending.due => {
                 sending.due = NEVER;
-                Outcome::Owed
+                Outcome::Pending
             }
             _ => Outcome::Nothing,
         }
@@ -134,7 +134,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         })
     }
 
-    /// Notes that the controller could not take the frame: it is owed still.
+    /// Notes that the controller could not take the frame: it stays pending.
     pub const fn take_back(&mut self) {
         if let Some(sending) = &mut self.sending {
             sending.in_controller = false;
@@ -168,7 +168,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
 pub struct Message<const SIZE: usize> {
     /// The group.
     pub pgn: Pgn,
-    /// Who sent it.
+    /// The sender.
     pub source: Address,
     /// Its bytes.
     pub payload: Vec<u8, SIZE>,
@@ -180,14 +180,14 @@ struct Receiving<const SIZE: usize> {
     size: usize,
     /// The packet that must come next.
     sequence: u8,
-    /// When the sender was last heard.
+    /// The instant of the sender's last frame.
     heard: Instant,
 }
 
 /// Receives broadcast messages of up to `SIZE` bytes from up to `SENDERS` senders at once.
 ///
-/// It only listens, so it has no deadline: a message that stopped keeps its place until its sender is heard again, or
-/// another one needs the place. A sender for whom there is none is not heard; nobody else's message suffers for it.
+/// The receiver has no deadline: an interrupted message keeps its place until its sender sends again, or another message
+/// needs the place. A sender without a place is ignored, and disturbs no other message.
 #[derive(Clone, Debug)]
 pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
     wanted: &'static [Pgn],
@@ -223,7 +223,6 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
     }
 
     /// Takes the announcement of a message. Whatever its sender sent before is over, even when this one is not wanted.
-    #[inline(never)]
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
         if id.destination() != Address::GLOBAL {
@@ -247,7 +246,6 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
     }
 
     /// Takes a packet. One that is out of order, late or malformed ends its message.
-    #[inline(never)]
     fn continued(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
         if id.destination() != Address::GLOBAL {
             return None;

@@ -1,4 +1,4 @@
-//! What the platform found in the memory when the device starts.
+//! The contents of the memory at the start of a device.
 
 use super::record::{RECORD_MAX, Record, RecordKey, open};
 
@@ -16,7 +16,7 @@ pub trait Memory {
     }
 }
 
-/// What lies under one key.
+/// The contents under a key.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Content {
     /// Never written.

@@ -1,7 +1,7 @@
 //! Non-volatile memory: the records that a device keeps, and how they are encoded (SPEC 6).
 //!
-//! The core never touches a flash. It asks for a record to be written by an [`Effect`](crate::device::Effect), is told
-//! when that is done, and reads a [`Memory`] when it starts: an [`Image`] of everything stored, or the flash itself.
+//! The core never touches a flash. It requests the write of a record by an [`Effect`](crate::device::Effect), takes the
+//! result, and reads a [`Memory`] when it starts: an [`Image`] of everything stored, or the flash itself.
 
 mod image;
 mod record;

@@ -1,4 +1,4 @@
-//! One record: its key, and its encoding with version, length and CRC.
+//! A record: its key, and its encoding with version, length and CRC.
 //!
 //! A flash map keeps each record either old or new, but can hand out a flipped bit (SPEC 6): so every record is sealed,
 //! and one that does not open is taken as absent and raises the internal error.
@@ -27,7 +27,7 @@ pub enum RecordKey {
     LocalLayer = 2,
     /// The parameters that "save" stores; of a device that stores them in groups, those of the communication.
     Parameters = 3,
-    /// Whether the next start restores the defaults.
+    /// The restore flag: set, the next start restores the defaults.
     RestoreFlag = 4,
     /// Occurrence counters, from which the previously active faults follow.
     FaultLog = 5,

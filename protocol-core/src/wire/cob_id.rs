@@ -80,7 +80,7 @@ pub const LSS_ANSWER: u16 = 0x7E4;
 /// LSS, to the slaves.
 pub const LSS_REQUEST: u16 = 0x7E5;
 
-/// What an object of type COB-ID holds: an identifier, and three bits on its use (CiA 301 7.5.2.5, .15, .35).
+/// The value of an object of type COB-ID: an identifier, and three bits on its use (CiA 301 7.5.2.5, .15, .35).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CobId(u32);
 

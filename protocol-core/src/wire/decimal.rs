@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-/// How many digits a number has at the most.
+/// The most digits of a number.
 pub const DIGITS: usize = 10;
 
 /// The highest power of ten that a number can have.

@@ -36,13 +36,13 @@ pub const MAX_COUNT: u8 = 127;
 /// The second byte, which tells the lamps that flash: the same always.
 const FLASH_STATUS: u8 = 0xFF;
 
-/// What fills a single frame behind its trouble code.
+/// The filling of a single frame behind its trouble code.
 const FILL: u8 = 0xFF;
 
-/// How many bytes stand before the first trouble code.
+/// The number of bytes before the first trouble code.
 const HEAD: usize = 2;
 
-/// How many bytes a trouble code has with its counter.
+/// The number of bytes of a trouble code with its counter.
 const TROUBLE_LEN: usize = 4;
 
 /// Returns the length of the payload that carries so many trouble codes.

@@ -6,7 +6,7 @@ pub const NO_ERROR: u16 = 0x0000;
 /// The emergency error code of a generic error: what an EMCY consumer takes for an emergency stop (SPEC 4.2).
 pub const GENERIC_ERROR: u16 = 0x1000;
 
-/// What an emergency message says.
+/// An emergency message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Emcy {
     /// The emergency error code; [`NO_ERROR`] when the last error is gone.

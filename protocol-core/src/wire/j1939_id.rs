@@ -132,7 +132,7 @@ impl Format {
     }
 }
 
-/// How urgent a message is, 0–7, the lowest being the most urgent.
+/// The priority of a message, 0–7, the lowest being the most urgent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Priority(u8);
 

@@ -30,17 +30,17 @@ impl Address {
     }
 }
 
-/// Which numbers of a slave a service is about: 0 vendor, 1 product, 2 revision, 3 serial.
+/// The number of a slave's identity that a service is about: 0 vendor, 1 product, 2 revision, 3 serial.
 pub type Part = u8;
 
-/// What identify remote slave asks of one of the four numbers, the limits included.
+/// The condition of identify remote slave on one of the four numbers, the limits included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
-    /// It is this number.
+    /// Equal to this number.
     Exactly(Part),
-    /// It is not lower.
+    /// Not lower than this number.
     AtLeast(Part),
-    /// It is not higher.
+    /// Not higher than this number.
     AtMost(Part),
 }
 
@@ -78,16 +78,16 @@ impl LssNodeId {
     }
 }
 
-/// One question of the fast scan.
+/// A question of the fast scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FastScan {
     /// The number that is compared.
     pub number: u32,
     /// The lowest bit that is compared, 0–31; 0x80 asks who is there.
     pub bit_check: u8,
-    /// Which number it is about.
+    /// The number that the question is about.
     pub sub: u8,
-    /// Which number the master asks about next.
+    /// The number that the master asks about next.
     pub next: u8,
 }
 
@@ -99,7 +99,7 @@ impl FastScan {
     }
 }
 
-/// What a master asks for.
+/// A request of a master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// 0x04: all to waiting (0) or configuration (1).
@@ -165,7 +165,7 @@ impl Request {
     }
 }
 
-/// What a slave answers.
+/// An answer of a slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// 0x44: it is the one whose four numbers were sent.

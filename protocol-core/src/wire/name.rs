@@ -11,10 +11,10 @@ pub struct Name(u64);
 /// The bits of an identity number.
 pub const IDENTITY_NUMBER: u32 = 0x1F_FFFF;
 
-/// What a NAME consists of; of every field the bits that it has count.
+/// The fields of a NAME; bits beyond the width of a field do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fields {
-    /// Whether the controller can take another address by itself.
+    /// The controller can take another address by itself.
     pub arbitrary_address_capable: bool,
     /// 3 bits; 2 is agriculture and forestry.
     pub industry_group: u8,
@@ -97,7 +97,7 @@ impl Name {
     }
 }
 
-/// How many bytes a commanded address has.
+/// The number of bytes of a commanded address.
 pub const COMMANDED_ADDRESS_LEN: usize = 9;
 
 /// Commanded address: the controller of this NAME is to take this address.

@@ -3,7 +3,7 @@
 use super::cob_id::{Function, NodeId};
 use crate::frame::Frame;
 
-/// What an NMT master orders.
+/// A command of an NMT master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Command {
@@ -30,7 +30,7 @@ impl Command {
 pub enum Target {
     /// Every node.
     All,
-    /// One node.
+    /// A single node.
     Node(NodeId),
 }
 

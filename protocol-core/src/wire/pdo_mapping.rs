@@ -1,7 +1,7 @@
 //! An entry of a PDO mapping, 0x1600 and 0x1A00 (CiA 301 7.5.2.36): which object lies in the PDO, and with how many
 //! bits.
 
-/// One entry of a PDO mapping.
+/// An entry of a PDO mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MappingEntry {
     /// Index of the mapped object.

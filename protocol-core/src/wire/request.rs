@@ -26,7 +26,7 @@ pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
     Frame::with_len(id.id(), [low, middle, high, 0, 0, 0, 0, 0], LEN)
 }
 
-/// What an acknowledgement says.
+/// The control byte of an acknowledgement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Control {
@@ -34,7 +34,7 @@ pub enum Control {
     Positive = 0,
     /// Not supported.
     Negative = 1,
-    /// Supported, but not for this asker.
+    /// Supported, but not for this requester.
     AccessDenied = 2,
     /// Supported, but not now.
     CannotRespond = 3,
@@ -48,11 +48,11 @@ impl Control {
 /// An acknowledgement, which goes to all and names whom it is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Acknowledgement {
-    /// What it says.
+    /// The control byte.
     pub control: Control,
     /// Whose request it answers.
-    pub asker: Address,
-    /// What was asked for.
+    pub requester: Address,
+    /// The requested group.
     pub pgn: Pgn,
 }
 
@@ -60,10 +60,10 @@ impl Acknowledgement {
     /// Returns the acknowledgement in eight bytes; `None` for a control byte that the standard does not know.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Option<Self> {
-        let &[control, _, _, _, asker, low, middle, high] = bytes;
+        let &[control, _, _, _, requester, low, middle, high] = bytes;
         Some(Self {
             control: Control::ALL.into_iter().find(|known| *known as u8 == control)?,
-            asker: Address::new(asker),
+            requester: Address::new(requester),
             pgn: Pgn::from_bytes([low, middle, high]),
         })
     }
@@ -72,10 +72,10 @@ impl Acknowledgement {
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [low, middle, high] = self.pgn.to_bytes();
-        [self.control as u8, 0xFF, 0xFF, 0xFF, self.asker.get(), low, middle, high]
+        [self.control as u8, 0xFF, 0xFF, 0xFF, self.requester.get(), low, middle, high]
     }
 
-    /// Returns `18E8FFyy: control FF FF FF asker pgn`.
+    /// Returns `18E8FFyy: control FF FF FF requester pgn`.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT, source).id(), self.emit())
@@ -111,9 +111,9 @@ mod tests {
 
     #[test]
     fn acknowledgements_as_the_manual_prints_them() {
-        let done = Acknowledgement { control: Control::Positive, asker: TOOL, pgn: Pgn::DM3 };
+        let done = Acknowledgement { control: Control::Positive, requester: TOOL, pgn: Pgn::DM3 };
         assert_eq!(done.frame(VALVE).to_string(), "18E8FF83: 00 FF FF FF 27 CC FE 00");
-        let refused = Acknowledgement { control: Control::Negative, asker: TOOL, pgn: Pgn::new(0xFF_1234) };
+        let refused = Acknowledgement { control: Control::Negative, requester: TOOL, pgn: Pgn::new(0xFF_1234) };
         assert_eq!(refused.frame(VALVE).to_string(), "18E8FF83: 01 FF FF FF 27 34 12 FF");
         for control in Control::ALL {
             let answer = Acknowledgement { control, ..done };

@@ -39,9 +39,9 @@ impl Multiplexer {
 pub struct Segment {
     /// Alternates from segment to segment, at first false.
     pub toggle: bool,
-    /// Whether it is the last one.
+    /// The segment is the last one.
     pub last: bool,
-    /// How many bytes of `data` count, 0–7.
+    /// The number of bytes of `data` that count, 0–7.
     pub len: u8,
     /// The bytes, those beyond `len` zero when it was made here.
     pub data: [u8; 7],
@@ -71,7 +71,7 @@ impl Segment {
     }
 }
 
-/// What a client asks for.
+/// A request of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Read an object.
@@ -85,7 +85,7 @@ pub enum Request {
     DownloadExpedited {
         /// The object.
         object: Multiplexer,
-        /// How many bytes of `data` count, 1–4; `None` when the client does not say.
+        /// The number of bytes of `data` that count, 1–4; `None` when the client does not say.
         size: Option<u8>,
         /// The four bytes.
         data: u32,
@@ -94,7 +94,7 @@ pub enum Request {
     InitiateDownload {
         /// The object.
         object: Multiplexer,
-        /// How many bytes will follow; `None` when the client does not say.
+        /// The number of bytes that will follow; `None` when the client does not say.
         size: Option<u32>,
     },
     /// The next segment of a download.
@@ -139,14 +139,14 @@ impl Request {
     }
 }
 
-/// What a server answers.
+/// An answer of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// The object in up to four bytes.
     UploadExpedited {
         /// The object.
         object: Multiplexer,
-        /// How many bytes of `data` count, 1–4.
+        /// The number of bytes of `data` that count, 1–4.
         size: u8,
         /// The bytes, little-endian.
         data: u32,
@@ -155,7 +155,7 @@ pub enum Answer {
     UploadInitiated {
         /// The object.
         object: Multiplexer,
-        /// How many bytes will follow.
+        /// The number of bytes that will follow.
         size: u32,
     },
     /// A segment of an upload.

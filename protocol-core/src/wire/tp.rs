@@ -22,7 +22,7 @@ const REQUEST_TO_SEND: u8 = 0x10;
 /// The control byte of a connection abort.
 const ABORT: u8 = 0xFF;
 
-/// What fills a packet behind the payload, and reserved bytes.
+/// The filling of a packet behind the payload, and of reserved bytes.
 const FILL: u8 = 0xFF;
 
 /// A broadcast announce message: what the packets that follow will carry.

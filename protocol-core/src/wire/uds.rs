@@ -44,7 +44,7 @@ pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
     if raw & !0x003F_FFFF == BASE { Some((Address::new((raw >> 11) as u16), Address::new(raw as u16))) } else { None }
 }
 
-/// What a [key] keeps of itself when the source does not count.
+/// The bits of a [key] that count when the source does not.
 pub const ANY_SOURCE: u32 = !(0x7FF << 11);
 
 /// Returns the [key] of messages to `destination`, without their source.
@@ -57,9 +57,9 @@ pub fn key_to(destination: Address) -> u32 {
 pub const READ: u8 = 0x22;
 /// Service 0x2E, write data by identifier.
 pub const WRITE: u8 = 0x2E;
-/// What a positive answer adds to the service.
+/// The number that a positive answer adds to the service.
 const POSITIVE: u8 = 0x40;
-/// What a negative answer has in the place of the service.
+/// The service of a negative answer.
 const NEGATIVE: u8 = 0x7F;
 
 /// A data identifier, big-endian on the wire (R: one example of the manual has the bytes the other way round).

@@ -9,7 +9,7 @@ pub const MAX_FLOW: u8 = 250;
 /// The reserved bits 6–5 of the third byte: sent as 1.
 const RESERVED: u8 = 0b0011_0000;
 
-/// What reserved bytes are sent as.
+/// The value of reserved bytes.
 const FILL: u8 = 0xFF;
 
 /// The state of a valve: bits 4–1 of the third byte.
@@ -51,7 +51,7 @@ impl State {
     }
 }
 
-/// What an AVC orders. A flow is one of 0–[`MAX_FLOW`]; where there is none, the port flow command is not looked at.
+/// The command of an AVC. A flow is 0–[`MAX_FLOW`]; a variant without one ignores the port flow command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Close.
@@ -109,7 +109,7 @@ impl Command {
         }
     }
 
-    /// Returns the eight bytes of an AVC that orders this; a flow that is none is sent as 0.
+    /// Returns the eight bytes of an AVC with this command; an invalid flow is sent as 0.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let flow = match self {
@@ -147,13 +147,13 @@ impl Command {
     }
 }
 
-/// What a flow of 0 % is sent as.
+/// The raw value of a flow of 0 %.
 const FLOW_OFFSET: u8 = 125;
 
 /// The highest estimated flow, in percent.
 pub const MAX_PERCENT: u8 = 100;
 
-/// What an AVEF tells.
+/// The data of an AVEF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EstimatedFlow {
     /// Flow out of the extend port, in percent; above [`MAX_PERCENT`] it counts as that.

@@ -112,7 +112,7 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
 /// Returns the plant words of a device, or of all, in the order of messages.
 fn words(node: Option<NodeId>, world: &World) -> impl Iterator<Item = &'static Word> {
     let devices = world.devices().filter(move |id| node.is_none_or(|node| *id == node));
-    let products: Vec<Product> = devices.map(|id| (&world.senses(id).product).into()).collect();
+    let products: Vec<Product> = devices.map(|id| (&world.inputs(id).product).into()).collect();
     WORDS.iter().filter(move |word| word.product.is_none_or(|product| products.contains(&product)))
 }
 
@@ -144,7 +144,7 @@ fn status(id: NodeId, world: &mut World) -> String {
         Some(view) => write!(text, "{}", shown(&view)),
         None => write!(text, "no power"),
     };
-    let bus = match world.senses(id).bus {
+    let bus = match world.inputs(id).bus {
         BusErrorMode::ErrorActive => "error-active",
         BusErrorMode::ErrorPassive => "error-passive",
         BusErrorMode::BusOff => "bus-off",
@@ -208,7 +208,7 @@ fn names(world: &World) -> String {
 mod tests {
     use protocol_core::actuator::{Position, SpoolFault};
     use protocol_core::controller::BitRate;
-    use protocol_core::device::{Senses, pve};
+    use protocol_core::device::{Inputs, pve};
     use protocol_core::encoder::Shaft;
     use protocol_core::time::{Duration, after};
 
@@ -248,7 +248,7 @@ mod tests {
             assert_eq!(answer(line, &mut simulation), "ok", "{line}");
         }
         let shaft = Shaft { angle_cdeg: 9_000, speed_rpm: -60, since: simulation.now(), measuring_error: true };
-        assert_eq!(*simulation.world().senses(sensor), Senses { internal_fault: true, ..Senses::encoder(shaft) });
+        assert_eq!(*simulation.world().inputs(sensor), Inputs { internal_fault: true, ..Inputs::encoder(shaft) });
         simulation.run_until(after(simulation.now(), Duration::from_millis(500)));
         assert_eq!(
             answer("status", &mut simulation),
@@ -264,10 +264,10 @@ mod tests {
             ),
             ("speed_rpm fast", "'speed_rpm fast' is not understood; accepted: angle_cdeg N, "),
         ] {
-            let before = *simulation.world().senses(sensor);
+            let before = *simulation.world().inputs(sensor);
             let told = execute(line, &mut simulation).expect_err(line);
             assert!(told.starts_with(refusal) && !told.contains("supply_mv N"), "{told}");
-            assert_eq!(*simulation.world().senses(sensor), before);
+            assert_eq!(*simulation.world().inputs(sensor), before);
         }
         let help = answer("help", &mut simulation);
         assert!(
@@ -312,9 +312,9 @@ mod tests {
         ] {
             assert_eq!(answer(line, &mut simulation), "ok", "{line}");
         }
-        let senses = *simulation.world().senses(valve);
-        assert!(senses.internal_fault);
-        let sensed = senses.valve().expect("a valve");
+        let inputs = *simulation.world().inputs(valve);
+        assert!(inputs.internal_fault);
+        let sensed = inputs.valve().expect("a valve");
         assert_eq!((sensed.supply_mv, sensed.temperature_c), (8000, -41));
         assert_eq!((sensed.spool.fault, sensed.spool.lever), (SpoolFault::Stuck, Position::new(4096)));
         assert_eq!(answer("bus_off on", &mut simulation), "ok");
@@ -336,7 +336,7 @@ mod tests {
         let supplies: Vec<u32> = simulation
             .world()
             .devices()
-            .map(|id| simulation.world().senses(id).valve().map_or(0, |valve| valve.supply_mv))
+            .map(|id| simulation.world().inputs(id).valve().map_or(0, |valve| valve.supply_mv))
             .collect();
         assert_eq!(supplies, [24_000, 8_000]);
         assert_eq!(answer("status", &mut simulation).lines().count(), 2);

@@ -5,7 +5,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant};
 
 use super::Rig;
-use crate::Senses;
+use crate::Inputs;
 
 /// The frame of a text in the manuals' notation, `5A0: 43 18 10 01 19 00 00 01`.
 ///
@@ -135,14 +135,14 @@ impl Rig {
 
     /// Changes what a valve senses; it must send these, and nothing more.
     #[track_caller]
-    pub fn sense_sends(&mut self, change: impl FnOnce(&mut Senses), frames: &[&str]) {
+    pub fn sense_sends(&mut self, change: impl FnOnce(&mut Inputs), frames: &[&str]) {
         self.sense(change);
         self.expect_all(frames);
     }
 
     /// Changes what a sensor senses; it must send these, and nothing more.
     #[track_caller]
-    pub fn sense_hat_sends(&mut self, change: impl FnOnce(&mut device::Senses), frames: &[&str]) {
+    pub fn sense_hat_sends(&mut self, change: impl FnOnce(&mut device::Inputs), frames: &[&str]) {
         self.sense_hat(change);
         self.expect_all(frames);
     }

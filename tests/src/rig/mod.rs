@@ -22,7 +22,7 @@ use protocol_core::time::{Duration, Instant};
 pub use frames::frame;
 use wire::Wire;
 
-use crate::Senses;
+use crate::Inputs;
 
 /// A device on a rig.
 pub struct Rig {
@@ -30,7 +30,7 @@ pub struct Rig {
     device: AnyDevice,
     wire: Wire,
     now: Instant,
-    senses: device::Senses,
+    inputs: device::Inputs,
     /// The memory: records by key. What is put in here is found at the next start.
     pub records: BTreeMap<RecordKey, Vec<u8>>,
     /// The next start finds the memory damaged as a whole.
@@ -90,7 +90,7 @@ impl Rig {
             device,
             wire: Wire::new(now),
             now,
-            senses: device::Senses::healthy(setup.kind),
+            inputs: device::Inputs::healthy(setup.kind),
             records: BTreeMap::new(),
             memory_damaged: false,
             writes_fail: false,
@@ -100,7 +100,7 @@ impl Rig {
             write: None,
             bit_rates: Vec::new(),
         };
-        rig.device.as_dyn_mut().sense(&rig.senses, now);
+        rig.device.as_dyn_mut().sense(&rig.inputs, now);
         rig.pump();
         rig
     }
@@ -129,33 +129,33 @@ impl Rig {
 
     /// Changes what the device senses. A controller that goes bus-off drops what is in its mailboxes, and sends nothing
     /// until it is back.
-    pub fn sense(&mut self, change: impl FnOnce(&mut Senses)) {
-        let mut senses = Senses::from(self.senses);
-        change(&mut senses);
-        self.take_senses(senses.into());
+    pub fn sense(&mut self, change: impl FnOnce(&mut Inputs)) {
+        let mut inputs = Inputs::from(self.inputs);
+        change(&mut inputs);
+        self.take_inputs(inputs.into());
     }
 
     /// Changes what a sensor senses.
-    pub fn sense_hat(&mut self, change: impl FnOnce(&mut device::Senses)) {
-        let mut senses = self.senses;
-        change(&mut senses);
-        self.take_senses(senses);
+    pub fn sense_hat(&mut self, change: impl FnOnce(&mut device::Inputs)) {
+        let mut inputs = self.inputs;
+        change(&mut inputs);
+        self.take_inputs(inputs);
     }
 
     /// An internal fault of any device comes and goes.
     pub fn internal_fault_comes_and_goes(&mut self) {
-        self.sense_hat(|senses| senses.internal_fault = true);
-        self.sense_hat(|senses| senses.internal_fault = false);
+        self.sense_hat(|inputs| inputs.internal_fault = true);
+        self.sense_hat(|inputs| inputs.internal_fault = false);
     }
 
-    fn take_senses(&mut self, senses: device::Senses) {
-        self.senses = senses;
-        let bus_off = self.senses.bus == BusErrorMode::BusOff;
+    fn take_inputs(&mut self, inputs: device::Inputs) {
+        self.inputs = inputs;
+        let bus_off = self.inputs.bus == BusErrorMode::BusOff;
         if bus_off && !self.wire.bus_off {
             self.wire.clear();
         }
         self.wire.bus_off = bus_off;
-        self.device.as_dyn_mut().sense(&self.senses, self.now);
+        self.device.as_dyn_mut().sense(&self.inputs, self.now);
         self.pump();
         self.drain();
     }
@@ -216,7 +216,7 @@ impl Rig {
         self.write = None;
         self.wire.power_cycle();
         self.device = AnyDevice::power_on(self.setup, &self.image(), cause, self.now);
-        self.device.as_dyn_mut().sense(&self.senses, self.now);
+        self.device.as_dyn_mut().sense(&self.inputs, self.now);
         self.pump();
     }
 

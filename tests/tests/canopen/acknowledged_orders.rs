@@ -63,7 +63,7 @@ fn prepared(executing_load: bool) -> Rig {
     valve.write(0x1028, 1, 4, FIRST).unwrap();
     valve.exchange(Save.request(), &[Save.acknowledgement()]);
     for active in [true, false].into_iter().cycle().take(2 * COUNT as usize) {
-        valve.sense(|senses| senses.internal_fault = active);
+        valve.sense(|inputs| inputs.internal_fault = active);
     }
     valve.advance(20_000);
     valve.take();

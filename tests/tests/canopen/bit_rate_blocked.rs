@@ -46,7 +46,7 @@ fn emcys_do_not_outlive_a_reset_in_the_silence() {
     let mut valve = held();
     valve.send(ACTIVATE);
     valve.hold_bus(false);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.send("000: 82 20");
     switches_silently(&mut valve);
     valve.advance_sends(1, &[BOOT[0], BOOT[1], INTERNAL_ERROR]);
@@ -92,7 +92,7 @@ fn a_heartbeat_that_nobody_acknowledges() {
 fn an_emcy_waits_for_the_end_of_the_silence() {
     for free in [true, false] {
         let mut valve = held();
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         valve.send(ACTIVATE);
         if free {
             valve.hold_bus(false);
@@ -144,7 +144,7 @@ fn reset_communication_in_the_silence() {
 fn nothing_is_sent_before_a_late_switch() {
     for (delay, late) in [("00", 0), ("64", 5000)] {
         let mut valve = held();
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         valve.send(&format!("7E5: 15 {delay} 00 00 00 00 00 00"));
         valve.leap(Duration::from_millis(late));
         assert_eq!(valve.bit_rates(), [BitRate::Kbit500]);

@@ -11,7 +11,7 @@ const KEPT: usize = 16;
 
 fn toggle_internal_fault(valve: &mut Rig, times: usize) {
     for active in [true, false].into_iter().cycle().take(2 * times) {
-        valve.sense(|senses| senses.internal_fault = active);
+        valve.sense(|inputs| inputs.internal_fault = active);
         valve.advance(1);
     }
 }
@@ -46,7 +46,7 @@ fn emcys_of_a_long_held_bus() {
             }
             toggle_internal_fault(&mut valve, toggles);
             if error_stays {
-                valve.sense(|senses| senses.internal_fault = true);
+                valve.sense(|inputs| inputs.internal_fault = true);
                 whole.extend(story(toggles + 1, toggles + 1));
                 whole.pop();
             }
@@ -66,9 +66,9 @@ fn emcys_of_a_long_held_bus() {
 fn emcys_of_bus_off() {
     for toggles in [1, 13, 14, 15, 16, 22, 23, 24, 40] {
         let mut valve = Rig::booted();
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         toggle_internal_fault(&mut valve, toggles);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         valve.advance(1000);
         let sent = valve.take();
         let errors = (1..=toggles).map(|count| format!("0A0: 00 10 11 {count:02X} 00 00 00 00"));
@@ -85,7 +85,7 @@ fn emcys_of_bus_off() {
 fn no_emcy_in_stopped() {
     let mut valve = Rig::booted();
     valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.send("000: 02 20");
     valve.hold_bus(false);
     valve.silent_for(1000);
@@ -132,7 +132,7 @@ fn a_waiting_tpdo_tells_the_state_as_it_is_sent() {
 
     valve.hold_bus(true);
     valve.send("220: 0F 00 00 00");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.free_bus_sends(&["0A0: 00 10 01 01 00 00 00 00", "1A0: 03 00 00 00"]);
 }
 
@@ -164,7 +164,7 @@ fn no_tpdo_of_a_pdo_that_is_off() {
     let mut valve = Rig::booted();
     valve.exchange("000: 01 20", &[]);
     valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.send_all(&["220: 0F 00 00 00", OFF]);
     assert_eq!(valve.pending(), 1);
     valve.free_bus_sends(&["0A0: 00 10 01 01 00 00 00 00", IS_OFF]);
@@ -175,7 +175,7 @@ fn no_tpdo_of_a_pdo_that_is_off() {
 fn a_waiting_emcy_and_a_write_of_another_object() {
     let mut valve = Rig::booted();
     valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.send("620: 23 05 10 00 90 00 00 00");
     valve.free_bus_sends(&["0A0: 00 10 01 01 00 00 00 00", "5A0: 60 05 10 00 00 00 00 00"]);
 }

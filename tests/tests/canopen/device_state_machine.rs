@@ -27,7 +27,7 @@ type Event = fn(&mut Rig);
 
 /// What the other events do: the state after each, from INIT, DISABLED, HOLD, ACTIVE, FAULT_HOLD.
 const EVENTS: [(&str, Event, [u32; 5]); 10] = [
-    ("a fault", |valve| valve.sense(|senses| senses.internal_fault = true), [FAULT_HOLD; 5]),
+    ("a fault", |valve| valve.sense(|inputs| inputs.internal_fault = true), [FAULT_HOLD; 5]),
     ("reset application", |valve| valve.send("000: 81 00"), [INIT; 5]),
     ("reset communication", |valve| valve.send("000: 82 20"), [FAULT_HOLD; 5]),
     ("stop", |valve| valve.send("000: 02 00"), [FAULT_HOLD; 5]),
@@ -158,8 +158,8 @@ fn the_way_out_of_fault_hold() {
             let mut valve = valve_in(FAULT_HOLD, true, 1);
             for step in way.split(' ') {
                 match step {
-                    "!" => valve.sense(|senses| senses.internal_fault = true),
-                    "." => valve.sense(|senses| senses.internal_fault = false),
+                    "!" => valve.sense(|inputs| inputs.internal_fault = true),
+                    "." => valve.sense(|inputs| inputs.internal_fault = false),
                     word if by_rpdo => valve.send(&format!("220: 0{word} 00 00 00")),
                     word => valve.send(&format!("620: 2B 40 60 00 0{word} 00 00 00")),
                 }
@@ -196,10 +196,10 @@ fn a_set_point_over_sdo_does_not_come_between_the_two_words() {
 #[test]
 fn the_cyclic_control_word_leads_back_to_active() {
     let mut valve = Rig::active();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.take();
     valve.exchange("220: 0F 00 00 10", &["1A0: 03 00 00 00"]);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.take();
     valve.exchange("220: 03 00 00 00", &["1A0: 03 00 00 00"]);
     valve.exchange("220: 0B 00 00 00", &["1A0: 0B 00 00 00"]);
@@ -236,7 +236,7 @@ fn what_acts_in_which_state() {
         assert_eq!(valve.take(), if acts { &guarded[..] } else { &[] }, "{what}: time guarding");
 
         let mut valve = valve_in(state, true, mode);
-        valve.sense(|senses| senses.spool.lever = protocol_core::actuator::Position::new(8192));
+        valve.sense(|inputs| inputs.spool.lever = protocol_core::actuator::Position::new(8192));
         valve.advance_cyclic(1200, &format!("220: {keep} 00 00 00"));
         let emcys = valve.take_under("0A0");
         let away = ["0A0: 05 83 21 01 00 00 00 00"];
@@ -290,7 +290,7 @@ fn a_change_of_mode_restarts_the_monitors() {
     valve.silent_until(250, &["0A0: 03 80 91 01 00 00 00 00"]);
 
     let mut valve = valve_in(ACTIVE, true, 1);
-    valve.sense(|senses| senses.spool.lever = protocol_core::actuator::Position::new(8192));
+    valve.sense(|inputs| inputs.spool.lever = protocol_core::actuator::Position::new(8192));
     let feed = |valve: &mut Rig, ms| {
         valve.advance_cyclic(ms, "220: 0F 00 00 00");
         valve.take_under("0A0")
@@ -407,9 +407,9 @@ proptest! {
                 Step::Word { command, by_rpdo: false } => {
                     valve.send(&format!("620: 2B 40 60 00 {command:02X} 00 00 00"));
                 }
-                Step::Fault(active) => valve.sense(|senses| senses.internal_fault = active),
+                Step::Fault(active) => valve.sense(|inputs| inputs.internal_fault = active),
                 Step::Order(0x81) => {
-                    valve.sense(|senses| senses.internal_fault = false);
+                    valve.sense(|inputs| inputs.internal_fault = false);
                     valve.send("000: 81 00");
                 }
                 Step::Order(order) => valve.send(&format!("000: {order:02X} 20")),

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 const CODES: [(u16, u16); 7] = [
     (0x8305, 0x201D),
@@ -54,17 +54,17 @@ fn event() -> impl Strategy<Value = Event> {
 
 impl Event {
     fn happen(self, valve: &mut Rig) {
-        let sense = |valve: &mut Rig, change: &dyn Fn(&mut Senses)| valve.sense(change);
+        let sense = |valve: &mut Rig, change: &dyn Fn(&mut Inputs)| valve.sense(change);
         match self {
-            Self::Supply(supply_mv) => sense(valve, &|senses| senses.supply_mv = supply_mv),
-            Self::Temperature(temperature_c) => sense(valve, &|senses| senses.temperature_c = temperature_c),
-            Self::Internal(fault) => sense(valve, &|senses| senses.internal_fault = fault),
+            Self::Supply(supply_mv) => sense(valve, &|inputs| inputs.supply_mv = supply_mv),
+            Self::Temperature(temperature_c) => sense(valve, &|inputs| inputs.temperature_c = temperature_c),
+            Self::Internal(fault) => sense(valve, &|inputs| inputs.internal_fault = fault),
             Self::BusOff(off) => {
                 let bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive };
-                sense(valve, &|senses| senses.bus = bus);
+                sense(valve, &|inputs| inputs.bus = bus);
             }
-            Self::Spool(fault) => sense(valve, &|senses| senses.spool.fault = fault),
-            Self::Lever(lever) => sense(valve, &|senses| senses.spool.lever = lever.and_then(Position::new)),
+            Self::Spool(fault) => sense(valve, &|inputs| inputs.spool.fault = fault),
+            Self::Lever(lever) => sense(valve, &|inputs| inputs.spool.lever = lever.and_then(Position::new)),
             Self::Rpdo(word, set_point) => {
                 let [low, high] = set_point.to_le_bytes();
                 valve.send(&format!("220: {word:02X} 00 {low:02X} {high:02X}"));

@@ -14,8 +14,8 @@ fn internal(rig: &mut Rig) {
 }
 
 fn bus_off(rig: &mut Rig) {
-    rig.sense(|senses| senses.bus = BusOff);
-    rig.sense(|senses| senses.bus = ErrorActive);
+    rig.sense(|inputs| inputs.bus = BusOff);
+    rig.sense(|inputs| inputs.bus = ErrorActive);
     rig.take();
 }
 

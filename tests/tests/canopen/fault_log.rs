@@ -88,7 +88,7 @@ fn a_power_cut_before_it_is_written() {
 fn clearing_clears_all_of_them() {
     let mut valve = Rig::booted();
     fault(&mut valve);
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(250);
     valve.take();
     valve.exchange(CLEAR, &[COUNTERS_CLEARED]);
@@ -138,7 +138,7 @@ fn clearing_fails() {
 #[test]
 fn a_fault_during_the_clearing() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(1250);
     valve.take();
     valve.write_time = Duration::from_millis(50);

@@ -2,7 +2,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 use super::{CLEARED, SAVE, SAVED};
 
@@ -14,39 +14,39 @@ fn emcy(code: u16, register: u8, count: u32) -> String {
 #[test]
 fn several_at_once() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.supply_mv = 8_000);
+    valve.sense(|inputs| inputs.supply_mv = 8_000);
     valve.advance(1750);
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.silent_until(250, &[emcy(0x8301, 0x09, 1), emcy(0x3412, 0x0D, 1)]);
-    valve.sense_sends(|senses| senses.internal_fault = true, &[&emcy(0x1000, 0x0D, 1)]);
+    valve.sense_sends(|inputs| inputs.internal_fault = true, &[&emcy(0x1000, 0x0D, 1)]);
     assert_eq!(valve.read(0x1003, 0), 3);
     assert_eq!([1, 2, 3].map(|sub| valve.read(0x1003, sub)), [0x0001_1000, 0x0001_3412, 0x0001_8301]);
 
-    valve.sense_sends(|senses| senses.temperature_c = 25, &[]);
+    valve.sense_sends(|inputs| inputs.temperature_c = 25, &[]);
     assert_eq!(valve.read(0x1001, 0), 0x05);
-    valve.sense_sends(|senses| senses.supply_mv = 24_000, &[]);
+    valve.sense_sends(|inputs| inputs.supply_mv = 24_000, &[]);
     assert_eq!(valve.read(0x1001, 0), 0x01);
-    valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+    valve.sense_sends(|inputs| inputs.internal_fault = false, &[CLEARED]);
 }
 
 /// The register is that of 0x1001: one fault goes at the look at which another comes.
 #[test]
 fn a_fault_that_goes_when_another_comes_is_not_in_its_register() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.supply_mv = 8_000);
+    valve.sense(|inputs| inputs.supply_mv = 8_000);
     valve.silent_until(2000, &[emcy(0x3412, 0x05, 1)]);
-    let swap = |senses: &mut Senses| (senses.supply_mv, senses.internal_fault) = (24_000, true);
+    let swap = |inputs: &mut Inputs| (inputs.supply_mv, inputs.internal_fault) = (24_000, true);
     valve.sense_sends(swap, &[&emcy(0x1000, 0x01, 1)]);
     assert_eq!(valve.read(0x1001, 0), 0x01);
     // Several come: those that stay are in it, each from its own EMCY on.
-    valve.sense(|senses| senses.supply_mv = 40_000);
+    valve.sense(|inputs| inputs.supply_mv = 40_000);
     valve.silent_until(2000, &[emcy(0x3411, 0x05, 1)]);
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(249);
-    valve.sense_sends(|senses| (senses.supply_mv, senses.internal_fault) = (24_000, false), &[CLEARED]);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense_sends(|inputs| (inputs.supply_mv, inputs.internal_fault) = (24_000, false), &[CLEARED]);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     valve.advance(1);
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), emcy(0x8301, 0x19, 1)]);
 }
 
@@ -54,13 +54,13 @@ fn a_fault_that_goes_when_another_comes_is_not_in_its_register() {
 #[test]
 fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
     let mut valve = Rig::active();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.leap(Duration::from_millis(250));
     let told = [emcy(0x8301, 0x09, 1), emcy(0x8003, 0x99, 1)];
     assert_eq!(valve.take(), told);
 
     let mut valve = Rig::active();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.hold_bus(true);
     valve.advance(250);
     // the set-point ends the time guard's fault, and the temperature's goes on
@@ -73,7 +73,7 @@ mod bus_off {
     use super::*;
 
     fn set(valve: &mut Rig, bus: BusErrorMode) {
-        valve.sense(|senses| senses.bus = bus);
+        valve.sense(|inputs| inputs.bus = bus);
     }
 
     #[test]
@@ -106,18 +106,18 @@ mod bus_off {
     #[test]
     fn with_another_fault_active_its_end_is_not_told() {
         let mut valve = Rig::booted();
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         valve.take();
         set(&mut valve, BusErrorMode::BusOff);
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1)]);
-        valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+        valve.sense_sends(|inputs| inputs.internal_fault = false, &[CLEARED]);
     }
 
     #[test]
     fn with_a_fault_of_the_same_instant() {
         let mut valve = Rig::booted();
-        valve.sense(|senses| (senses.internal_fault, senses.bus) = (true, BusErrorMode::BusOff));
+        valve.sense(|inputs| (inputs.internal_fault, inputs.bus) = (true, BusErrorMode::BusOff));
         valve.expect_nothing();
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x1000, 0x01, 1), emcy(0x8140, 0x11, 1)]);
@@ -129,11 +129,11 @@ mod bus_off {
     fn another_fault_meanwhile_is_told_after_it() {
         let mut valve = Rig::booted();
         set(&mut valve, BusErrorMode::BusOff);
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance(250);
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), emcy(0x8301, 0x19, 1)]);
-        valve.sense_sends(|senses| senses.temperature_c = 25, &[CLEARED]);
+        valve.sense_sends(|inputs| inputs.temperature_c = 25, &[CLEARED]);
     }
 
     /// An answer that waits for a busy bus is lost with it.
@@ -195,13 +195,13 @@ mod memory {
     #[test]
     fn causes_of_one_fault_do_not_add_up() {
         let mut valve = Rig::booted();
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         valve.take();
         valve.writes_fail = true;
         assert_eq!(valve.write(0x1010, 1, 4, 0x6576_6173), Err(0x0606_0000));
         valve.writes_fail = false;
         valve.expect_nothing();
-        valve.sense_sends(|senses| senses.internal_fault = false, &[]);
+        valve.sense_sends(|inputs| inputs.internal_fault = false, &[]);
         valve.exchange(SAVE, &[CLEARED, SAVED]);
         assert_eq!(valve.read(0x2024, 0), 1);
     }

@@ -47,9 +47,9 @@ fn red_in_fault_hold_without_a_fault() {
 #[test]
 fn red_in_fault_hold_without_a_node_id() {
     let mut valve = blank();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(led(&valve), RED);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     assert_eq!(led(&valve), RED_FLASHING);
 }
 
@@ -57,28 +57,28 @@ fn red_in_fault_hold_without_a_node_id() {
 #[test]
 fn the_order_of_the_faults() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(250);
     assert_eq!(led(&valve), RED_FLASHING, "temperature");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(led(&valve), RED, "the internal error is of higher priority");
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.internal_fault = false);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     assert_eq!(led(&valve), RED, "bus-off");
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     assert_eq!(led(&valve), RED_FLASHING);
 
     // a fault of the spool is of higher priority than the internal error, and bus-off wins over it
     let mut valve = Rig::active();
     valve.send("220: 0F 00 00 40");
     valve.advance_cyclic(300, "220: 0F 00 00 40");
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     valve.advance_cyclic(600, "220: 0F 00 00 00");
     valve.take();
     assert_eq!((valve.read(0x1001, 0), led(&valve)), (0x21, RED_FLASHING));
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(led(&valve), RED_FLASHING);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     assert_eq!(led(&valve), RED);
 }
 
@@ -88,7 +88,7 @@ fn outside_active_the_solenoids_are_off_at_once() {
         |valve| valve.send("220: 03 00 00 40"),
         |valve| valve.send("000: 02 00"),
         |valve| valve.write(0x6042, 0, 1, 2).unwrap(),
-        |valve| valve.sense(|senses| senses.internal_fault = true),
+        |valve| valve.sense(|inputs| inputs.internal_fault = true),
         |valve| valve.send("000: 81 00"),
     ];
     for way in ways {

@@ -52,9 +52,9 @@ fn what_survives() {
 #[test]
 fn reset_communication_with_active_faults() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(250);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.take();
     for _ in 0..3 {
         let sent = [BOOT[0], BOOT[1], "0A0: 00 10 09 01 00 00 00 00", TEMPERATURE];
@@ -62,8 +62,8 @@ fn reset_communication_with_active_faults() {
     }
     assert_eq!((valve.read(0x1003, 0), valve.read(0x2024, 0), valve.read(0x200F, 0)), (2, 1, 1));
     assert_eq!((valve.read(0x1001, 0), valve.status()), (0x09, 0x03));
-    valve.sense_sends(|senses| senses.internal_fault = false, &[]);
-    valve.sense(|senses| senses.temperature_c = 25);
+    valve.sense_sends(|inputs| inputs.internal_fault = false, &[]);
+    valve.sense(|inputs| inputs.temperature_c = 25);
     valve.expect(CLEARED);
 }
 
@@ -71,14 +71,14 @@ fn reset_communication_with_active_faults() {
 #[test]
 fn reset_application_with_active_faults() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(250);
     valve.expect(TEMPERATURE);
     valve.exchange("000: 81 00", &BOOT);
     assert_eq!((valve.read(0x1001, 0), valve.status(), valve.read(0x1003, 0)), (0, 0x08, 0));
     valve.silent_until(250, &["0A0: 01 83 09 02 00 00 00 00"]);
     // those without delay at once
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.take();
     valve.exchange("000: 81 00", &[BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"]);
 }
@@ -87,7 +87,7 @@ fn reset_application_with_active_faults() {
 #[test]
 fn reset_communication_does_not_restart_a_delay() {
     let mut valve = Rig::booted();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(200);
     valve.exchange("000: 82 00", &BOOT);
     valve.silent_until(50, &[TEMPERATURE]);
@@ -99,7 +99,7 @@ fn a_fault_that_falls_due_during_a_reset_is_told_once() {
     for save_ms in [100, 50] {
         let mut valve = Rig::booted();
         valve.write_time = Duration::from_millis(save_ms);
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance(200);
         valve.send(SAVE);
         valve.exchange("000: 82 00", &[]);
@@ -107,7 +107,7 @@ fn a_fault_that_falls_due_during_a_reset_is_told_once() {
         valve.advance(2 * save_ms);
         assert_eq!(valve.take(), [BOOT[0], BOOT[1], TEMPERATURE], "the memory takes {save_ms} ms");
         assert_eq!((valve.read(0x1003, 0), valve.read(0x200F, 0)), (1, 1));
-        valve.sense(|senses| senses.temperature_c = 25);
+        valve.sense(|inputs| inputs.temperature_c = 25);
         valve.expect(CLEARED);
     }
 }
@@ -121,9 +121,9 @@ fn a_bus_off_that_begins_during_a_reset() {
         valve.write_time = Duration::from_millis(50);
         valve.send_all(&[SAVE, reset]);
         valve.advance(25);
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         valve.silent_for(1000);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         let bus_off = format!("0A0: 40 81 11 {count:02X} 00 00 00 00");
         assert_eq!(valve.take(), [BOOT[0], BOOT[1], &bus_off, CLEARED], "{reset}");
         assert_eq!((valve.read(0x2019, 0), valve.status()), (count, 0x03));
@@ -171,22 +171,22 @@ fn emcys_of_stopped_are_not_sent_later() {
     // one that lasts: its end is told when SDOs are served again
     let mut valve = Rig::booted();
     valve.exchange("000: 02 00", &[]);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.exchange("000: 80 00", &[]);
     assert_eq!((valve.read(0x1001, 0), valve.read(0x2024, 0)), (0x01, 1));
-    valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+    valve.sense_sends(|inputs| inputs.internal_fault = false, &[CLEARED]);
     // one that ends while stopped: its end is not told later
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.take();
     valve.exchange("000: 02 00", &[]);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.exchange("000: 80 00", &[]);
     valve.silent_for(1000);
     assert_eq!(valve.read(0x1001, 0), 0);
     // bus-off and back while stopped
     valve.exchange("000: 02 00", &[]);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
-    valve.sense_sends(|senses| senses.bus = BusErrorMode::ErrorActive, &[]);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
+    valve.sense_sends(|inputs| inputs.bus = BusErrorMode::ErrorActive, &[]);
     valve.exchange("000: 80 00", &[]);
     assert_eq!(valve.read(0x2019, 0), 1);
 }

@@ -9,12 +9,12 @@ use proptest::sample::select;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::{Frame, Id, extended, standard};
 use tests::hostile::{self, Disturbance, To, anything, check_services, distorted, lss, nmt, sdo};
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 /// The shortest heartbeat period: nothing that the valve sends by itself comes more often.
 const SHORTEST_PERIOD_MS: u64 = 10;
 
-/// What one frame or one change of the senses can set free at the most: all that can wait in the valve.
+/// What one frame or one change of the inputs can set free at the most: all that can wait in the valve.
 const BURST: u64 = 64;
 
 const INDICES: &[u16] = &[
@@ -62,7 +62,7 @@ enum Event {
     Uds(u16, u8, [u8; 8]),
     /// Use case 1: what random frames seldom get to.
     Activate,
-    Sense(Senses),
+    Sense(Inputs),
     Around(Disturbance),
     /// Somebody looks whether all is as it may be.
     Look,
@@ -101,7 +101,7 @@ fn event() -> impl Strategy<Value = Event> {
         37 => frame(),
         3 => uds(),
         2 => Just(Event::Activate),
-        4 => Senses::any().prop_map(Event::Sense),
+        4 => Inputs::any().prop_map(Event::Sense),
         28 => Disturbance::any().prop_map(Event::Around),
         6 => Just(Event::Look),
     ]
@@ -156,7 +156,7 @@ fn act(rig: &mut Rig, event: &Event) {
                 rig.send(&format!("{:03X}: 0F 00 00 40", 0x200 + node_id));
             }
         }
-        Event::Sense(senses) => rig.sense(|sensed| *sensed = *senses),
+        Event::Sense(inputs) => rig.sense(|sensed| *sensed = *inputs),
         Event::Around(disturbance) => {
             disturbance.act(rig);
             allowed += disturbance.passes_ms() / SHORTEST_PERIOD_MS;
@@ -173,7 +173,7 @@ fn act(rig: &mut Rig, event: &Event) {
 
 /// With nothing in its way any more, the valve answers SDO; or LSS, as long as it has no node ID.
 fn assert_serves(rig: &mut Rig) {
-    rig.sense(|senses| *senses = Senses::default());
+    rig.sense(|inputs| *inputs = Inputs::default());
     hostile::let_be(rig);
     rig.send("000: 80 00");
     rig.take();

@@ -2,7 +2,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::hat::{Hat, Kind, Setup};
-use protocol_core::device::{Device as _, Senses, StartCause, Viewable as _};
+use protocol_core::device::{Device as _, Inputs, StartCause, Viewable as _};
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::time::{Duration, Instant};
 use tests::{Rig, lss, sdo};
@@ -17,11 +17,11 @@ const GONE: &str = "081: 00 00 00 00 00 00 00 00";
 const BOOT_UP: &str = "701: 00";
 
 fn internal_fault(rig: &mut Rig, there: bool) {
-    rig.sense_hat(|senses| senses.internal_fault = there);
+    rig.sense_hat(|inputs| inputs.internal_fault = there);
 }
 
 fn bus(rig: &mut Rig, mode: BusErrorMode) {
-    rig.sense_hat(|senses| senses.bus = mode);
+    rig.sense_hat(|inputs| inputs.bus = mode);
 }
 
 /// What 0x1003 holds, the newest first.
@@ -217,12 +217,12 @@ fn every_disappearance_is_told_with_what_remains() {
 #[test]
 fn errors_of_one_instant_are_told_in_their_order() {
     let mut rig = booted();
-    rig.sense_hat(|senses| (senses.internal_fault, senses.bus) = (true, BusErrorMode::ErrorPassive));
+    rig.sense_hat(|inputs| (inputs.internal_fault, inputs.bus) = (true, BusErrorMode::ErrorPassive));
     assert_eq!(rig.take(), [CONTROLLER, "081: 20 81 91 03 00 00 00 00"]);
     // A reset of the communication tells those that it leaves in the same order.
     rig.save(2);
     rig.records.get_mut(&RecordKey::Parameters).unwrap()[2] ^= 1;
-    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+    rig.sense_hat(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     rig.power_cycle();
     assert_eq!(rig.take()[..2], [BOOT_UP, SET_UP]);
     rig.exchange("000: 82 00", &[BOOT_UP, SET_UP, CONTROLLER]);
@@ -375,12 +375,12 @@ fn the_history_is_eight_deep_and_volatile() {
 fn the_view_counts_the_entries() {
     let now = Instant::from_secs(1);
     let mut hat = Hat::power_on(Setup::new(Kind::Hat1000), &Image::empty(), StartCause::PowerOn, now);
-    let healthy = Senses::healthy(Kind::Hat1000.into());
+    let healthy = Inputs::healthy(Kind::Hat1000.into());
     for _ in 0..3 {
-        hat.sense(&Senses { internal_fault: true, ..healthy }, now);
+        hat.sense(&Inputs { internal_fault: true, ..healthy }, now);
         hat.sense(&healthy, now);
     }
-    hat.sense(&Senses { bus: BusErrorMode::ErrorPassive, ..healthy }, now);
+    hat.sense(&Inputs { bus: BusErrorMode::ErrorPassive, ..healthy }, now);
     let faults = hat.view(now).faults.into_iter().map(|fault| (fault.name, fault.active, fault.count));
     let expected = [("set-up", false, 0), ("controller", false, 3), ("error-passive", true, 1), ("can-bus", false, 0)];
     assert_eq!(faults.collect::<Vec<_>>(), expected);
@@ -454,9 +454,9 @@ fn under_the_identifier_of_the_tpdo() {
     rig.exchange("000: 01 00", &[]);
     rig.hold_bus(true);
     rig.send("080:");
-    rig.sense_hat(|senses| senses.internal_fault = true);
+    rig.sense_hat(|inputs| inputs.internal_fault = true);
     rig.send("080:");
-    rig.sense_hat(|senses| senses.internal_fault = false);
+    rig.sense_hat(|inputs| inputs.internal_fault = false);
     rig.send("080:");
     rig.hold_bus(false);
     rig.advance(1);

@@ -52,7 +52,7 @@ fn it_starts_itself_once_and_leaves_lss_configuration() {
     rig.power_cycle();
     rig.send(lss::TO_CONFIGURATION);
     rig.free_bus_sends(&["701: 00"]);
-    rig.sense_hat_sends(|senses| senses.internal_fault = true, &["081: 00 FF 81 02 00 00 00 00"]);
+    rig.sense_hat_sends(|inputs| inputs.internal_fault = true, &["081: 00 FF 81 02 00 00 00 00"]);
     rig.silent_for(100);
     assert_eq!(state(&mut rig), 0x7F, "0x1029:2 has ended operational");
     rig.take();
@@ -85,7 +85,7 @@ fn pending_emcys_come_before_operational_and_do_not_hold_it_back() {
     let mut rig = self_starting();
     rig.write_all(&[(0x1029, 2, 1, 2), (0x1010, 1, 4, SAVE)]);
     rig.records.get_mut(&RecordKey::Application).unwrap()[3] ^= 1;
-    rig.sense_hat(|senses| senses.internal_fault = true);
+    rig.sense_hat(|inputs| inputs.internal_fault = true);
     rig.take();
     rig.power_cycle_sends(&["701: 00", "081: 00 FF 81 01 00 00 00 00", "081: 00 FF 81 02 00 00 00 00"]);
     assert_eq!(state(&mut rig), 0x05);
@@ -102,10 +102,10 @@ fn a_sensor_that_is_alone_starts_when_somebody_comes() {
     rig.hold_bus(true);
     rig.power_cycle();
     rig.advance(100);
-    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorPassive);
+    rig.sense_hat(|inputs| inputs.bus = BusErrorMode::ErrorPassive);
     rig.advance(1_000);
     rig.hold_bus(false);
-    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+    rig.sense_hat(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     rig.advance(10);
     let sent = rig.take();
     let (told, pdo) = (["701: 00", "081: 20 81 11 03 00 00 00 00"], "181: 00 00 00 00");
@@ -125,13 +125,13 @@ fn reaction(sub: u8, value: u32, cause: impl FnOnce(&mut Rig)) -> u8 {
 }
 
 fn controller_error(rig: &mut Rig) {
-    rig.sense_hat(|senses| senses.internal_fault = true);
+    rig.sense_hat(|inputs| inputs.internal_fault = true);
     assert_eq!(rig.take(), ["081: 00 FF 81 02 00 00 00 00"], "told whatever state is entered");
 }
 
 fn bus_off(rig: &mut Rig) {
-    rig.sense_hat(|senses| senses.bus = BusErrorMode::BusOff);
-    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+    rig.sense_hat(|inputs| inputs.bus = BusErrorMode::BusOff);
+    rig.sense_hat(|inputs| inputs.bus = BusErrorMode::ErrorActive);
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn what_errors_do_in_operational() {
         assert_eq!(reaction(2, value, controller_error), entered, "controller error, {value}");
     }
     for value in [0, 2] {
-        let passive = |rig: &mut Rig| rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorPassive);
+        let passive = |rig: &mut Rig| rig.sense_hat(|inputs| inputs.bus = BusErrorMode::ErrorPassive);
         assert_eq!(reaction(1, value, passive), 0x05, "error-passive is no reason");
     }
 }
@@ -152,8 +152,8 @@ fn of_two_errors_of_one_instant_the_first_acts() {
     for (controller_error, bus_off, entered) in [(0, 2, 0x7F), (2, 0, 0x04), (1, 2, 0x04)] {
         let both = |rig: &mut Rig| {
             assert_eq!(rig.write(0x1029, 1, 1, bus_off), Ok(()));
-            rig.sense_hat(|senses| (senses.internal_fault, senses.bus) = (true, BusErrorMode::BusOff));
-            rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+            rig.sense_hat(|inputs| (inputs.internal_fault, inputs.bus) = (true, BusErrorMode::BusOff));
+            rig.sense_hat(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         };
         assert_eq!(reaction(2, controller_error, both), entered, "{controller_error}, {bus_off}");
     }
@@ -168,7 +168,7 @@ fn errors_do_nothing_in_pre_operational_and_stopped() {
                 assert_eq!(rig.write(0x1029, sub, 1, value), Ok(()));
             }
             rig.exchange(command, &[]);
-            rig.sense_hat(|senses| senses.internal_fault = true);
+            rig.sense_hat(|inputs| inputs.internal_fault = true);
             bus_off(&mut rig);
             rig.take();
             assert_eq!(state(&mut rig), stays);

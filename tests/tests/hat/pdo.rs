@@ -1,14 +1,14 @@
 //! TPDO 1 by SYNC, and what it carries (SPEC 9).
 
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::ProductSenses;
+use protocol_core::device::ProductInputs;
 use protocol_core::encoder::Shaft;
 use tests::Rig;
 
 use super::{SAVE, booted};
 
 fn turn_to(rig: &mut Rig, angle: u32) {
-    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(angle)));
+    rig.sense_hat(|inputs| inputs.product = ProductInputs::Encoder(Shaft::at(angle)));
 }
 
 /// Operational, with TPDO 1 of this type switched on.
@@ -98,9 +98,9 @@ fn type_0_counts_what_bus_off_has_lost_as_not_sent() {
     assert_eq!(rig.write(0x1029, 1, 1, 1), Ok(()));
     rig.hold_bus(true);
     rig.exchange("080:", &[]);
-    rig.sense_hat(|senses| senses.bus = BusErrorMode::BusOff);
+    rig.sense_hat(|inputs| inputs.bus = BusErrorMode::BusOff);
     rig.hold_bus(false);
-    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+    rig.sense_hat(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     assert!(rig.take_under("181").is_empty(), "lost with the mailbox");
     rig.exchange("080:", &["181: 00 00 00 00"]);
     rig.exchange("080:", &[]);
@@ -124,9 +124,9 @@ fn all_four_objects() {
         assert_eq!(rig.write(0x1A00, sub, 4, entry), Ok(()));
     }
     rig.write_all(&[(0x1A00, 0, 1, 3), (0x1800, 1, 4, 0x181), (0x1029, 2, 1, 1)]);
-    rig.sense_hat(|senses| {
-        senses.internal_fault = true;
-        senses.product = ProductSenses::Encoder(Shaft { measuring_error: true, ..Shaft::at(9_000) });
+    rig.sense_hat(|inputs| {
+        inputs.internal_fault = true;
+        inputs.product = ProductInputs::Encoder(Shaft { measuring_error: true, ..Shaft::at(9_000) });
     });
     rig.take();
     rig.exchange("080:", &["181: 01 00 81 00 10 00 00"]);
@@ -167,7 +167,7 @@ fn type_0_on_a_held_bus_tells_the_position_at_the_last_sync() {
     rig.hold_bus(true);
     // Two EMCYs wait, so the TPDO does not come to a mailbox.
     for mode in [BusErrorMode::ErrorPassive, BusErrorMode::ErrorActive] {
-        rig.sense_hat(|senses| senses.bus = mode);
+        rig.sense_hat(|inputs| inputs.bus = mode);
     }
     turn_to(&mut rig, 18_000);
     rig.send("080:");

@@ -1,6 +1,6 @@
 //! Event timer and inhibit time (SPEC 9).
 
-use protocol_core::device::ProductSenses;
+use protocol_core::device::ProductInputs;
 use protocol_core::encoder::Shaft;
 use protocol_core::time::{Duration, Instant};
 use tests::Rig;
@@ -106,7 +106,7 @@ fn the_position_is_that_of_the_due_instant() {
     let mut rig = cyclic(1, 0);
     // A step in 1/16 ms.
     let shaft = Shaft { speed_rpm: 60_000 / 1_024, since: rig.now(), ..Shaft::at(0) };
-    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(shaft));
+    rig.sense_hat(|inputs| inputs.product = ProductInputs::Encoder(shaft));
     rig.exchange("000: 01 00", &[]);
     for _ in 0..50 {
         let due = rig.now() + Duration::from_millis(1);
@@ -124,7 +124,7 @@ fn missed_periods_merge_on_a_blocked_bus() {
     let mut rig = cyclic(1, 0);
     let start = rig.now();
     let shaft = Shaft { speed_rpm: 60, since: start, ..Shaft::at(0) };
-    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(shaft));
+    rig.sense_hat(|inputs| inputs.product = ProductInputs::Encoder(shaft));
     rig.exchange("000: 01 00", &[]);
     rig.hold_bus(true);
     rig.advance_by(Duration::from_micros(50_400));
@@ -190,7 +190,7 @@ fn an_emcy_goes_before_the_pdo_of_the_same_instant() {
     rig.write_all(&[(0x1014, 0, 4, 0x8000_0081), (0x1014, 0, 4, 0x3FFF_FFFF), (0x1029, 2, 1, 1)]);
     rig.exchange("000: 01 00", &[]);
     rig.hold_bus(true);
-    rig.sense_hat(|senses| senses.internal_fault = true);
+    rig.sense_hat(|inputs| inputs.internal_fault = true);
     rig.advance(10);
     rig.free_bus_sends(&["1FFFFFFF: 00 FF 81 02 00 00 00 00", "181: 00 00 00 00"]);
 }

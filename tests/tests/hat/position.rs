@@ -1,13 +1,13 @@
 //! The position against the angle: wrap, preset, offset, alarms (SPEC 9).
 
-use protocol_core::device::ProductSenses;
+use protocol_core::device::ProductInputs;
 use protocol_core::encoder::Shaft;
 use tests::Rig;
 
 use super::{SAVE, booted};
 
 fn turn_to(rig: &mut Rig, shaft: Shaft) {
-    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(shaft));
+    rig.sense_hat(|inputs| inputs.product = ProductInputs::Encoder(shaft));
 }
 
 fn position(rig: &mut Rig) -> u32 {

@@ -8,13 +8,13 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::hat::{Kind, Setup};
-use protocol_core::device::{ProductSenses, Senses};
+use protocol_core::device::{Inputs, ProductInputs};
 use protocol_core::encoder::Shaft;
 use protocol_core::frame::standard;
 use tests::Rig;
 use tests::hostile::{self, Disturbance, To, anything, check_services, distorted, lss, nmt, sdo};
 
-/// What one frame or one change of the senses can set free at the most: all that can wait in the sensor.
+/// What one frame or one change of the inputs can set free at the most: all that can wait in the sensor.
 const BURST: u64 = 64;
 
 /// Heartbeat and PDO come as often as every millisecond.
@@ -136,9 +136,9 @@ fn act(rig: &mut Rig, event: &Event) {
         }
         Event::Sense(bus, internal_fault, shaft) => {
             let shaft = Shaft { since: rig.now(), ..*shaft };
-            rig.sense_hat(|senses| {
-                (senses.bus, senses.internal_fault) = (*bus, *internal_fault);
-                senses.product = ProductSenses::Encoder(shaft);
+            rig.sense_hat(|inputs| {
+                (inputs.bus, inputs.internal_fault) = (*bus, *internal_fault);
+                inputs.product = ProductInputs::Encoder(shaft);
             });
         }
         Event::Around(disturbance) => {
@@ -157,7 +157,7 @@ fn act(rig: &mut Rig, event: &Event) {
 
 /// With nothing in its way any more, the sensor answers SDO; or LSS, as long as it has no node ID.
 fn assert_serves(rig: &mut Rig) {
-    rig.sense_hat(|senses| *senses = Senses::encoder(Shaft::at(9_000)));
+    rig.sense_hat(|inputs| *inputs = Inputs::encoder(Shaft::at(9_000)));
     hostile::let_be(rig);
     rig.send("000: 80 00");
     rig.take();

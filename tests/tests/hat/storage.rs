@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::ProductSenses;
+use protocol_core::device::ProductInputs;
 use protocol_core::device::hat::{Kind, Setup};
 use protocol_core::encoder::Shaft;
 use protocol_core::memory::{RecordKey, open, seal};
@@ -230,9 +230,9 @@ fn damaged_lss_parameters_are_those_of_a_new_sensor() {
 #[test]
 fn the_offset_is_stored_as_it_is_not_as_the_preset() {
     let mut rig = booted();
-    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(9_000)));
+    rig.sense_hat(|inputs| inputs.product = ProductInputs::Encoder(Shaft::at(9_000)));
     rig.write_all(&[(0x6003, 0, 4, 16_383), (0x1010, 1, 4, SAVE)]);
-    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(0)));
+    rig.sense_hat(|inputs| inputs.product = ProductInputs::Encoder(Shaft::at(0)));
     rig.start_anew();
     assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0)), (16_383, 12_287));
     rig.load(3);

@@ -54,9 +54,9 @@ impl Store {
 /// A valve whose temperature fault is previously active, and stored.
 fn prepared() -> Rig {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance_cyclic(300, BLOCK);
-    valve.sense(|senses| senses.temperature_c = 25);
+    valve.sense(|inputs| inputs.temperature_c = 25);
     valve.recover_and_settle();
     valve.write_time = Duration::from_millis(10);
     valve

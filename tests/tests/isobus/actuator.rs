@@ -65,10 +65,10 @@ fn hand_operation() {
     assert_eq!(valve.flow(), [0x7D, 0x7D, 0x3A]);
     // a lever, a stuck spool: for as long as it likes
     for position in [16384, -16384, 3000] {
-        valve.sense(|senses| senses.spool.lever = Position::new(position));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(position));
         valve.advance_cyclic(3000, HAND);
     }
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     valve.advance_cyclic_news(3000, HAND, &[]);
     valve.send("18EA8327: CB FE 00");
     valve.expect_news(&["18FECB83: 00 FF 00 00 00 00 FF FF"]);
@@ -80,7 +80,7 @@ fn the_end_of_hand_operation_and_emergency_stop() {
     for command in [HAND, STOP] {
         let mut valve = Rig::claimed();
         valve.send(command);
-        valve.sense(|senses| senses.spool.lever = Position::new(8192));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(8192));
         valve.advance_cyclic(2000, command);
         // what is ignored ends nothing
         valve.send_all(&["0CFE3327: FB FF 31 FF FF FF FF FF", "0CFE3327: 00 FF 34 FF FF FF FF FF"]);
@@ -127,13 +127,13 @@ fn the_led() {
     assert_eq!(led(&valve), Led::GREEN);
     valve.advance(250);
     assert_eq!(led(&valve), Led::RED_FLASHING, "time guarding");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(led(&valve), Led::RED, "internal error");
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     assert_eq!(led(&valve), Led::RED_FLASHING);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     assert_eq!(led(&valve), Led::RED, "bus-off");
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     valve.advance_cyclic(200, EXTEND);
     assert_eq!(led(&valve), Led::RED_FLASHING, "shut down without an active fault");
     valve.recover();
@@ -142,6 +142,6 @@ fn the_led() {
     assert_eq!(led(&valve), Led::GREEN_FLASHING);
     valve.send(LOWER_NAME);
     assert_eq!(led(&valve), Led::YELLOW, "cannot claim");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(led(&valve), Led::RED, "a fault comes first");
 }

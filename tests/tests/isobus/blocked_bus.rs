@@ -3,7 +3,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR, DM1_REQUEST, DM2_REQUEST, INTERNAL, TEMPERATURE};
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 const DM1: &str = "18FECA83";
 const CLAIM_REQUEST: &str = "18EAFF27: 00 EE 00";
@@ -15,13 +15,13 @@ const DM2_TWO: [&str; 3] =
 /// The tool is unplugged for a while: of all that changed meanwhile, and of what was asked, the present state alone is told.
 #[test]
 fn dm1_tells_the_present_state() {
-    type Change = fn(&mut Senses);
-    let internal: Change = |senses| senses.internal_fault = true;
-    let both: Change = |senses| (senses.internal_fault, senses.temperature_c) = (true, 130);
+    type Change = fn(&mut Inputs);
+    let internal: Change = |inputs| inputs.internal_fault = true;
+    let both: Change = |inputs| (inputs.internal_fault, inputs.temperature_c) = (true, 130);
     for (request, change, ms, later, told) in [
-        (BLOCK, internal, 15_000, (|senses| senses.internal_fault = false) as Change, DM1_CLEAR),
+        (BLOCK, internal, 15_000, (|inputs| inputs.internal_fault = false) as Change, DM1_CLEAR),
         (BLOCK, internal, 5_500, |_| {}, INTERNAL),
-        (BLOCK, both, 300, |senses| senses.internal_fault = false, TEMPERATURE),
+        (BLOCK, both, 300, |inputs| inputs.internal_fault = false, TEMPERATURE),
         (DM1_REQUEST, internal, 0, |_| {}, INTERNAL),
     ] {
         let mut valve = Rig::claimed();
@@ -112,12 +112,12 @@ fn a_bam_and_bus_off() {
         if under_way {
             valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
         }
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         if !under_way {
             valve.exchange(DM2_REQUEST, &[]);
         }
         valve.advance_cyclic(50, BLOCK);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         valve.advance_cyclic(1000, BLOCK);
         let sent = valve.take_news();
         assert!(!sent.iter().any(|frame| frame.starts_with("1CE")), "{sent:?}");
@@ -163,7 +163,7 @@ fn the_first_dm1_after_a_held_claim() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
     valve.power_cycle();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance(3000);
     valve.hold_bus(false);
     valve.expect(CLAIM);

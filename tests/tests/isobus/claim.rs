@@ -68,7 +68,7 @@ fn nothing_but_claims_for_250_ms() {
     // what is asked of it about the claim itself is told
     valve.exchange("18EA8327: 00 EE 00", &[CLAIM]);
     valve.exchange("18EAFF27: 00 EE 00", &[CLAIM]);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.silent_until(WAIT_MS, &[AVEF_BLOCKED, "18FECA83: 10 FF FA 8F 8B 01 FF FF"]);
     valve.exchange("1BC78883: 03 22 10 01", &["1BC418F1: 04 62 10 01 83"]);
 }
@@ -105,10 +105,10 @@ fn the_wait_counts_from_the_claim_on_the_bus() {
         valve.silent_until(WAIT_MS, &[AVEF_BLOCKED]);
 
         let mut valve = Rig::claimed();
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         valve.power_cycle();
         valve.silent_for(ms);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         valve.expect(CLAIM);
         valve.silent_until(WAIT_MS, &[AVEF_BLOCKED, DM1_CLEAR]);
     }
@@ -291,9 +291,9 @@ fn a_lost_valve_is_silent() {
         valve.silent_for(300);
     }
     // whatever goes wrong
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance(5000);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.silent_for(5000);
     assert_eq!(valve.node_id(), None);
     // nothing was written by UDS

@@ -322,14 +322,14 @@ fn the_memory_fails() {
     valve.take_claim();
     assert_eq!(valve.node_id(), Some(0x81));
     valve.exchange("18EA8127: CA FE 00", &["18FECA81: 00 FF 00 00 00 00 FF FF"]);
-    valve.sense_news(|senses| senses.internal_fault = true, &["18FECA81: 10 FF FA 8F 8B 02 FF FF"]);
+    valve.sense_news(|inputs| inputs.internal_fault = true, &["18FECA81: 10 FF FA 8F 8B 02 FF FF"]);
 }
 
 /// A cause that lasts over the restart is found again by it, and counted again.
 #[test]
 fn causes_last_over_the_restart() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.take();
     valve.command_address(0x81, 0x27);
     valve.take_claim();
@@ -339,10 +339,10 @@ fn causes_last_over_the_restart() {
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(50);
     valve.command_address(0x81, 0x27);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     valve.silent_for(500);
     assert_eq!((valve.node_id(), valve.outputs().led), (Some(0x81), Led::RED));
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     valve.take_claim();
 }
 

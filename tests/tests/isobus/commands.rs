@@ -3,7 +3,7 @@
 
 use protocol_core::actuator::{Position, SetPoint};
 use protocol_core::device::pve::{Kind, PveIsobus, Setup};
-use protocol_core::device::{Device as _, Senses, StartCause, Viewable as _};
+use protocol_core::device::{Device as _, Inputs, StartCause, Viewable as _};
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
 use protocol_core::wire::valve::State;
@@ -193,7 +193,7 @@ fn estimated_flow_exactly_every_100_ms() {
             valve.send("18EAFF28: 13 FE 00");
             assert_eq!(valve.take_under("0CFE1383").len(), 1);
         }
-        valve.sense(|senses| senses.internal_fault = round % 7 == 0);
+        valve.sense(|inputs| inputs.internal_fault = round % 7 == 0);
         valve.take();
         valve.advance_by(Duration::from_micros(99_999 - 13_000 - round * 17));
         assert!(valve.take_under("0CFE1383").is_empty());
@@ -273,7 +273,7 @@ fn flows_follow_the_spool() {
             (-81, [0x7D, 0x7D]),
             (0, [0x7D, 0x7D]),
         ] {
-            valve.sense(|senses| senses.spool.lever = Position::new(position));
+            valve.sense(|inputs| inputs.spool.lever = Position::new(position));
             assert_eq!(valve.flow(), [flows[0], flows[1], state], "{position}");
         }
     }
@@ -310,6 +310,6 @@ fn the_view_shows_the_set_point_of_the_state() {
         valve.handle(&frame(command), now);
         assert_eq!(shown(&valve), (state, set_point));
     }
-    valve.sense(&Senses { internal_fault: true, ..Senses::default() }, now);
+    valve.sense(&Inputs { internal_fault: true, ..Inputs::default() }, now);
     assert_eq!(shown(&valve), (State::Blocked, SetPoint::NEUTRAL), "shut down");
 }

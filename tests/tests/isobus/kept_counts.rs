@@ -34,7 +34,7 @@ fn dm3_after_key_off_in_a_shutdown() {
             restarts(&mut valve);
         }
         valve.exchange(DM2_REQUEST, &[DM2_NONE]);
-        valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
+        valve.sense_news(|inputs| inputs.internal_fault = true, &[INTERNAL]);
     }
 }
 
@@ -42,15 +42,15 @@ fn dm3_after_key_off_in_a_shutdown() {
 #[test]
 fn key_off_with_a_stuck_spool() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     let extend = "0CFE3327: FA FF 31 FF FF FF FF FF";
     valve.advance_cyclic(1000, extend);
-    valve.sense(|senses| senses.spool.fault = SpoolFault::None);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::None);
     valve.advance_cyclic(20_000, BLOCK);
     valve.send(extend);
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     valve.advance_cyclic(1000, extend);
-    valve.sense(|senses| senses.spool.fault = SpoolFault::None);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::None);
     valve.advance_cyclic(20_000, extend);
     assert_eq!(valve.take_under("18FECA83").last().map(String::as_str), Some(DM1_CLEAR));
     restarts(&mut valve);
@@ -77,9 +77,9 @@ fn a_count_that_falls_while_a_restart_waits() {
 fn a_count_that_falls_while_the_memory_writes() {
     for at in [10, 50, 60, 99, 110] {
         let mut valve = Rig::claimed();
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance(250);
-        valve.sense(|senses| senses.temperature_c = 25);
+        valve.sense(|inputs| inputs.temperature_c = 25);
         valve.write_time = Duration::from_millis(50);
         valve.command_address(0x84, 0x27);
         valve.advance(at);
@@ -87,7 +87,7 @@ fn a_count_that_falls_while_the_memory_writes() {
         valve.advance(1000);
         let sent = valve.take();
         assert!(sent.contains(&"18EEFF84: 01 00 20 07 08 FF 02 20".to_owned()), "{at} ms: {sent:?}");
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         assert_eq!(valve.take_news(), ["18FECA84: 10 FF FA 8F 8B 02 FF FF"], "{at} ms");
     }
 }

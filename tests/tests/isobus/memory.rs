@@ -72,9 +72,9 @@ fn counters_and_list_survive_a_loss_of_power() {
         valve.restart();
         expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 02 FF FF");
     }
-    valve.sense_news(|senses| senses.internal_fault = true, &["18FECA83: 10 FF FA 8F 8B 03 FF FF"]);
+    valve.sense_news(|inputs| inputs.internal_fault = true, &["18FECA83: 10 FF FA 8F 8B 03 FF FF"]);
     // the watchdog takes nothing away either, and counts for itself
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.recover();
     settle(&mut valve);
     valve.watchdog_reset();
@@ -104,7 +104,7 @@ fn when_the_fault_log_is_written() {
     let mut times = Vec::new();
     for ms in 0..60_000_u64 {
         if ms % 700 == 0 {
-            valve.sense(|senses| senses.internal_fault = ms % 1400 == 0);
+            valve.sense(|inputs| inputs.internal_fault = ms % 1400 == 0);
         }
         if ms % 100 == 0 {
             valve.send(BLOCK);
@@ -124,10 +124,10 @@ fn when_the_fault_log_is_written() {
 #[test]
 fn a_recovery_is_not_written() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     settle(&mut valve);
     let writes = fault_log_writes(&valve);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     settle(&mut valve);
     assert_eq!(fault_log_writes(&valve), writes);
     valve.restart();
@@ -143,10 +143,10 @@ fn a_counter_that_stands() {
     }
     settle(&mut valve);
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 7F FF FF");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     expect_dm2(&mut valve, DM2_NONE);
     settle(&mut valve);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.restart();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 7F FF FF");
 }
@@ -157,9 +157,9 @@ fn a_counter_that_stands() {
 fn a_loss_of_power_in_a_shutdown() {
     for gone in [false, true] {
         let mut valve = Rig::claimed();
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance(300);
-        valve.sense(|senses| senses.temperature_c = if gone { 25 } else { 130 });
+        valve.sense(|inputs| inputs.temperature_c = if gone { 25 } else { 130 });
         valve.advance(1000);
         valve.restart();
         expect_dm2(&mut valve, if gone { "18FECB83: 04 FF F1 8F 90 01 FF FF" } else { DM2_NONE });
@@ -199,7 +199,7 @@ fn dm3_in_the_memory() {
     valve.advance_news(50, &[DM3_DONE]);
     valve.restart();
     expect_dm2(&mut valve, DM2_NONE);
-    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
+    valve.sense_news(|inputs| inputs.internal_fault = true, &[INTERNAL]);
 }
 
 /// Two who ask are both told.
@@ -219,9 +219,9 @@ fn dm3_and_a_fault_meanwhile() {
     valve.write_time = Duration::from_millis(50);
     valve.exchange(DM3_REQUEST, &[]);
     valve.advance(10);
-    valve.sense_news(|senses| senses.internal_fault = true, &["18FECA83: 10 FF FA 8F 8B 02 FF FF"]);
+    valve.sense_news(|inputs| inputs.internal_fault = true, &["18FECA83: 10 FF FA 8F 8B 02 FF FF"]);
     valve.advance_news(40, &[DM3_DONE]);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.recover();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 02 FF FF");
     settle(&mut valve);
@@ -239,9 +239,9 @@ fn dm3_with_a_memory_that_fails() {
         ("18EAFF27: CC FE 00", &[INTERNAL]),
     ] {
         let mut valve = Rig::claimed();
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance_cyclic(300, BLOCK);
-        valve.sense(|senses| senses.temperature_c = 25);
+        valve.sense(|inputs| inputs.temperature_c = 25);
         settle(&mut valve);
         valve.write_time = Duration::from_millis(50);
         valve.writes_fail = true;
@@ -275,11 +275,11 @@ fn dm3_of_an_empty_list_needs_no_memory() {
 fn a_fault_log_that_cannot_be_written() {
     let mut valve = Rig::claimed();
     valve.writes_fail = true;
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance_cyclic_news(300, BLOCK, &["18FECA83: 04 FF F1 8F 90 01 FF FF"]);
     valve.advance_cyclic(900, BLOCK);
     assert_eq!(valve.take_news().first().map(String::as_str), Some(INTERNAL));
-    valve.sense(|senses| senses.temperature_c = 25);
+    valve.sense(|inputs| inputs.temperature_c = 25);
     valve.writes_fail = false;
     valve.advance_cyclic(11_000, BLOCK);
     assert_eq!(valve.take_news().last().map(String::as_str), Some(DM1_CLEAR));
@@ -292,9 +292,9 @@ fn corrupt_records() {
     for key in [RecordKey::Factory, RecordKey::LocalLayer, RecordKey::FaultLog] {
         let mut valve = Rig::claimed_as(Setup::new(Kind::PveaIsobus));
         valve.exchange("1BC78880: 04 2E 10 01 85", &["1BC408F1: 03 6E 10 01"]);
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance_cyclic(300, "0CFE3027: 00 FF 30 FF FF FF FF FF");
-        valve.sense(|senses| senses.temperature_c = 25);
+        valve.sense(|inputs| inputs.temperature_c = 25);
         valve.advance_cyclic(20_000, "0CFE3027: 00 FF 30 FF FF FF FF FF");
         for position in 0..valve.records[&key].len() {
             let intact = valve.records.clone();

@@ -14,7 +14,7 @@ use protocol_core::frame::{Frame, Id, extended, standard};
 use protocol_core::time::Duration;
 use tests::hostile::Disturbance;
 use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_CLEAR, HAND, LOWER_NAME, STOP};
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 /// What can be set free by one event: all that can wait in the valve, and what it sends in the time that passes.
 const BURST: u64 = 40;
@@ -23,7 +23,7 @@ const BURST: u64 = 40;
 #[derive(Clone, Debug)]
 enum Event {
     Frame(Frame),
-    Sense(Senses),
+    Sense(Inputs),
     Around(Disturbance),
 }
 
@@ -117,7 +117,7 @@ fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         40 => plain_frame().prop_map(Event::Frame),
         20 => transport_frame().prop_map(Event::Frame),
-        6 => Senses::any().prop_map(Event::Sense),
+        6 => Inputs::any().prop_map(Event::Sense),
         32 => Disturbance::any().prop_map(Event::Around),
     ]
 }
@@ -125,7 +125,7 @@ fn event() -> impl Strategy<Value = Event> {
 fn act(rig: &mut Rig, event: &Event) {
     match event {
         Event::Frame(frame) => rig.send_frame(*frame),
-        Event::Sense(senses) => rig.sense(|sensed| *sensed = *senses),
+        Event::Sense(inputs) => rig.sense(|sensed| *sensed = *inputs),
         Event::Around(disturbance) => disturbance.act(rig),
     }
 }
@@ -181,7 +181,7 @@ fn assert_serves(rig: &mut Rig) {
     rig.write_time = Duration::from_ticks(0);
     rig.memory_damaged = false;
     rig.records.clear();
-    rig.sense(|senses| *senses = Senses::default());
+    rig.sense(|inputs| *inputs = Inputs::default());
     rig.hold_bus(false);
     rig.restart();
     assert_eq!(rig.node_id(), Some(0x83));
@@ -323,7 +323,7 @@ proptest! {
     /// Nobody but a commanded address gives a voice back to a valve that has lost its address.
     #[test]
     fn a_lost_valve_is_silent(setup in setup(), events in vec(
-        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => Senses::any().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(|ms| Event::Around(Disturbance::Advance(ms)))],
+        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => Inputs::any().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(|ms| Event::Around(Disturbance::Advance(ms)))],
         1..150,
     )) {
         let mut rig = Rig::claimed_as(setup);
@@ -442,10 +442,10 @@ proptest! {
         let (mut active, mut counts) = ([false; 4], [0_u8; 4]);
         for (which, there) in steps {
             match which {
-                0 => rig.sense(|senses| senses.internal_fault = there),
-                1 => rig.sense(|senses| senses.temperature_c = if there { 121 } else { 25 }),
-                2 => rig.sense(|senses| senses.supply_mv = if there { 36_001 } else { 24_000 }),
-                _ => rig.sense(|senses| senses.supply_mv = if there { 8_999 } else { 24_000 }),
+                0 => rig.sense(|inputs| inputs.internal_fault = there),
+                1 => rig.sense(|inputs| inputs.temperature_c = if there { 121 } else { 25 }),
+                2 => rig.sense(|inputs| inputs.supply_mv = if there { 36_001 } else { 24_000 }),
+                _ => rig.sense(|inputs| inputs.supply_mv = if there { 8_999 } else { 24_000 }),
             }
             if which >= 2 {
                 // one supply

@@ -4,7 +4,7 @@
 use protocol_core::actuator::Position;
 use protocol_core::controller::BusErrorMode;
 use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT, HAND, RETRACT, STOP};
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 /// Neutral without block: no flow.
 const EXTEND_NOTHING: &str = "0CFE3327: 00 FF 31 FF FF FF FF FF";
@@ -19,9 +19,9 @@ const BLOCKED: [u8; 3] = [0x7D, 0x7D, 0x30];
 /// A valve that an internal error has shut down while it extended; the error is gone, the spool is in neutral.
 fn shut_down() -> Rig {
     let mut valve = Rig::extending(400);
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance_cyclic_news(200, EXTEND, &["18FECA83: 10 FF FA 8F 8B 01 FF FF"]);
-    valve.sense_news(|senses| senses.internal_fault = false, &[DM1_CLEAR]);
+    valve.sense_news(|inputs| inputs.internal_fault = false, &[DM1_CLEAR]);
     assert_eq!(valve.flow(), BLOCKED);
     valve
 }
@@ -105,7 +105,7 @@ fn two_neutral_commands() {
 /// Within 5 % of the full stroke, both ways, at both commands.
 #[test]
 fn the_spool_must_be_in_neutral() {
-    let at = |valve: &mut Rig, position: i16| valve.sense(|senses| senses.spool.lever = Position::new(position));
+    let at = |valve: &mut Rig, position: i16| valve.sense(|inputs| inputs.spool.lever = Position::new(position));
     for (first, second, ends) in [
         (0, 0, true),
         (819, -819, true),
@@ -149,13 +149,13 @@ fn the_way_back_of_the_spool() {
 /// takes.
 #[test]
 fn all_causes_must_be_gone() {
-    type Change = fn(&mut Senses);
+    type Change = fn(&mut Inputs);
     let causes: [(Change, u64); 5] = [
-        (|senses| senses.internal_fault = true, 0),
-        (|senses| senses.bus = BusErrorMode::BusOff, 0),
-        (|senses| senses.temperature_c = 121, 250),
-        (|senses| senses.supply_mv = 36_001, 2000),
-        (|senses| senses.supply_mv = 8_999, 2000),
+        (|inputs| inputs.internal_fault = true, 0),
+        (|inputs| inputs.bus = BusErrorMode::BusOff, 0),
+        (|inputs| inputs.temperature_c = 121, 250),
+        (|inputs| inputs.supply_mv = 36_001, 2000),
+        (|inputs| inputs.supply_mv = 8_999, 2000),
     ];
     for (change, delay) in causes {
         let mut valve = Rig::claimed();
@@ -164,7 +164,7 @@ fn all_causes_must_be_gone() {
         valve.advance_cyclic(delay, EXTEND);
         valve.advance_cyclic(1000, BLOCK);
         assert!(!valve.outputs().solenoids);
-        valve.sense(|senses| *senses = Senses::default());
+        valve.sense(|inputs| *inputs = Inputs::default());
         assert!(!acts(&mut valve));
         valve.send(BLOCK);
         assert!(!acts(&mut valve), "one");
@@ -207,13 +207,13 @@ fn two_faults() {
     for internal_first in [true, false] {
         let mut valve = Rig::claimed();
         valve.send(EXTEND);
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.temperature_c = 130);
+        valve.sense(|inputs| inputs.internal_fault = true);
+        valve.sense(|inputs| inputs.temperature_c = 130);
         valve.advance_cyclic(300, EXTEND);
-        valve.sense(|senses| if internal_first { senses.internal_fault = false } else { senses.temperature_c = 25 });
+        valve.sense(|inputs| if internal_first { inputs.internal_fault = false } else { inputs.temperature_c = 25 });
         valve.recover();
         assert!(!acts(&mut valve));
-        valve.sense(|senses| *senses = Senses::default());
+        valve.sense(|inputs| *inputs = Inputs::default());
         valve.take();
         valve.exchange("18EA8327: CB FE 00", &["18FECB83: 00 FF 00 00 00 00 FF FF"]);
         valve.recover();
@@ -245,7 +245,7 @@ fn where_the_spool_is_looked_at() {
                 valve.send(command);
             }
             valve.take();
-            valve.sense(|senses| senses.spool.lever = Position::new(2458));
+            valve.sense(|inputs| inputs.spool.lever = Position::new(2458));
             cyclic(&mut valve, 499);
             valve.expect_news(&[]);
             cyclic(&mut valve, 1);
@@ -256,7 +256,7 @@ fn where_the_spool_is_looked_at() {
                 }
                 _ => {
                     valve.expect_news(&[fault]);
-                    valve.sense(|senses| senses.spool.lever = None);
+                    valve.sense(|inputs| inputs.spool.lever = None);
                     cyclic(&mut valve, 100);
                     valve.expect_news(&[DM1_CLEAR]);
                 }
@@ -271,13 +271,13 @@ fn everything_works_the_same_in_hand_operation_and_emergency_stop() {
     for command in [HAND, STOP] {
         let mut valve = Rig::claimed();
         valve.send(command);
-        valve.sense(|senses| senses.spool.lever = Position::new(10_000));
-        valve.sense(|senses| senses.supply_mv = 8_000);
+        valve.sense(|inputs| inputs.spool.lever = Position::new(10_000));
+        valve.sense(|inputs| inputs.supply_mv = 8_000);
         valve.advance_cyclic_news(2000, command, &["18FECA83: 04 FF 73 02 04 01 FF FF"]);
         assert_eq!(valve.flow()[2], 0x30, "shut down");
-        valve.sense_news(|senses| senses.supply_mv = 24_000, &[DM1_CLEAR]);
+        valve.sense_news(|inputs| inputs.supply_mv = 24_000, &[DM1_CLEAR]);
         valve.advance_cyclic_news(2000, command, &[]);
-        valve.sense(|senses| senses.spool.lever = None);
+        valve.sense(|inputs| inputs.spool.lever = None);
         valve.advance_cyclic(200, command);
         valve.recover();
         valve.send(command);

@@ -25,7 +25,7 @@ fn what_is_supported() {
     }
 }
 
-/// A negative acknowledgement repeats the group and names the asker; a request to all is met by silence.
+/// A negative acknowledgement repeats the group and names the requester; a request to all is met by silence.
 #[test]
 fn what_is_not_supported() {
     let mut valve = Rig::claimed();
@@ -97,10 +97,10 @@ fn many_requests_on_a_busy_bus() {
 #[test]
 fn requests_in_bus_off() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     for (group, _) in SUPPORTED {
         valve.exchange(&format!("18EA8327: {group}"), &[]);
     }
     valve.exchange("18EA8327: 00 FF 00", &[]);
-    valve.sense_sends(|senses| senses.bus = BusErrorMode::ErrorActive, &[DM1_CLEAR]);
+    valve.sense_sends(|inputs| inputs.bus = BusErrorMode::ErrorActive, &[DM1_CLEAR]);
 }

@@ -19,13 +19,13 @@ fn a_spool_held_out_of_neutral_in_a_shutdown() {
     for held in [6, 8, 10, 14, 15, -6, -10, -15] {
         let mut valve = Rig::claimed();
         valve.send(BLOCK);
-        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|inputs| inputs.internal_fault = true);
         valve.advance_cyclic(100, BLOCK);
-        valve.sense_news(|senses| senses.internal_fault = false, &[INTERNAL, DM1_CLEAR]);
-        valve.sense(|senses| senses.spool.lever = percent(held));
+        valve.sense_news(|inputs| inputs.internal_fault = false, &[INTERNAL, DM1_CLEAR]);
+        valve.sense(|inputs| inputs.spool.lever = percent(held));
         valve.advance_cyclic(700, BLOCK);
         assert_eq!(valve.take_news(), [SPOOL], "{held} %");
-        valve.sense(|senses| senses.spool.lever = None);
+        valve.sense(|inputs| inputs.spool.lever = None);
         valve.advance_cyclic(400, BLOCK);
         assert_eq!(valve.take_news(), [DM1_CLEAR], "{held} %");
         // Recovered.
@@ -38,7 +38,7 @@ fn a_spool_held_out_of_neutral_in_a_shutdown() {
 #[test]
 fn a_spool_that_is_out_of_neutral_as_a_shutdown_begins() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.lever = percent(10));
+    valve.sense(|inputs| inputs.spool.lever = percent(10));
     valve.advance_cyclic_news(2000, BLOCK, &[]);
     valve.internal_fault_comes_and_goes();
     valve.advance_cyclic_news(1000, BLOCK, &[INTERNAL, DM1_CLEAR, SPOOL]);
@@ -49,7 +49,7 @@ fn a_spool_that_is_out_of_neutral_as_a_shutdown_begins() {
 fn a_spool_in_neutral_in_a_shutdown() {
     for held in [0, 4, -4] {
         let mut valve = Rig::claimed();
-        valve.sense(|senses| senses.spool.lever = percent(held));
+        valve.sense(|inputs| inputs.spool.lever = percent(held));
         valve.internal_fault_comes_and_goes();
         valve.advance_cyclic_news(1000, BLOCK, &[INTERNAL, DM1_CLEAR]);
         valve.send("0CFE3327: FA FF 31 FF FF FF FF FF");
@@ -65,7 +65,7 @@ fn not_in_hand_operation() {
         let command = format!("0CFE3327: 00 FF {state} FF FF FF FF FF");
         valve.send(&command);
         valve.internal_fault_comes_and_goes();
-        valve.sense(|senses| senses.spool.lever = percent(10));
+        valve.sense(|inputs| inputs.spool.lever = percent(10));
         valve.advance_cyclic_news(2000, &command, &[INTERNAL, DM1_CLEAR]);
     }
 }
@@ -77,13 +77,13 @@ fn a_watchdog_reset_without_a_bus() {
         for at in [0, 100, 249, 250, 300, 1000] {
             let mut valve = Rig::claimed();
             if bus_off {
-                valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+                valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
             } else {
                 valve.hold_bus(true);
             }
             valve.watchdog_reset();
             valve.advance(at);
-            valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+            valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
             valve.hold_bus(false);
             valve.expect(CLAIM);
             valve.silent_for(249);
@@ -102,9 +102,9 @@ fn a_watchdog_reset_with_a_bus_off_in_the_wait() {
         let mut valve = Rig::claimed();
         valve.watchdog_reset();
         valve.advance(at);
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         valve.advance(50);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         valve.advance(2000);
         let sent = valve.take_news();
         assert!(sent.contains(&INTERNAL.to_owned()), "{at} ms: {sent:?}");

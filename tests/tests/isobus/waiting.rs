@@ -14,7 +14,7 @@ const ADDRESS_85: &str = "1CEBFF27: 02 20 85 FF FF FF FF FF";
 #[test]
 fn a_code_that_passed_on_a_bus_that_is_held() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     // Monitor 1 is due between two AVEFs.
     valve.advance(10);
     valve.send(EXTEND);
@@ -39,9 +39,9 @@ fn an_answer_that_is_due_in_bus_off_is_counted() {
         let mut valve = Rig::with_two_previously_active();
         valve.write_time = Duration::from_millis(100);
         valve.send(request);
-        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
         valve.advance(1000);
-        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
         valve.advance(1000);
         assert_eq!(valve.device().frames_dropped(), 1, "{request}");
     }
@@ -56,7 +56,7 @@ fn a_count_that_falls_while_dm3_and_a_restart_wait() {
     valve.send_all(&[ANNOUNCE, NAME, ADDRESS_85, "18EA8327: CC FE 00"]);
     valve.advance(300);
     // Due at 550 ms: after the restart is wanted, before the memory has cleared the counters.
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(2000);
     assert_eq!(valve.node_id(), Some(0x85));
     // Once before DM3, which the next occurrence keeps from being cleared, once before the restart, once after it.

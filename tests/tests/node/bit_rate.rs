@@ -103,7 +103,7 @@ fn an_emcy_waits() {
         for stopped in [false, true] {
             let mut node = configured(kind);
             node.exchange(&activate(100), &[]);
-            node.sense_hat(|senses| senses.internal_fault = true);
+            node.sense_hat(|inputs| inputs.internal_fault = true);
             if stopped {
                 node.exchange(STOP, &[]);
             }

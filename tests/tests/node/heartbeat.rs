@@ -150,9 +150,9 @@ fn a_time_that_was_not_stored_is_gone_with_a_reset() {
 fn what_falls_into_bus_off_is_not_sent_afterwards() {
     each_kind(|kind| {
         let mut node = beating(kind, 100);
-        node.sense_hat(|senses| senses.bus = BusOff);
+        node.sense_hat(|inputs| inputs.bus = BusOff);
         node.advance(350);
-        node.sense_hat(|senses| senses.bus = ErrorActive);
+        node.sense_hat(|inputs| inputs.bus = ErrorActive);
         let sent = node.take();
         assert!(!sent.contains(&beat(kind)), "{sent:?}");
         node.silent_until(50, &[beat(kind)]);

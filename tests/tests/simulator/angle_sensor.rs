@@ -142,7 +142,7 @@ fn a_linked_shaft_is_the_integral_of_the_spool_in_every_microsecond() {
             if next > after(start, Duration::from_millis(1_600)) {
                 break;
             }
-            let valve = machine.world.device_as::<PveCanopen>(machine.valve).expect("powered").body().valve();
+            let valve = machine.world.device_as::<PveCanopen>(machine.valve).expect("powered").application().valve();
             turn(&mut reference, valve, link, now, next);
             if next < machine.world.next_event() {
                 machine.world.run_until(next);
@@ -256,7 +256,7 @@ fn what_cannot_be_linked_or_changed_is_refused() {
     assert_eq!(world.link(valve, sensor, Link::default()), Ok(()));
     assert_eq!(world.link(valve, sensor, Link::default()), Err(LinkError::Linked));
 
-    let before = *world.senses(sensor);
+    let before = *world.inputs(sensor);
     for plant in [Plant::SupplyMv(1), Plant::TemperatureC(1), Plant::Lever(None)] {
         assert_eq!(world.set_plant(sensor, plant), Err(PlantError::OtherProduct(plant)));
     }
@@ -267,7 +267,7 @@ fn what_cannot_be_linked_or_changed_is_refused() {
     assert_eq!(world.set_plant(sensor, beyond), Err(PlantError::OutOfRange(beyond)));
     let speed = Plant::SpeedRpm(1);
     assert_eq!(world.set_plant(sensor, speed), Err(PlantError::Linked(speed)));
-    assert_eq!(*world.senses(sensor), before);
+    assert_eq!(*world.inputs(sensor), before);
     assert_eq!(world.set_plant(sensor, Plant::SpeedRpm(0)), Ok(()));
 }
 

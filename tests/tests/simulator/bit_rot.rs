@@ -41,7 +41,7 @@ impl Stored {
             stored.note(&rig, valve);
         }
         for internal_fault in [true, false, true, false] {
-            rig.sense(valve, |senses| senses.internal_fault = internal_fault);
+            rig.sense(valve, |inputs| inputs.internal_fault = internal_fault);
             rig.run_for(11_000);
             stored.note(&rig, valve);
         }

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::actuator::SpoolFault;
 use protocol_core::controller::{BitRate, BusErrorMode};
-use protocol_core::device::{Kind, Outputs, Protocol, Senses, Setup, View};
+use protocol_core::device::{Inputs, Kind, Outputs, Protocol, Setup, View};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant};
 use tests::frame;
@@ -140,7 +140,7 @@ struct Seen {
 struct DeviceSeen {
     view: Option<View>,
     outputs: Option<Outputs>,
-    senses: Senses,
+    inputs: Inputs,
     plant: Vec<Plant>,
     mode: BusErrorMode,
     pending: usize,
@@ -228,7 +228,7 @@ impl Run {
         let devices = devices.iter().map(|(_, node)| DeviceSeen {
             view: world.view(*node),
             outputs: world.outputs(*node),
-            senses: *world.senses(*node),
+            inputs: *world.inputs(*node),
             plant: world.plant(*node).collect(),
             mode: world.port(*node).mode(),
             pending: world.port(*node).pending(),

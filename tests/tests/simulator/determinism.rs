@@ -38,7 +38,7 @@ fn trace(seed: u64, jitter: Duration) -> String {
         let valve = valves[usize::from(cycle % 7)];
         match cycle % 10 {
             3 => rig.send(&format!("{:03X}: 23 10 10 01 73 61 76 65", 0x600 + cycle % 20 + 1)),
-            5 => rig.sense(valve, |senses| senses.internal_fault = !senses.internal_fault),
+            5 => rig.sense(valve, |inputs| inputs.internal_fault = !inputs.internal_fault),
             7 => rig.world.power(valve, cycle % 20 == 7),
             _ => {}
         }

@@ -22,7 +22,7 @@ fn more_urgent_frames_overtake() {
     valve.send("620: 40 00 10 00 00 00 00 00");
     valve.send("620: 40 18 10 01 00 00 00 00");
     assert_eq!(valve.pending(), 2, "of the two answers one waits in the device");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(valve.pending(), 3);
     valve.advance(10);
     valve.expect_nothing();
@@ -40,7 +40,7 @@ fn a_displaced_frame_is_not_lost() {
     valve.advance(100);
     valve.send("620: 40 00 10 00 00 00 00 00");
     valve.send("220: 01 00 00 00");
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     assert_eq!(valve.pending(), 3);
     valve.hold_bus(false);
     let sent = valve.take();
@@ -52,10 +52,10 @@ fn a_displaced_frame_is_not_lost() {
 fn bus_off_empties_the_mailboxes() {
     let mut valve = held();
     valve.send("620: 40 00 10 00 00 00 00 00");
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
     assert_eq!(valve.pending(), 0);
     valve.hold_bus(false);
     valve.expect_nothing();
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
     assert!(!valve.take().iter().any(|frame| frame.starts_with("5A0")));
 }

@@ -34,7 +34,7 @@ fn stored() -> Flash {
     let (mut rig, valve) = BusRig::booted();
     assert!(rig.write(0x20, (0x1010, 1, 4, u32::from_le_bytes(*b"save"))));
     for internal_fault in [true, false] {
-        rig.sense(valve, |senses| senses.internal_fault = internal_fault);
+        rig.sense(valve, |inputs| inputs.internal_fault = internal_fault);
     }
     rig.run_for(1000);
     rig.world.memory(valve).flash().clone()

@@ -1,7 +1,7 @@
 //! Limits and delays of the faults, how each is told, counted and ended, and what it does.
 
 use protocol_core::time::Duration;
-use tests::Senses;
+use tests::Inputs;
 
 use super::valve::{FULL, Fault, NEUTRAL, TIME_GUARDING, Valve, each_valve};
 
@@ -10,71 +10,71 @@ const ONE: Duration = Duration::from_micros(1);
 /// A cause that is sensed: what brings the fault, what is just not enough, and what ends it.
 struct Cause {
     fault: Fault,
-    trips: fn(&mut Senses),
-    tolerated: fn(&mut Senses),
+    trips: fn(&mut Inputs),
+    tolerated: fn(&mut Inputs),
     delay_ms: u64,
     /// Of CANopen: the error register, and the counters.
     register: u32,
     counters: &'static [u16],
     /// Within the limit, but not within the hysteresis.
-    not_clear_yet: fn(&mut Senses),
-    clears: fn(&mut Senses),
+    not_clear_yet: fn(&mut Inputs),
+    clears: fn(&mut Inputs),
     only_canopen: bool,
 }
 
 const INTERNAL: Cause = Cause {
     fault: Fault { emcy: "00 10 01", dm1: "10 FF FA 8F 8B" },
-    trips: |senses| senses.internal_fault = true,
+    trips: |inputs| inputs.internal_fault = true,
     tolerated: |_| {},
     delay_ms: 0,
     register: 0x01,
     counters: &[0x2024, 0x2040],
     not_clear_yet: |_| {},
-    clears: |senses| senses.internal_fault = false,
+    clears: |inputs| inputs.internal_fault = false,
     only_canopen: false,
 };
 const HOT: Cause = Cause {
     fault: Fault { emcy: "01 83 09", dm1: "04 FF F1 8F 90" },
-    trips: |senses| senses.temperature_c = 121,
-    tolerated: |senses| senses.temperature_c = 120,
+    trips: |inputs| inputs.temperature_c = 121,
+    tolerated: |inputs| inputs.temperature_c = 120,
     delay_ms: 250,
     register: 0x09,
     counters: &[0x200F],
-    not_clear_yet: |senses| senses.temperature_c = 116,
-    clears: |senses| senses.temperature_c = 115,
+    not_clear_yet: |inputs| inputs.temperature_c = 116,
+    clears: |inputs| inputs.temperature_c = 115,
     only_canopen: false,
 };
 const CAUSES: [Cause; 5] = [
     INTERNAL,
     HOT,
     Cause {
-        trips: |senses| senses.temperature_c = -41,
-        tolerated: |senses| senses.temperature_c = -40,
-        not_clear_yet: |senses| senses.temperature_c = -36,
-        clears: |senses| senses.temperature_c = -35,
+        trips: |inputs| inputs.temperature_c = -41,
+        tolerated: |inputs| inputs.temperature_c = -40,
+        not_clear_yet: |inputs| inputs.temperature_c = -36,
+        clears: |inputs| inputs.temperature_c = -35,
         only_canopen: true,
         ..HOT
     },
     Cause {
         fault: Fault { emcy: "11 34 05", dm1: "04 FF 73 02 03" },
-        trips: |senses| senses.supply_mv = 36_001,
-        tolerated: |senses| senses.supply_mv = 36_000,
+        trips: |inputs| inputs.supply_mv = 36_001,
+        tolerated: |inputs| inputs.supply_mv = 36_000,
         delay_ms: 2000,
         register: 0x05,
         counters: &[0x2001],
-        not_clear_yet: |senses| senses.supply_mv = 32_000,
-        clears: |senses| senses.supply_mv = 31_999,
+        not_clear_yet: |inputs| inputs.supply_mv = 32_000,
+        clears: |inputs| inputs.supply_mv = 31_999,
         only_canopen: false,
     },
     Cause {
         fault: Fault { emcy: "12 34 05", dm1: "04 FF 73 02 04" },
-        trips: |senses| senses.supply_mv = 8_999,
-        tolerated: |senses| senses.supply_mv = 9_000,
+        trips: |inputs| inputs.supply_mv = 8_999,
+        tolerated: |inputs| inputs.supply_mv = 9_000,
         delay_ms: 2000,
         register: 0x05,
         counters: &[0x2002],
-        not_clear_yet: |senses| senses.supply_mv = 11_000,
-        clears: |senses| senses.supply_mv = 11_001,
+        not_clear_yet: |inputs| inputs.supply_mv = 11_000,
+        clears: |inputs| inputs.supply_mv = 11_001,
         only_canopen: false,
     },
 ];

@@ -9,7 +9,7 @@ use super::valve::{AWAY, FULL, NEUTRAL, NO_FLOAT, Valve, each_valve};
 const NOTHING: [&str; 0] = [];
 
 fn breaks(valve: &mut Valve, fault: SpoolFault) {
-    valve.sense(|senses| senses.spool.fault = fault);
+    valve.sense(|inputs| inputs.spool.fault = fault);
 }
 
 /// 250 ms from neutral to full stroke by the solenoids, 150 ms back by the springs; and half of that half way.
@@ -229,7 +229,7 @@ fn in_float_only_float_is_looked_at() {
 fn a_measured_position() {
     each_valve(|valve| {
         let mut valve = valve.commanded(FULL);
-        let measure = |valve: &mut Valve, at| valve.sense(|senses| senses.spool.measured = Position::new(at));
+        let measure = |valve: &mut Valve, at| valve.sense(|inputs| inputs.spool.measured = Position::new(at));
         measure(&mut valve, 1234);
         assert_eq!(valve.hold(FULL, 499), NOTHING);
         assert_eq!(valve.position(), 8);

@@ -3,7 +3,7 @@
 use protocol_core::actuator::Position;
 use protocol_core::device::pve::{Kind, Setup};
 use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR, FLOAT, HAND, STOP};
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 /// What a master wants of the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,10 +124,10 @@ impl Valve {
     }
 
     pub(super) fn lever(&mut self, position: Option<i16>) {
-        self.sense(|senses| senses.spool.lever = position.and_then(Position::new));
+        self.sense(|inputs| inputs.spool.lever = position.and_then(Position::new));
     }
 
-    pub(super) fn sense(&mut self, change: impl FnOnce(&mut Senses)) {
+    pub(super) fn sense(&mut self, change: impl FnOnce(&mut Inputs)) {
         self.rig.sense(change);
     }
 

@@ -30,17 +30,17 @@ use heapless::spsc::Consumer;
 use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 
-use super::attention::{Caller, call};
+use super::wake_up::{Event, notify};
 pub(super) use receive::OVERRUNS;
 pub(super) use transmit::retry;
 
 /// The alternate function that connects the pins with CAN 1.
 const AF_CAN: u8 = 9;
 
-/// How many error interrupts there were.
+/// The number of error interrupts.
 pub(super) static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
-/// The registers of CAN 1, as `bxcan` wants them.
+/// The registers of CAN 1, for `bxcan`.
 struct Registers;
 
 // SAFETY: the pointer is that of CAN 1, whose clock is on before a `Registers` exists. `bxcan` asks for all of the
@@ -66,7 +66,7 @@ fn CAN1_SCE() {
     ERROR_INTERRUPTS.fetch_add(1, Ordering::Relaxed);
     interrupt_unless_reached();
     CAN1.msr().write(|msr| msr.set_erri(true));
-    call(Caller::Errors);
+    notify(Event::Errors);
 }
 
 /// Enables the interrupts of the error modes that are not reached, and masks the others: a mode that stands could

@@ -13,16 +13,16 @@ use static_cell::ConstStaticCell;
 
 use super::Registers;
 use super::frames::Payload;
-use crate::board::attention::{Caller, call};
+use crate::board::wake_up::{Event, notify};
 
-/// How many frames wait for the device's task: those of 12 ms at 1 Mbit/s, were they all for the device.
+/// The number of frames that can wait for the device's task: 12 ms of a full bus at 1 Mbit/s.
 const QUEUE: usize = 256;
 
-/// How many frames were lost, in the controller or in the queue, because nobody took them. An overrun of the controller
+/// The number of frames lost in the controller or in the queue, which nobody took in time. An overrun of the controller
 /// counts as one frame.
 pub(in crate::board) static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 
-/// What the receive interrupts work with.
+/// The state of the receive interrupts.
 struct Reception {
     rx0: Rx0<Registers>,
     rx1: Rx1<Registers>,
@@ -70,5 +70,5 @@ fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Fram
     if lost != 0 {
         OVERRUNS.fetch_add(lost, Ordering::Relaxed);
     }
-    call(Caller::Received);
+    notify(Event::Received);
 }

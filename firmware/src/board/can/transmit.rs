@@ -17,7 +17,7 @@ use protocol_core::frame::Frame;
 
 use super::Registers;
 use super::frames::{convert, identifier};
-use crate::board::attention::{Caller, call};
+use crate::board::wake_up::{Event, notify};
 
 /// The flags of the transmit status register that say that a mailbox is empty, all three.
 const ALL_EMPTY: u32 = 0b111 << 26;
@@ -42,7 +42,7 @@ fn CAN1_TX() {
         transmission.tx.clear_interrupt_flags();
         transmission.load();
     });
-    call(Caller::Sent);
+    notify(Event::Sent);
 }
 
 /// Gives the transmit interrupt its half of the controller.

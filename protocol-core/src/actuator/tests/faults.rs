@@ -139,7 +139,7 @@ fn hand_operation_and_emergency_stop_look_for_all_but_the_spools_faults() {
         assert!(!rig.valve.solenoids() && !rig.valve.regulating());
         rig.valve.start_guard(ms(300));
         rig.lever(300, 9000);
-        rig.sense(300, |senses| (senses.supply_mv, senses.temperature_c) = (8_000, 130));
+        rig.sense(300, |inputs| (inputs.supply_mv, inputs.temperature_c) = (8_000, 130));
         rig.valve.poll(ms(550));
         rig.valve.poll(ms(2300));
         let expected = [Fault::Temperature, Fault::SupplyLow, Fault::TimeGuarding].into_iter().collect();
@@ -153,7 +153,7 @@ fn faults_of_one_late_poll_come_by_priority() {
     rig.lever(0, 9000);
     rig.drive(0, to(-9000));
     rig.valve.start_guard(ms(0));
-    rig.sense(0, |senses| (senses.supply_mv, senses.temperature_c) = (40_000, 130));
+    rig.sense(0, |inputs| (inputs.supply_mv, inputs.temperature_c) = (40_000, 130));
     rig.valve.poll(ms(60_000));
     let changes = rig.valve.take_changes();
     let expected = [Fault::SpoolNotAtSetPoint, Fault::Temperature, Fault::SupplyHigh, Fault::TimeGuarding];

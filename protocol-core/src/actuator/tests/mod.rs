@@ -36,32 +36,32 @@ fn to(raw: i16) -> Drive {
     Drive::Regulate(SetPoint::Position(Position::new(raw).unwrap()))
 }
 
-/// A valve with its senses at hand. Its calls take milliseconds.
+/// A valve with its inputs at hand. Its calls take milliseconds.
 struct Rig {
     valve: Valve,
-    senses: ValveSenses,
+    inputs: ValveInputs,
 }
 
 impl Rig {
     fn new(config: ValveConfig) -> Self {
-        Self { valve: Valve::new(config, Counters::default(), ms(0)), senses: ValveSenses::default() }
+        Self { valve: Valve::new(config, Counters::default(), ms(0)), inputs: ValveInputs::default() }
     }
 
-    fn sense(&mut self, at: u64, change: impl FnOnce(&mut ValveSenses)) {
-        change(&mut self.senses);
-        self.valve.sense(&self.senses, ms(at));
+    fn sense(&mut self, at: u64, change: impl FnOnce(&mut ValveInputs)) {
+        change(&mut self.inputs);
+        self.valve.sense(&self.inputs, ms(at));
     }
 
     fn lever(&mut self, at: u64, raw: i16) {
-        self.sense(at, |senses| senses.spool.lever = Some(Position::new(raw).unwrap()));
+        self.sense(at, |inputs| inputs.spool.lever = Some(Position::new(raw).unwrap()));
     }
 
     fn release_lever(&mut self, at: u64) {
-        self.sense(at, |senses| senses.spool.lever = None);
+        self.sense(at, |inputs| inputs.spool.lever = None);
     }
 
     fn spool(&mut self, at: u64, fault: SpoolFault) {
-        self.sense(at, |senses| senses.spool.fault = fault);
+        self.sense(at, |inputs| inputs.spool.fault = fault);
     }
 
     fn drive(&mut self, at: u64, drive: Drive) {

@@ -140,7 +140,7 @@ fn set_point(numbers: &mut Numbers) -> Drive {
 fn run(seed: u64, config: ValveConfig) -> Option<(Fault, u32)> {
     let mut numbers = Numbers::new(seed);
     let (mut valve, mut model) = (Valve::new(config, Counters::default(), ms(0)), Model::new(config));
-    let mut senses = ValveSenses::default();
+    let mut inputs = ValveInputs::default();
     for event in 0..40 {
         let pause = if numbers.next(16) == 0 { 1_500_000 } else { 200_000 };
         let next = model.now + 1 + numbers.next(pause) as Micros;
@@ -178,9 +178,9 @@ fn run(seed: u64, config: ValveConfig) -> Option<(Fault, u32)> {
                 valve.command(drive, at(next));
             }
         }
-        senses.spool.fault = if model.slow { SpoolFault::Slow } else { SpoolFault::None };
-        senses.spool.lever = model.lever.map(|place| Position::clamped((place / UNIT) as i32));
-        valve.sense(&senses, at(next));
+        inputs.spool.fault = if model.slow { SpoolFault::Slow } else { SpoolFault::None };
+        inputs.spool.lever = model.lever.map(|place| Position::clamped((place / UNIT) as i32));
+        valve.sense(&inputs, at(next));
         assert_eq!(i64::from(valve.position(at(next)).raw()), model.place(next) / UNIT, "seed {seed}");
         assert!(!valve.has_changes(), "seed {seed}");
     }

@@ -6,7 +6,7 @@ use crate::time::NEVER;
 /// A value that is watched: how it is set, and the fault it can raise.
 struct Row {
     fault: Fault,
-    set: fn(&mut ValveSenses, i32),
+    set: fn(&mut ValveInputs, i32),
     delay: u64,
     allowed: i32,
     trips: i32,
@@ -15,12 +15,12 @@ struct Row {
     clears: i32,
 }
 
-fn supply(senses: &mut ValveSenses, value: i32) {
-    senses.supply_mv = u32::try_from(value).unwrap();
+fn supply(inputs: &mut ValveInputs, value: i32) {
+    inputs.supply_mv = u32::try_from(value).unwrap();
 }
 
-fn temperature(senses: &mut ValveSenses, value: i32) {
-    senses.temperature_c = i16::try_from(value).unwrap();
+fn temperature(inputs: &mut ValveInputs, value: i32) {
+    inputs.temperature_c = i16::try_from(value).unwrap();
 }
 
 #[rustfmt::skip]
@@ -35,20 +35,20 @@ const SENSED: [Row; 4] = [
 fn supply_and_temperature_have_limit_delay_and_hysteresis() {
     for Row { fault, set, delay, allowed, trips, stays, clears } in SENSED {
         let mut rig = Rig::new(CANOPEN);
-        rig.sense(0, |senses| set(senses, allowed));
+        rig.sense(0, |inputs| set(inputs, allowed));
         assert_eq!(rig.active(ms(10_000)), FaultSet::EMPTY, "{fault:?} at {allowed}");
         assert_eq!(rig.valve.deadline(), NEVER);
 
         // Back inside the limit, if not past the hysteresis, restarts the delay.
-        rig.sense(10_000, |senses| set(senses, trips));
-        rig.sense(10_000 + delay - 1, |senses| set(senses, allowed));
+        rig.sense(10_000, |inputs| set(inputs, trips));
+        rig.sense(10_000 + delay - 1, |inputs| set(inputs, allowed));
         assert_eq!(rig.valve.deadline(), NEVER);
-        rig.sense(20_000, |senses| set(senses, trips));
+        rig.sense(20_000, |inputs| set(inputs, trips));
         rig.expect_activation(fault, 20_000 + delay);
 
-        rig.sense(30_000, |senses| set(senses, stays));
+        rig.sense(30_000, |inputs| set(inputs, stays));
         assert_eq!(rig.active(ms(40_000)), FaultSet::of(fault), "at {stays}");
-        rig.sense(40_000, |senses| set(senses, clears));
+        rig.sense(40_000, |inputs| set(inputs, clears));
         assert_eq!(rig.valve.take_changes(), Changes { activated: FaultSet::EMPTY, cleared: FaultSet::of(fault) });
         assert_eq!(rig.valve.faults(), FaultSet::EMPTY);
         assert_eq!(rig.valve.counters().get(fault), 1);
@@ -60,7 +60,7 @@ fn supply_and_temperature_have_limit_delay_and_hysteresis() {
 fn a_cause_at_power_up_takes_its_delay() {
     for Row { fault, set, delay, trips, .. } in SENSED {
         let mut rig = Rig::new(CANOPEN);
-        rig.sense(0, |senses| set(senses, trips));
+        rig.sense(0, |inputs| set(inputs, trips));
         rig.expect_activation(fault, delay);
     }
 }
@@ -68,7 +68,7 @@ fn a_cause_at_power_up_takes_its_delay() {
 #[test]
 fn after_a_restart_a_cause_that_lasts_is_found_anew() {
     let mut rig = Rig::new(CANOPEN);
-    rig.sense(0, |senses| senses.supply_mv = 8_000);
+    rig.sense(0, |inputs| inputs.supply_mv = 8_000);
     rig.expect_activation(Fault::SupplyLow, 2000);
     let counters = rig.valve.counters();
     rig.valve.restart(counters, ms(5000));
@@ -79,19 +79,19 @@ fn after_a_restart_a_cause_that_lasts_is_found_anew() {
 #[test]
 fn cold_is_watched_only_where_it_is_asked_for() {
     let mut rig = Rig::new(ISOBUS);
-    rig.sense(0, |senses| senses.temperature_c = -100);
+    rig.sense(0, |inputs| inputs.temperature_c = -100);
     assert_eq!(rig.active(ms(10_000)), FaultSet::EMPTY);
-    rig.sense(10_000, |senses| senses.temperature_c = 121);
+    rig.sense(10_000, |inputs| inputs.temperature_c = 121);
     rig.expect_activation(Fault::Temperature, 10_250);
-    rig.sense(20_000, |senses| senses.temperature_c = -100);
+    rig.sense(20_000, |inputs| inputs.temperature_c = -100);
     assert_eq!(rig.valve.faults(), FaultSet::EMPTY);
 }
 
 #[test]
 fn from_too_hot_to_too_cold_is_one_cause() {
     let mut rig = Rig::new(CANOPEN);
-    rig.sense(0, |senses| senses.temperature_c = 130);
-    rig.sense(100, |senses| senses.temperature_c = -50);
+    rig.sense(0, |inputs| inputs.temperature_c = 130);
+    rig.sense(100, |inputs| inputs.temperature_c = -50);
     rig.expect_activation(Fault::Temperature, 250);
 }
 

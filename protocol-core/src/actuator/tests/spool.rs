@@ -113,7 +113,7 @@ fn another_sense_does_not_disturb_the_drift() {
     let mut rig = Rig::new(CANOPEN);
     rig.spool(0, SpoolFault::Drifting);
     rig.drive(0, to(8192));
-    rig.sense(500, |senses| senses.supply_mv = 23_000);
+    rig.sense(500, |inputs| inputs.supply_mv = 23_000);
     assert_eq!(rig.position(925), 9830);
 }
 
@@ -132,7 +132,7 @@ fn without_float_the_spool_stops_short_of_it() {
 fn a_measured_position_takes_the_models_place() {
     let mut rig = Rig::new(CANOPEN);
     rig.drive(0, to(16384));
-    let measured = |raw| move |senses: &mut ValveSenses| senses.spool.measured = Position::new(raw);
+    let measured = |raw| move |inputs: &mut ValveInputs| inputs.spool.measured = Position::new(raw);
     rig.lever(0, 5000);
     rig.sense(100, measured(1234));
     assert_eq!([100, 250].map(|at| rig.position(at)), [1234; 2]);
@@ -166,7 +166,7 @@ fn takes_the_times_that_were_measured() {
     let timed = |stroke_ms, return_ms| {
         let mut rig = Rig::new(CANOPEN);
         let times = SpoolTimes::new(stroke_ms, return_ms).unwrap();
-        rig.sense(0, |senses| senses.spool.times = times);
+        rig.sense(0, |inputs| inputs.spool.times = times);
         rig
     };
     let mut rig = timed(400, 300);
@@ -177,7 +177,7 @@ fn takes_the_times_that_were_measured() {
 
     // Slow, by solenoids and springs alike.
     let mut rig = timed(100, 60);
-    rig.sense(0, |senses| senses.spool.fault = SpoolFault::Slow);
+    rig.sense(0, |inputs| inputs.spool.fault = SpoolFault::Slow);
     rig.drive(0, to(8192));
     assert_eq!([200, 400].map(|at| rig.position(at)), [4096, 8192]);
 
@@ -200,7 +200,7 @@ fn takes_the_times_that_were_measured() {
 fn other_times_count_from_where_it_is() {
     let mut rig = Rig::new(CANOPEN);
     rig.drive(0, to(16384));
-    rig.sense(125, |senses| senses.spool.times = SpoolTimes::new(500, 150).unwrap());
+    rig.sense(125, |inputs| inputs.spool.times = SpoolTimes::new(500, 150).unwrap());
     assert_eq!([125, 250, 375].map(|at| rig.position(at)), [8192, 12288, 16384]);
 }
 
@@ -211,14 +211,14 @@ fn a_stroke_slower_than_the_monitors_is_a_fault() {
     // 85 % of the stroke within 500 ms
     for (stroke_ms, is_fault) in [(588, false), (590, true)] {
         let mut rig = Rig::new(CANOPEN);
-        rig.sense(0, |senses| senses.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());
+        rig.sense(0, |inputs| inputs.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());
         rig.drive(0, to(16384));
         assert_eq!(rig.active(ms(501)).contains(Fault::SpoolNotAtSetPoint), is_fault, "{stroke_ms} ms");
     }
     // 95 % of it within 1000 ms
     for (stroke_ms, is_fault) in [(1052, false), (1054, true)] {
         let mut rig = Rig::new(CANOPEN);
-        rig.sense(0, |senses| senses.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());
+        rig.sense(0, |inputs| inputs.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());
         rig.drive(0, FLOAT);
         assert_eq!(rig.active(ms(1001)).contains(Fault::FloatNotReached), is_fault, "{stroke_ms} ms");
     }

@@ -55,30 +55,30 @@ fn one_by_one(valve: &mut Valve, drive: Drive, now: Instant) {
 }
 
 /// Something that happens to the valve.
-fn happen(valve: &mut Valve, senses: &mut ValveSenses, numbers: &mut Numbers, order: Order, now: Instant) {
+fn happen(valve: &mut Valve, inputs: &mut ValveInputs, numbers: &mut Numbers, order: Order, now: Instant) {
     match numbers.next(12) {
         0 => valve.drive(Drive::Off, now),
         1 => valve.drive(Drive::Hand, now),
         2 => order(valve, BLOCKED, now),
         3 => order(valve, FLOAT, now),
         4..=6 => order(valve, to(numbers.position()), now),
-        7 => senses.spool.lever = (numbers.next(3) == 0).then(|| Position::new(numbers.position()).unwrap()),
+        7 => inputs.spool.lever = (numbers.next(3) == 0).then(|| Position::new(numbers.position()).unwrap()),
         8 => {
             use SpoolFault::{Drifting, NoFloat, None, Slow, Stuck};
-            senses.spool.fault = [None, None, Stuck, Slow, Drifting, NoFloat][numbers.next(6) as usize];
+            inputs.spool.fault = [None, None, Stuck, Slow, Drifting, NoFloat][numbers.next(6) as usize];
         }
-        9 => senses.supply_mv = [8_000, 10_000, 24_000, 24_000, 34_000, 37_000][numbers.next(6) as usize],
-        10 => senses.temperature_c = [-50, -38, 20, 20, 118, 130][numbers.next(6) as usize],
+        9 => inputs.supply_mv = [8_000, 10_000, 24_000, 24_000, 34_000, 37_000][numbers.next(6) as usize],
+        10 => inputs.temperature_c = [-50, -38, 20, 20, 118, 130][numbers.next(6) as usize],
         _ if numbers.next(2) == 0 => valve.start_guard(now),
         _ => valve.feed_guard(now),
     }
-    valve.sense(senses, now);
+    valve.sense(inputs, now);
 }
 
 /// Lets the same things happen, at whole milliseconds, to a valve that is polled in one way or another.
 fn run(seed: u64, config: ValveConfig, polling: Polling, order: Order) -> Story {
     let (mut numbers, mut story) = (Numbers::new(seed), Story::default());
-    let (mut valve, mut senses) = (Valve::new(config, Counters::default(), ms(0)), ValveSenses::default());
+    let (mut valve, mut inputs) = (Valve::new(config, Counters::default(), ms(0)), ValveInputs::default());
     let mut now = ms(0);
     for _ in 0..60 {
         let next = after(now, Duration::from_millis(1 + numbers.next(900)));
@@ -105,7 +105,7 @@ fn run(seed: u64, config: ValveConfig, polling: Polling, order: Order) -> Story 
             valve.poll(now);
             note(&mut valve, now);
         }
-        happen(&mut valve, &mut senses, &mut numbers, order, now);
+        happen(&mut valve, &mut inputs, &mut numbers, order, now);
         note(&mut valve, now);
         story.positions.push((valve.position(now).raw(), valve.solenoids()));
     }
@@ -155,7 +155,7 @@ fn a_command_is_the_guard_and_the_drive_in_one() {
 
 #[test]
 fn a_deadline_is_always_ahead_and_nothing_happens_before_it() {
-    let (mut numbers, mut senses) = (Numbers::new(99), ValveSenses::default());
+    let (mut numbers, mut inputs) = (Numbers::new(99), ValveInputs::default());
     let mut valve = Valve::new(ISOBUS, Counters::default(), ms(0));
     let mut now = ms(0);
     for _ in 0..20_000 {
@@ -167,7 +167,7 @@ fn a_deadline_is_always_ahead_and_nothing_happens_before_it() {
         assert_eq!((valve.faults(), valve.power_save(), valve.solenoids()), before);
         assert_eq!(valve.deadline(), deadline);
         now = next;
-        happen(&mut valve, &mut senses, &mut numbers, Valve::command, now);
+        happen(&mut valve, &mut inputs, &mut numbers, Valve::command, now);
         valve.take_changes();
     }
 }
@@ -195,7 +195,7 @@ fn the_end_of_time_is_survived() {
     rig.valve.poll(NEVER);
     assert!(rig.valve.is_active(Fault::TimeGuarding));
     rig.drive(0, FLOAT);
-    rig.sense(0, |senses| senses.supply_mv = u32::MAX);
+    rig.sense(0, |inputs| inputs.supply_mv = u32::MAX);
     rig.valve.poll(NEVER);
     assert_eq!(rig.position(0), 0);
 }

@@ -1,4 +1,4 @@
-//! What happens to a valve in time: it steps from deadline to deadline, and looks at all that may have changed.
+//! The course of a valve in time: steps from deadline to deadline, each of which looks at everything that may change.
 
 use super::super::fault::Fault;
 use super::super::monitor::{Reading, tolerance};
@@ -8,16 +8,16 @@ use super::super::travel::{Band, Travel};
 use super::{Drive, SpoolMonitors, Valve};
 use crate::time::{Instant, NEVER};
 
-/// Where monitor 1 lets the spool be in a shutdown, where it runs then (A): within the neutral that ends the shutdown.
-/// A spool held a little further out would keep the valve down without a word.
+/// The band of monitor 1 in a shutdown, where it runs then (A): the neutral that ends the shutdown.
+/// A spool held a little further out would keep the valve down without a fault.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// How many deadlines a late call makes up for. Between two changes of faults there are fewer: the spool moves and
-/// stops once by solenoids and once by springs, and each way crosses each band at most twice.
+/// The number of deadlines that a late call makes up for. Between two changes of faults there are fewer: the spool moves
+/// and stops once by solenoids and once by springs, and crosses each band at most twice each way.
 const CATCH_UP_STEPS: u32 = 16;
 
 impl Valve {
-    /// Returns where monitor 1 wants the spool; `None` while it does not run.
+    /// Returns the band that monitor 1 allows the spool; `None` while the monitor does not run.
     pub(super) fn wanted(&self) -> Option<Band> {
         match self.drive {
             Drive::Regulate(SetPoint::Position(position)) => Some(tolerance(self.target(position))),
@@ -26,7 +26,7 @@ impl Valve {
         }
     }
 
-    /// Lets everything due up to `now` happen, in time where that is possible, and returns the instant to go on with.
+    /// Runs the timers due up to `now`, each at its instant where possible. Returns the instant of the call.
     #[inline]
     pub(super) fn catch_up(&mut self, now: Instant) -> Instant {
         self.now = self.now.max(now);
@@ -57,7 +57,7 @@ impl Valve {
 
     /// Looks at everything as it is at `now`, which is not before anything that was due.
     pub(super) fn step(&mut self, now: Instant) {
-        self.environment.observe(self.senses.supply_mv, self.senses.temperature_c, &mut self.faults, now);
+        self.environment.observe(self.inputs.supply_mv, self.inputs.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);
         self.step_spool(now);
         self.schedule();

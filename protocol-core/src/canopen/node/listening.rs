@@ -51,7 +51,7 @@ pub(super) struct Listening {
     groups: u32,
     /// The node ID; 0 without one.
     node: u8,
-    /// Whether the controller has been told.
+    /// The controller has these filters.
     told: bool,
 }
 
@@ -82,15 +82,15 @@ impl Listening {
         }
         // The mask may leave a bit of the group open.
         let others = group(new.other.key) | group(new.other.key | !new.other.mask);
-        // `NONE` is in the last group, where hardly a frame is: to leave it out takes more than a look at the keys.
+        // `NONE` is in the last group, where hardly a frame is.
         new.groups = new.keys.into_iter().fold(others, |groups, key| groups | group(key));
         new
     }
 
-    /// Listens to what the objects say now.
+    /// Takes changed identifiers from the objects.
     pub(super) fn update(&mut self, objects: &Communication, rules: &Rules) {
         let new = Self::of(objects, rules);
-        if new.keys.iter().ne(&self.keys) {
+        if new.keys != self.keys {
             *self = new;
         }
     }

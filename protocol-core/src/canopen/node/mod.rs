@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! mod        the node: what goes in, and what it demands of the device around it
-//! product    what a product brings
-//! object     what lies behind a row of the dictionary          objects    the node's own objects
-//! services   what each service does with a frame
+//! product    the trait of a product
+//! object     the object of a row of the dictionary             objects    the node's own objects
+//! services   the services of the node
 //! listening  which frames are for the node
-//! owed       what the node owes to the bus                     description  the objects as an EDS describes them
+//! pending    the frames that wait for the bus                description  the objects as an EDS describes them
 //! ```
 //!
 //! The node keeps no product: every call that needs it is given one.
@@ -16,7 +16,7 @@ mod description;
 mod listening;
 mod object;
 mod objects;
-mod owed;
+mod pending;
 mod product;
 mod services;
 
@@ -32,7 +32,7 @@ use heapless::VecView;
 
 use listening::Listening;
 use objects::Communication;
-use owed::Owed;
+use pending::Pending;
 
 use super::dictionary::Group;
 use super::lss::{Configuration, LssSlave};
@@ -50,7 +50,7 @@ use crate::wire::nmt::State;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::AbortCode;
 
-/// What the node demands of the device around it.
+/// A demand of the node on the device around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand<T> {
     /// An SDO client waits for a task of the product: answer with [`Node::end_task`].
@@ -69,12 +69,12 @@ pub(crate) struct Node<P: Product> {
     sdo: SdoServer,
     lss: LssSlave,
     listening: Listening,
-    owed: Owed,
+    pending: Pending,
     /// The controller is bus-off.
     bus_off: bool,
     /// In force on the bus.
     bit_rate: BitRate,
-    /// Whether the platform has not been given `bit_rate` yet.
+    /// The platform has not taken `bit_rate` yet.
     rate_is_new: bool,
     /// Configured by LSS, in force from the restart that it has demanded.
     activated: Option<LssNodeId>,
@@ -100,7 +100,7 @@ impl<P: Product> Node<P> {
             sdo: SdoServer::new(),
             lss: LssSlave::new(),
             listening: Listening::NOTHING,
-            owed: Owed::new(),
+            pending: Pending::new(),
             bus_off: false,
             bit_rate: BitRate::Kbit250,
             rate_is_new: false,
@@ -140,7 +140,7 @@ impl<P: Product> Node<P> {
         self.nmt = NmtSlave::new();
         self.starts_itself = false;
         self.sdo.cancel();
-        self.owed.clear();
+        self.pending.clear();
         self.objects.node_id
     }
 
@@ -164,7 +164,7 @@ impl<P: Product> Node<P> {
         if self.objects.node_id.is_some() {
             self.nmt.boot();
             self.objects.heartbeat.boot(now);
-            self.owed.owe_boot_up();
+            self.pending.queue_boot_up();
             self.starts_itself = P::RULES.nmt.starts_itself == Some(self.objects.startup);
         }
     }
@@ -172,12 +172,12 @@ impl<P: Product> Node<P> {
     /// Enters operational by itself, where 0x1F80 says so, when boot-up and EMCYs are on the bus.
     #[inline]
     pub(crate) fn start_itself(&mut self, product: &mut P, now: Instant) {
-        if self.starts_itself && self.owed.has_told_start() {
+        if self.starts_itself && self.pending.has_told_start() {
             self.enter_by_itself(State::Operational, product, now);
         }
     }
 
-    /// Does to the NMT state what 0x1029 says for an error, in operational alone. EMCYs that are owed still go out.
+    /// Does to the NMT state what 0x1029 says for an error, in operational alone. Pending EMCYs still go out.
     pub(crate) fn behave(&mut self, class: ErrorClass, product: &mut P, now: Instant) {
         if self.nmt.is_operational()
             && let Some(state) = self.objects.error_behaviour.of(class).state()
@@ -199,13 +199,13 @@ impl<P: Product> Node<P> {
             self.answer_sdo(abort);
         }
         if self.objects.heartbeat.poll(now) && !self.is_mute() {
-            self.owed.owe_heartbeat();
+            self.pending.queue_heartbeat();
         }
         if P::RULES.tpdo.timers
             && self.nmt.is_operational()
             && let Some(at) = self.objects.tpdo.poll(now)
         {
-            self.owe_tpdo(product, at);
+            self.queue_tpdo(product, at);
         }
     }
 
@@ -218,10 +218,10 @@ impl<P: Product> Node<P> {
     }
 
     /// Notes whether the controller is bus-off. Its frames are lost then: answers are dropped and counted, the boot-up
-    /// and EMCYs are owed again. The NMT state stays (A); a product with 0x1029 calls [`behave`](Self::behave).
+    /// and EMCYs are queued again. The NMT state stays (A); a product with 0x1029 calls [`behave`](Self::behave).
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
-            self.owed.bus_lost();
+            self.pending.bus_lost();
             self.objects.tpdo.lost();
         }
         self.bus_off = bus_off;
@@ -237,15 +237,15 @@ impl<P: Product> Node<P> {
         Some(self.bit_rate)
     }
 
-    /// Owes an EMCY that makes no entry in the history: the end of an error, or a repetition.
+    /// Queues an EMCY that makes no entry in the history: the end of an error, or a repetition.
     pub(crate) fn send_emcy(&mut self, message: Emcy) {
-        self.owe_emcy(message, false);
+        self.queue_emcy(message, false);
     }
 
-    /// Owes an EMCY, in pre-operational and operational alone, and only while EMCYs are on.
-    fn owe_emcy(&mut self, message: Emcy, entered: bool) {
+    /// Queues an EMCY, in pre-operational and operational alone, and only while EMCYs are on.
+    fn queue_emcy(&mut self, message: Emcy, entered: bool) {
         if self.nmt.serves() && self.objects.emcy.id().is_some() {
-            self.owed.owe_emcy(message, entered);
+            self.pending.queue_emcy(message, entered);
         }
     }
 
@@ -259,17 +259,17 @@ impl<P: Product> Node<P> {
     /// tells it.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
-            self.owed.renew_tpdo();
+            self.pending.renew_tpdo();
         }
     }
 
-    /// Owes the EMCY of a new error, and enters its code into the history with the manufacturer's upper half. Both only
+    /// Queues the EMCY of a new error, and enters its code into the history with the manufacturer's upper half. Both only
     /// while EMCYs are on; returns whether they are. A node without node ID has none.
     pub(crate) fn tell_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
             self.objects.history.enter(message.code, manufacturer);
-            self.owe_emcy(message, true);
+            self.queue_emcy(message, true);
         }
         tells
     }
@@ -277,15 +277,15 @@ impl<P: Product> Node<P> {
     /// Withdraws an error whose EMCYs were kept from the bus by bus-off: the EMCYs of its begin and its end, and the
     /// entries in the history that were made for them (A). `register` are the bits of the error register that it sets.
     pub(crate) fn withdraw_error(&mut self, code: u16, register: u8) {
-        for _ in 0..self.owed.withdraw_emcys(code, register) {
+        for _ in 0..self.pending.withdraw_emcys(code, register) {
             self.objects.history.withdraw(code);
         }
     }
 
-    /// Owes an answer of another service of the device.
+    /// Queues an answer of another service of the device.
     pub(crate) fn answer(&mut self, answer: Frame) {
         let mute = self.is_mute();
-        self.owed.owe_answer(answer, mute);
+        self.pending.queue_answer(answer, mute);
     }
 
     /// Answers an SDO client whose task has ended.
@@ -372,7 +372,7 @@ impl<P: Product> Node<P> {
 
     /// Returns the number of frames that were dropped.
     pub(crate) const fn frames_dropped(&self) -> u32 {
-        self.owed.dropped()
+        self.pending.dropped()
     }
 
     /// Returns the identifiers that the node listens to, when they have changed.
@@ -381,12 +381,12 @@ impl<P: Product> Node<P> {
         self.listening.take_filters()
     }
 
-    /// Owes a TPDO that has become due at an instant.
+    /// Queues a TPDO that has become due at an instant.
     #[inline]
-    fn owe_tpdo(&mut self, product: &P, at: Instant) {
+    fn queue_tpdo(&mut self, product: &P, at: Instant) {
         if !self.is_mute() {
             let sample = self.sample_when_due(product, at);
-            self.owed.owe_tpdo(sample);
+            self.pending.queue_tpdo(sample);
         }
     }
 

@@ -1,4 +1,4 @@
-//! What lies behind a row of the dictionary: one of the node's own objects, or one of the product.
+//! The objects behind the rows of the dictionary: those of the node, and those of the product.
 
 use crate::canopen::dictionary::{DataType, Row};
 
@@ -8,7 +8,7 @@ pub(crate) const SAVE: u32 = u32::from_le_bytes(*b"save");
 /// The signature that 0x1011 takes (CiA 301 7.5.2.14).
 pub(crate) const LOAD: u32 = u32::from_le_bytes(*b"load");
 
-/// What lies behind an object: `A` are the product's own, `T` what signatures ask for.
+/// The object of a row: `A` are the product's own objects, `T` the tasks of signatures.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Object<A, T> {
     /// A number that never changes, see [`Row::constant`].
@@ -48,6 +48,13 @@ pub(crate) enum NodeObject {
     Tpdo(PdoParameter),
     /// 0x1F80
     NmtStartup,
+}
+
+impl NodeObject {
+    /// Returns whether the object holds an identifier that the node listens to.
+    pub(super) const fn is_cob_id(self) -> bool {
+        matches!(self, Self::SyncCobId | Self::EmcyConsumer | Self::Rpdo(PdoParameter::CobId))
+    }
 }
 
 /// The errors that can change the NMT state, 0x1029.

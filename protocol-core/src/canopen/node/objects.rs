@@ -1,4 +1,4 @@
-//! What lies behind the dictionary: the communication objects 0x1000–0x1FFF, and the way to the product's own.
+//! The communication objects 0x1000–0x1FFF, and the way to the objects of the product.
 
 use super::object::{ErrorClass, NodeObject, Object, PdoParameter};
 use super::product::{Product, Rules};
@@ -16,7 +16,7 @@ use crate::wire::sdo::AbortCode;
 /// The value that an object of "save" and "load" reads: it stores on command (CiA 301 7.5.2.13).
 pub(super) const STORES_ON_COMMAND: u32 = 1;
 
-/// What errors do to the NMT state, by their class.
+/// The effects of errors on the NMT state, by their class.
 #[derive(Clone, Debug)]
 pub(super) struct ErrorBehaviours {
     communication: ErrorBehaviour,

@@ -1,4 +1,4 @@
-//! What a product brings to the node: its dictionary, what lies behind it, and its rules.
+//! A product of the node: its dictionary, the objects behind it, and its rules.
 
 use core::fmt::Debug;
 
@@ -17,7 +17,7 @@ use crate::wire::sdo::AbortCode;
 /// The rules that one maker has and another has not.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// Whether SYNC, EMCY and the EMCY consumer can have 29-bit identifiers.
+    /// SYNC, EMCY and the EMCY consumer can have 29-bit identifiers.
     pub(crate) extended_ids: bool,
     /// The NMT state.
     pub(crate) nmt: nmt::Rules,
@@ -33,14 +33,14 @@ pub(crate) struct Rules {
     pub(crate) other_protocol: Option<fn(NodeId) -> Filter>,
 }
 
-/// What lies behind the objects of a product.
+/// The object of a row, of a product.
 pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Task>;
 
 /// A product on CANopen.
 pub(crate) trait Product: Sized {
-    /// What lies behind the product's own objects.
+    /// The product's own objects.
     type Object: Copy + Debug + 'static;
-    /// What the signatures of 0x1010 and 0x1011 ask for.
+    /// The tasks of the signatures of 0x1010 and 0x1011.
     type Task: Copy + Debug + PartialEq + 'static;
 
     /// Every object of the product, and no other.

@@ -1,4 +1,4 @@
-//! What each service does with a frame.
+//! The services of the node, each with its frames.
 
 use super::listening::Service;
 use super::object::{NodeObject, Object};
@@ -67,7 +67,7 @@ impl<P: Product> Node<P> {
             Outcome::Done(entered) => {
                 self.entered(entered, product, now);
                 if entered == State::Stopped {
-                    self.owed.drop_emcys(self.objects.emcy.key());
+                    self.pending.drop_emcys(self.objects.emcy.key());
                 }
             }
             Outcome::Nothing => {}
@@ -93,26 +93,26 @@ impl<P: Product> Node<P> {
     /// Acts on a state that was entered.
     fn entered(&mut self, state: State, product: &mut P, now: Instant) {
         // A heartbeat that still waits tells the state before.
-        self.owed.renew_heartbeat();
+        self.pending.renew_heartbeat();
         match state {
             State::Operational => self.objects.tpdo.restart(now),
             State::Stopped => {
                 self.sdo.cancel();
-                self.owed.settle_tpdo();
+                self.pending.clear_tpdo();
                 product.stopped(now);
             }
-            State::PreOperational | State::Initialising => self.owed.settle_tpdo(),
+            State::PreOperational | State::Initialising => self.pending.clear_tpdo(),
         }
     }
 
-    /// Takes no part in the bus any more until the restart: answers and EMCYs that are owed still go out.
+    /// Takes no part in the bus any more until the restart: answers and pending EMCYs still go out.
     fn leave_bus(&mut self) {
         self.nmt = NmtSlave::new();
         self.starts_itself = false;
         self.sdo.cancel();
         self.objects.heartbeat.stop();
-        self.owed.settle_heartbeat();
-        self.owed.settle_tpdo();
+        self.pending.clear_heartbeat();
+        self.pending.clear_tpdo();
     }
 
     fn serve_sync(&mut self, product: &P, now: Instant) {
@@ -125,8 +125,8 @@ impl<P: Product> Node<P> {
         }
         let sample = self.sample_when_due(product, now);
         // One that still waits must not tell the data of an earlier SYNC.
-        if at_sync == AtSync::Due || self.owed.owes_tpdo() || self.objects.tpdo.is_news(sample) {
-            self.owed.owe_tpdo(sample);
+        if at_sync == AtSync::Due || self.pending.has_tpdo() || self.objects.tpdo.has_changed(sample) {
+            self.pending.queue_tpdo(sample);
         }
     }
 
@@ -149,7 +149,7 @@ impl<P: Product> Node<P> {
         });
         product.receive(own, now);
         if self.objects.tpdo.is_event_driven() {
-            self.owe_tpdo(product, now);
+            self.queue_tpdo(product, now);
         }
     }
 
@@ -194,16 +194,18 @@ impl<P: Product> Node<P> {
     ) -> Result<(), AbortCode> {
         let emcys = self.objects.emcy.key();
         self.objects.write_own(object, number, rules, objects, now)?;
-        self.listening.update(&self.objects, rules);
+        if object.0.is_cob_id() {
+            self.listening.update(&self.objects, rules);
+        }
         // Its identifier changes only while it is off.
         if self.objects.tpdo.key().is_none() {
-            self.owed.settle_tpdo();
+            self.pending.clear_tpdo();
         }
         if emcys.is_some() && emcys != self.objects.emcy.key() {
-            self.owed.drop_emcys(emcys);
+            self.pending.drop_emcys(emcys);
         }
         if self.objects.heartbeat.time() == 0 {
-            self.owed.settle_heartbeat();
+            self.pending.clear_heartbeat();
         }
         Ok(())
     }
@@ -215,7 +217,7 @@ impl<P: Product> Node<P> {
         let outcome = self.lss.handle(Request::parse(bytes), identity, &P::RULES.lss, now);
         if self.lss.is_silent() {
             // Nothing is sent from here to the end of the second delay.
-            self.owed.silence();
+            self.pending.silence();
         }
         match outcome {
             Outcome::Nothing => None,

@@ -53,7 +53,7 @@ fn what_the_controller_has_dropped_is_told_again_and_what_was_sent_is_not() {
     queue.take_back();
     assert_eq!(told(&mut queue), [1, 2]);
     queue.sent();
-    assert!(queue.is_empty() && !queue.is_owed());
+    assert!(queue.is_empty() && !queue.is_pending());
 }
 
 #[test]

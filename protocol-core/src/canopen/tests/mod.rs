@@ -5,8 +5,8 @@ mod lamp;
 mod lss;
 mod node;
 mod objects;
-mod owed;
 mod pdo;
+mod pending;
 
 extern crate std;
 
@@ -81,7 +81,7 @@ impl Rig {
         sent
     }
 
-    /// Lets the bus take what is owed; nothing while it is held.
+    /// Lets the bus take the pending frames; nothing while it is held.
     fn sent(&mut self) -> Vec<String> {
         let mut sent = Vec::new();
         while !self.held && self.node.has_frame() {

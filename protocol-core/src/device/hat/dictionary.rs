@@ -22,12 +22,12 @@ use crate::encoder::{POSITION_MAX, STEPS};
 use crate::wire::cob_id::{self, Function};
 use crate::wire::sdo::Multiplexer;
 
-/// What 0x1F80 holds for a sensor that waits to be started.
+/// The value of 0x1F80 for a sensor that waits to be started.
 pub(super) const WAITS: u32 = 0x08;
-/// What 0x1F80 holds for one that enters operational by itself (R: in CiA 302 bit 2 has the opposite meaning).
+/// The value of 0x1F80 for a sensor that enters operational by itself (R: in CiA 302 bit 2 has the opposite meaning).
 pub(super) const STARTS_ITSELF: u32 = 0x0C;
 
-/// What 0x6507 holds: software version 1.07, profile version 3.2 (A).
+/// The value of 0x6507: software version 1.07, profile version 3.2 (A).
 const VERSIONS: u32 = 0x0107_0302;
 
 /// The TPDO leaves the factory switched off.

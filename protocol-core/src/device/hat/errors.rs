@@ -12,12 +12,12 @@ pub enum Error {
     Controller = 1 << 1,
     /// The CAN controller is error-passive.
     Passive = 1 << 2,
-    /// The CAN controller is bus-off: told when it has recovered.
+    /// The CAN controller is bus-off: reported when it has recovered.
     BusOff = 1 << 3,
 }
 
 impl Error {
-    /// All of them, in the order in which they are told.
+    /// All errors, in the order in which they are reported.
     pub const ALL: [Self; 4] = [Self::SetUp, Self::Controller, Self::Passive, Self::BusOff];
 
     /// Returns the emergency error code, the manufacturer-specific field, and the bits of the error register.

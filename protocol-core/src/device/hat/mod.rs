@@ -1,7 +1,7 @@
 //! The angle sensors HAT 1000 and HAT 3000 (SPEC 9).
 //!
 //! ```text
-//! mod         the body of the device: what the node and the sensor tell each other
+//! mod         the application of the device: what the node and the sensor tell each other
 //! dictionary  the object dictionary, one table
 //! objects     what lies behind it, and the rules
 //! errors      what EMCYs tell of
@@ -24,10 +24,10 @@ use errors::Errors;
 use objects::HatObjects;
 use records::{LAYER, VERSION, decode_serial, identity, new_layer};
 
-use super::host::{Base, Body, Host};
 use super::reading::Reading;
-use super::writes::{Asker, Write};
-use super::{Outputs, ProductSenses, Restart, Senses};
+use super::runtime::{Application, Base, Runtime};
+use super::writes::{Requester, Write};
+use super::{Inputs, Outputs, ProductInputs, Restart};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::{Configuration, Layer};
 use crate::canopen::nmt::Reset;
@@ -39,13 +39,13 @@ use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
 
-/// What a sensor is made as.
+/// The setup of a sensor.
 pub type Setup = super::Setup<Kind>;
 
 /// A HAT 1000 or HAT 3000.
-pub type Hat = Host<HatSensor>;
+pub type Hat = Runtime<HatSensor>;
 
-/// The body of a sensor.
+/// The application of a sensor.
 #[derive(Clone, Debug)]
 pub struct HatSensor {
     setup: Setup,
@@ -53,15 +53,15 @@ pub struct HatSensor {
     pub(super) node: Node<HatObjects>,
     /// Node ID and bit rate as stored.
     layer: Layer,
-    /// What the write of node ID and bit rate in flight changes of them.
+    /// The changes of node ID and bit rate by the write in flight.
     layer_in_flight: Configuration,
     /// The task that an SDO client waits for.
     task: Option<Task>,
-    /// One of the task's writes has failed; the client is answered after the last one.
+    /// A write of the task has failed; the client is answered after the last write.
     task_failed: bool,
     /// The records that are damaged, by their position.
     damaged: u8,
-    /// The errors that were entered into the history when they were last told.
+    /// The errors that were entered into the history at their last report.
     entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
@@ -93,7 +93,7 @@ impl HatSensor {
         self.entered.set(error, entered);
     }
 
-    /// Takes the mode of the CAN controller. Bus-off takes the place of error-passive; it is told when it is over.
+    /// Takes the mode of the CAN controller. Bus-off replaces error-passive; it is reported when it is over.
     fn set_bus(&mut self, bus: BusErrorMode, base: &Base) {
         self.bus = bus;
         let bus_off = bus == BusErrorMode::BusOff;
@@ -124,7 +124,7 @@ impl HatSensor {
             Demand::Task(task) => self.begin_task(task, base),
             Demand::StoreConfiguration => {
                 self.objects.demanded_since = Configuration::NONE;
-                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss));
+                base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Lss));
             }
             Demand::Reset(reset) => base.request_restart(reset.into()),
         }
@@ -150,7 +150,7 @@ fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (G
     (group, reading.record(key, VERSION, decode).flatten())
 }
 
-impl Body for HatSensor {
+impl Application for HatSensor {
     type Setup = Setup;
     type Service = Service;
 
@@ -198,7 +198,7 @@ impl Body for HatSensor {
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base) {
+    fn apply_changes(&mut self, base: &mut Base) {
         self.node.start_itself(&mut self.objects, base.now());
         self.objects.in_force.bit_rate = self.node.bit_rate();
     }
@@ -208,13 +208,13 @@ impl Body for HatSensor {
         self.node.deadline()
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        if let ProductSenses::Encoder(shaft) = senses.product {
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base) {
+        if let ProductInputs::Encoder(shaft) = inputs.product {
             self.objects.shaft = shaft;
         }
-        self.internal_fault = senses.internal_fault;
-        self.set_error(Error::Controller, senses.internal_fault, base);
-        self.set_bus(senses.bus, base);
+        self.internal_fault = inputs.internal_fault;
+        self.set_error(Error::Controller, inputs.internal_fault, base);
+        self.set_bus(inputs.bus, base);
     }
 
     #[inline]
@@ -237,8 +237,9 @@ impl Body for HatSensor {
     }
 
     #[inline]
-    fn all_sent(&mut self, _: &mut Base) {
+    fn all_sent(&mut self, _: &mut Base) -> bool {
         self.node.all_sent();
+        true
     }
 
     #[inline]
@@ -252,7 +253,7 @@ impl Body for HatSensor {
     }
 
     /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that
-    /// a reset of the communication has left are told again, and not entered again if they are in the history.
+    /// a reset of the communication has left are reported again, and not entered again if they are in the history.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);

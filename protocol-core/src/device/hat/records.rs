@@ -1,4 +1,4 @@
-//! What a sensor keeps in its memory beside the parameters (SPEC 6, 9): the payloads of the records.
+//! The payloads of a sensor's records beside the parameters (SPEC 6, 9).
 
 use super::{Kind, Setup};
 use crate::canopen::lss::Layer;

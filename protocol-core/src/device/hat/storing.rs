@@ -8,16 +8,16 @@ use super::records::LAYER;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::device::Restart;
-use crate::device::host::{Base, Storing};
-use crate::device::writes::{Asker, Write};
+use crate::device::runtime::{Base, Storing};
+use crate::device::writes::{Requester, Write};
 use crate::memory::RecordKey;
 
-/// What LSS stores, and what "save" and "load" do.
+/// The writes of LSS, "save" and "load".
 pub(super) const WRITES: [Write; 4] = [
-    Write::new(RecordKey::LocalLayer, Asker::Lss),
-    Write::new(RecordKey::LocalLayer, Asker::Sdo),
-    Write::new(RecordKey::Parameters, Asker::Sdo),
-    Write::new(RecordKey::Application, Asker::Sdo),
+    Write::new(RecordKey::LocalLayer, Requester::Lss),
+    Write::new(RecordKey::LocalLayer, Requester::Sdo),
+    Write::new(RecordKey::Parameters, Requester::Sdo),
+    Write::new(RecordKey::Application, Requester::Sdo),
 ];
 
 /// Returns the bit of a record in a set.
@@ -48,7 +48,7 @@ impl HatSensor {
         self.task_failed = false;
         let value = value_of(task);
         for record in RecordKey::ALL.into_iter().filter(|record| value & bit(*record) != 0) {
-            base.writes.ask(Write::new(record, Asker::Sdo).with(value));
+            base.writes.request(Write::new(record, Requester::Sdo).with(value));
         }
     }
 }
@@ -59,10 +59,10 @@ impl Storing for HatSensor {
         let bytes: &[u8] = match write.record {
             RecordKey::Factory => &self.objects.identity.serial.to_le_bytes(),
             RecordKey::LocalLayer => {
-                self.layer_in_flight = match write.asked_by {
-                    Asker::Lss => self.node.begin_lss_store(),
-                    Asker::Sdo if loads => LAYER.configuration(),
-                    Asker::Sdo => self.objects.demanded.configuration(),
+                self.layer_in_flight = match write.requester {
+                    Requester::Lss => self.node.begin_lss_store(),
+                    Requester::Sdo if loads => LAYER.configuration(),
+                    Requester::Sdo => self.objects.demanded.configuration(),
                     _ => Configuration::NONE,
                 };
                 &self.layer.with(self.layer_in_flight).encode()
@@ -77,7 +77,7 @@ impl Storing for HatSensor {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Takes the memory's answer to a write: a failed one is told to whoever waits for it, and to nobody else.
+    /// Takes the memory's answer to a write: a failure is reported to the client that waits for it alone.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
             self.set_damaged(self.damaged & !bit(write.record), base);
@@ -87,8 +87,8 @@ impl Storing for HatSensor {
             }
         }
         let is_last = !base.writes.contains(write);
-        match write.asked_by {
-            Asker::Lss => {
+        match write.requester {
+            Requester::Lss => {
                 if stored {
                     let stored = self.objects.demanded_since.or(self.layer_in_flight);
                     self.objects.demanded = self.objects.demanded.with(stored);
@@ -98,11 +98,11 @@ impl Storing for HatSensor {
                     base.request_restart(Restart::Communication);
                 }
             }
-            Asker::Sdo => {
+            Requester::Sdo => {
                 let Some(task) = self.task.filter(|task| value_of(*task) == write.value) else { return };
                 // Asked for again while it was in flight, the record is written once more: that write is the client's.
                 self.task_failed |= !stored && is_last;
-                if !base.writes.iter().any(|other| other.asked_by == Asker::Sdo && other.value == write.value) {
+                if !base.writes.iter().any(|other| other.requester == Requester::Sdo && other.value == write.value) {
                     self.node.end_task(task, !self.task_failed);
                 }
             }

@@ -111,7 +111,7 @@ impl Kind {
         }
     }
 
-    /// Returns the names of the faults that it tells of, in the order of [`View::faults`](super::View::faults).
+    /// Returns the names of the faults that it reports, in the order of [`View::faults`](super::View::faults).
     #[must_use]
     pub fn fault_names(self) -> heapless::Vec<&'static str, FAULTS> {
         match self {
@@ -157,7 +157,7 @@ impl Kind {
     }
 }
 
-/// What a device is made as. Node ID and serial number fill a new memory; one that holds them decides by itself.
+/// The setup of a device. Node ID and serial number fill a new memory; those in an existing memory take precedence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup<K = Kind> {
     /// The product.

@@ -1,8 +1,8 @@
 //! The faults of a button, for a board without a console.
 
 use super::Plant;
-use crate::actuator::{SpoolFault, ValveSenses};
-use crate::device::{ProductSenses, Senses};
+use crate::actuator::{SpoolFault, ValveInputs};
+use crate::device::{Inputs, ProductInputs};
 
 /// The faults that the button goes through, one a press.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,12 +25,12 @@ pub enum Injection {
 }
 
 impl Injection {
-    /// Returns the one that the next press brings to the product of these senses.
+    /// Returns the injection that the next press selects for the product of these inputs.
     #[must_use]
-    pub const fn next(self, product: &ProductSenses) -> Self {
+    pub const fn next(self, product: &ProductInputs) -> Self {
         match (self, product) {
-            (Self::None, ProductSenses::Valve(_)) => Self::SupplyLow,
-            (Self::None, ProductSenses::Encoder(_)) => Self::MeasuringError,
+            (Self::None, ProductInputs::Valve(_)) => Self::SupplyLow,
+            (Self::None, ProductInputs::Encoder(_)) => Self::MeasuringError,
             (Self::SupplyLow, _) => Self::SupplyHigh,
             (Self::SupplyHigh, _) => Self::Temperature,
             (Self::Temperature, _) => Self::SpoolStuck,
@@ -42,11 +42,11 @@ impl Injection {
     /// Returns the plant with this fault in the place of the ones that the button can bring; the rest stays.
     #[must_use]
     pub fn applied_to(self, plant: Plant) -> Plant {
-        let mut senses = Senses { internal_fault: self == Self::Internal, ..plant.senses };
-        match &mut senses.product {
-            ProductSenses::Valve(valve) => {
-                let ValveSenses { supply_mv, temperature_c, .. } = ValveSenses::default();
-                *valve = ValveSenses { supply_mv, temperature_c, ..*valve };
+        let mut inputs = Inputs { internal_fault: self == Self::Internal, ..plant.inputs };
+        match &mut inputs.product {
+            ProductInputs::Valve(valve) => {
+                let ValveInputs { supply_mv, temperature_c, .. } = ValveInputs::default();
+                *valve = ValveInputs { supply_mv, temperature_c, ..*valve };
                 valve.spool.fault = SpoolFault::None;
                 match self {
                     Self::SupplyLow => valve.supply_mv = 8_500,
@@ -56,8 +56,8 @@ impl Injection {
                     Self::None | Self::MeasuringError | Self::Internal => {}
                 }
             }
-            ProductSenses::Encoder(shaft) => shaft.measuring_error = self == Self::MeasuringError,
+            ProductInputs::Encoder(shaft) => shaft.measuring_error = self == Self::MeasuringError,
         }
-        Plant { senses, ..plant }
+        Plant { inputs, ..plant }
     }
 }

@@ -1,4 +1,4 @@
-//! A change of the plant: read from a word and its value, told as such, and made.
+//! A change of the plant: parsed from a word and its value, printed as such, and applied.
 
 use core::fmt;
 
@@ -7,11 +7,12 @@ use super::words::{
     SUPPLY_MV, TEMPERATURE_C, Value, WORDS, WRITE_FAILS, Word,
 };
 use crate::actuator::{Position, SpoolFault};
-use crate::device::{ProductSenses, Senses};
+use crate::device::{Inputs, ProductInputs};
 use crate::encoder::Shaft;
 use crate::time::Instant;
 
-/// A change of what acts on a device; the range is that of its [word](Self::word). Its text is the word and the value that a console takes: `supply_mv 8500`.
+/// A change of the plant; its range is that of the [word](Self::word). Its text is the word and the value of a console
+/// line: `supply_mv 8500`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
     /// Valves: the supply, in millivolt.
@@ -109,20 +110,20 @@ impl Change {
         }
     }
 
-    /// Changes what a device senses, at this instant. Memory and bus-off are the platform's, and no sense.
+    /// Changes an input of a device, at this instant. Memory and bus-off belong to the platform, and are no inputs.
     ///
     /// # Errors
     /// [`Inapplicable`]; nothing is changed then.
-    pub fn apply(self, senses: &mut Senses, now: Instant) -> Result<(), Inapplicable> {
-        use ProductSenses::{Encoder, Valve};
+    pub fn apply(self, inputs: &mut Inputs, now: Instant) -> Result<(), Inapplicable> {
+        use ProductInputs::{Encoder, Valve};
         let word = self.word();
-        if word.product.is_some_and(|product| product != (&senses.product).into()) {
+        if word.product.is_some_and(|product| product != (&inputs.product).into()) {
             return Err(Inapplicable::OtherProduct);
         }
         if !word.values.contain(self.value()) {
             return Err(Inapplicable::OutOfRange);
         }
-        match (self, &mut senses.product) {
+        match (self, &mut inputs.product) {
             (Self::SupplyMv(millivolt), Valve(valve)) => valve.supply_mv = millivolt,
             (Self::TemperatureC(celsius), Valve(valve)) => valve.temperature_c = celsius,
             (Self::Spool(fault), Valve(valve)) => valve.spool.fault = fault,
@@ -132,7 +133,7 @@ impl Change {
                 *shaft = Shaft { angle_cdeg: shaft.angle_at(now), speed_rpm, since: now, ..*shaft };
             }
             (Self::MeasuringError(there), Encoder(shaft)) => shaft.measuring_error = there,
-            (Self::InternalFault(there), _) => senses.internal_fault = there,
+            (Self::InternalFault(there), _) => inputs.internal_fault = there,
             // Memory and bus-off; the words of the other product are refused above.
             _ => {}
         }
@@ -153,15 +154,12 @@ const DECIMAL: u32 = 10;
 const SPOOL_FAULTS: [SpoolFault; SPOOL_WORDS.len()] =
     [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
 
-/// Reads a number without a minus sign. The one place for all numbers of a console: each reading takes 100 to 200 bytes
-/// of flash.
-#[inline(never)]
+/// Parses a number without a minus sign.
 #[must_use]
 pub fn natural(value: &str, radix: u32) -> Option<u32> {
     u32::from_str_radix(value, radix).ok()
 }
 
-#[inline(never)]
 fn integer(value: &str) -> Option<i32> {
     match value.strip_prefix('-') {
         Some(signed) if signed.starts_with('+') => None,

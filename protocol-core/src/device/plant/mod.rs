@@ -9,15 +9,15 @@ pub use button::Injection;
 pub use change::{Change, Inapplicable, natural};
 pub use words::{Product, Value, Values, WORDS, Word};
 
-use super::{Kind, ProductSenses, Senses};
-use crate::actuator::{Position, ValveSenses};
+use super::{Inputs, Kind, ProductInputs};
+use crate::actuator::{Position, ValveInputs};
 use crate::time::Instant;
 
-/// What acts on a device. Of the senses all but the error mode of the bus, which is the controller's to tell.
+/// The plant of a device: all its inputs but the error mode of the bus, which the controller reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plant {
-    /// What the device senses.
-    pub senses: Senses,
+    /// The inputs of the device.
+    pub inputs: Inputs,
     /// Every write to the memory fails.
     pub memory_fails: bool,
     /// The controller is kept off the bus, as in bus-off.
@@ -28,7 +28,7 @@ impl Plant {
     /// Returns the plant of a healthy device of this kind.
     #[must_use]
     pub fn healthy(kind: Kind) -> Self {
-        Self { senses: Senses::healthy(kind), memory_fails: false, bus_off: false }
+        Self { inputs: Inputs::healthy(kind), memory_fails: false, bus_off: false }
     }
 
     /// Changes one thing, at this instant.
@@ -39,21 +39,21 @@ impl Plant {
         match change {
             Change::MemoryFails(fails) => self.memory_fails = fails,
             Change::BusOff(there) => self.bus_off = there,
-            change => change.apply(&mut self.senses, now)?,
+            change => change.apply(&mut self.inputs, now)?,
         }
         Ok(())
     }
 
     /// Returns the changes that would make any plant of the product this one: one for each of its words.
     pub fn words(&self, now: Instant) -> impl Iterator<Item = Change> + use<> {
-        let own = match &self.senses.product {
-            ProductSenses::Valve(ValveSenses { supply_mv, temperature_c, spool }) => [
+        let own = match &self.inputs.product {
+            ProductInputs::Valve(ValveInputs { supply_mv, temperature_c, spool }) => [
                 Some(Change::SupplyMv(*supply_mv)),
                 Some(Change::TemperatureC(*temperature_c)),
                 Some(Change::Spool(spool.fault)),
                 Some(Change::Lever(spool.lever.map(Position::raw))),
             ],
-            ProductSenses::Encoder(shaft) => [
+            ProductInputs::Encoder(shaft) => [
                 Some(Change::AngleCdeg(shaft.angle_at(now))),
                 Some(Change::SpeedRpm(shaft.speed_rpm)),
                 Some(Change::MeasuringError(shaft.measuring_error)),
@@ -61,7 +61,7 @@ impl Plant {
             ],
         };
         let common = [
-            Change::InternalFault(self.senses.internal_fault),
+            Change::InternalFault(self.inputs.internal_fault),
             Change::MemoryFails(self.memory_fails),
             Change::BusOff(self.bus_off),
         ];

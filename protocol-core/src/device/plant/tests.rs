@@ -43,10 +43,10 @@ fn every_word_of_a_valve() {
         "bus_off on",
     ];
     let plant = after(VALVE, &typed);
-    let valve = plant.senses.valve().unwrap();
+    let valve = plant.inputs.valve().unwrap();
     assert_eq!((valve.supply_mv, valve.temperature_c), (8500, -41));
     assert_eq!((valve.spool.fault, valve.spool.lever), (SpoolFault::NoFloat, Position::new(-4000)));
-    assert!(plant.senses.internal_fault && plant.memory_fails && plant.bus_off);
+    assert!(plant.inputs.internal_fault && plant.memory_fails && plant.bus_off);
     assert_eq!(told(&plant, NOW), typed, "every word stands at what was typed");
     let healthy = [
         "supply_mv 24000",
@@ -76,8 +76,8 @@ fn every_word_of_an_angle_sensor() {
     ];
     let plant = after(SENSOR, &typed);
     let shaft = Shaft { angle_cdeg: 35_999, speed_rpm: -33, since: NOW, measuring_error: true };
-    assert_eq!(plant.senses.shaft(), Some(&shaft));
-    assert!(plant.senses.internal_fault && plant.memory_fails && plant.bus_off);
+    assert_eq!(plant.inputs.shaft(), Some(&shaft));
+    assert!(plant.inputs.internal_fault && plant.memory_fails && plant.bus_off);
     assert_eq!(told(&plant, NOW), typed, "every word stands at what was typed");
     let healthy =
         ["angle_cdeg 0", "speed_rpm 0", "measuring_error off", "internal_fault off", "memory ok", "bus_off off"];
@@ -152,7 +152,7 @@ fn the_button_goes_round_and_leaves_the_rest_alone() {
         let start = after(kind, &[line]);
         let (mut plant, mut injection, mut seen) = (start, Injection::None, Vec::new());
         for _ in 0..presses {
-            injection = injection.next(&plant.senses.product);
+            injection = injection.next(&plant.inputs.product);
             plant = injection.applied_to(plant);
             assert!(told(&plant, NOW).iter().any(|told| told == line), "{injection:?}");
             assert!(!seen.contains(&plant), "{injection:?}");
@@ -178,7 +178,7 @@ fn each_word_tells_its_values_and_stands_at_one_of_them() {
     }
     for (kind, product) in [(VALVE, Product::Valve), (SENSOR, Product::Encoder)] {
         let plant = Plant::healthy(kind);
-        assert_eq!(Product::from(&plant.senses.product), product);
+        assert_eq!(Product::from(&plant.inputs.product), product);
         let (words, changes) = (product.words().collect::<Vec<_>>(), plant.words(NOW).collect::<Vec<_>>());
         assert_eq!(changes.iter().map(|change| change.word()).collect::<Vec<_>>(), words);
         for (word, change) in words.into_iter().zip(changes) {

@@ -5,7 +5,7 @@ use core::fmt;
 
 use super::Plant;
 use crate::actuator::Position;
-use crate::device::{Kind, ProductSenses, hat, pve};
+use crate::device::{Kind, ProductInputs, hat, pve};
 use crate::encoder::TURN_CDEG;
 use crate::time::Instant;
 use crate::wire::decimal::decimal;
@@ -118,11 +118,11 @@ pub enum Values {
         /// The highest one.
         max: i32,
     },
-    /// One of these words.
+    /// A word of this list.
     Words(&'static [&'static str]),
 }
 
-/// What a word stands at.
+/// The value of a plant word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
     /// A number that is not negative.
@@ -133,7 +133,7 @@ pub enum Value {
     Word(&'static str),
 }
 
-/// What a device is, as far as its plant is concerned.
+/// The product of a device, as its plant distinguishes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// A valve.
@@ -149,11 +149,11 @@ impl Product {
     }
 }
 
-impl From<&ProductSenses> for Product {
-    fn from(senses: &ProductSenses) -> Self {
-        match senses {
-            ProductSenses::Valve(_) => Self::Valve,
-            ProductSenses::Encoder(_) => Self::Encoder,
+impl From<&ProductInputs> for Product {
+    fn from(inputs: &ProductInputs) -> Self {
+        match inputs {
+            ProductInputs::Valve(_) => Self::Valve,
+            ProductInputs::Encoder(_) => Self::Encoder,
         }
     }
 }

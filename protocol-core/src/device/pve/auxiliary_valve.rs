@@ -1,5 +1,5 @@
-//! The valve as the bus commands it: what an AVC does, shutdown by a fault, recovery by two neutral commands, and what
-//! is told of it in AVEF and DM2 (SPEC 5).
+//! The valve under ISO 11783-7: the effect of an AVC, shutdown by a fault, recovery by two neutral commands, and the
+//! data of AVEF and DM2 (SPEC 5).
 
 use super::fault_codes::codes;
 use crate::actuator::{

@@ -2,7 +2,7 @@
 //!
 //! Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF, and of CiA 408 from 0x6000 on.
 
-use super::application::FLOAT;
+use super::device_control::FLOAT;
 use crate::actuator::{COUNTER_MAX, Fault, Position};
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};
@@ -59,7 +59,7 @@ pub(super) enum ValveObject {
     Actual,
 }
 
-/// What the signatures of 0x1010 and 0x1011 ask for.
+/// The tasks of the signatures of 0x1010 and 0x1011.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Task {
     /// "save"
@@ -76,16 +76,16 @@ const FULL: i32 = Position::FULL as i32;
 /// The highest producer heartbeat time.
 pub(super) const HEARTBEAT_MAX: u16 = 0x7FFF;
 
-/// How many characters object 0x6053 takes.
+/// The most characters of object 0x6053.
 pub(super) const DESCRIPTION_MAX: usize = 10;
 
 /// A mapping entry that stands for a gap of one bit.
 const DUMMY: u32 = 0x0001_0001;
 
-/// How many characters the software version has.
+/// The number of characters of the software version.
 const SOFTWARE_VERSION_LEN: u8 = 47;
 
-/// What 0x1011:5 takes to clear the occurrence counters: "pkds".
+/// The signature of 0x1011:5 that clears the occurrence counters: "pkds".
 const CLEAR_COUNTERS: u32 = 0x7364_6B70;
 
 /// Returns the description of an object; `None` when there is no such object.

@@ -1,17 +1,17 @@
-//! How the faults are told on the wire: one table (SPEC 3).
+//! The codes of the faults on the wire: one table (SPEC 3).
 
 use crate::actuator::{Fault, FaultSet};
 use crate::wire::dm::Lamp;
 use crate::wire::dtc::Dtc;
 
-/// How one fault is told.
+/// The codes of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultCodes {
     /// The fault.
     pub fault: Fault,
     /// The emergency error code.
     pub emcy: u16,
-    /// What it contributes to the error register, 0x1001.
+    /// The bits of the error register, 0x1001.
     pub register: u8,
     /// The trouble code, as the manual prints it (R: the three bytes on the wire, read from the last to the first).
     pub dtc: Dtc,

@@ -1,4 +1,4 @@
-//! What a start finds in the memory: each record checked, with the defaults in the place of what is not there (SPEC 6).
+//! The records that a start finds in the memory: each checked, with the defaults for those that are missing (SPEC 6).
 
 use super::Setup;
 use super::records::{Factory, FaultLog, LocalLayer, VERSION};

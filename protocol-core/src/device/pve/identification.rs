@@ -12,13 +12,13 @@ use crate::wire::uds::{Address, Identifier, parse_id};
 /// Identifier 0xF010 holds this: the address format.
 const ADDRESS_FORMAT: u8 = 0xA5;
 
-/// What UDS sees of the device.
+/// The identification of the device by UDS.
 pub(super) struct Identification<'a> {
     pub(super) kind: Kind,
     pub(super) factory: &'a Factory,
     /// As stored.
     pub(super) local_layer: LocalLayer,
-    /// Whether a client's write of the node ID is under way.
+    /// A client's write of the node ID is under way.
     pub(super) busy: bool,
 }
 

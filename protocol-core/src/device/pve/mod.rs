@@ -1,20 +1,20 @@
 //! The proportional and on/off valve actuators PVEA and PVEO, Series 6 (SPEC 1–4, 6, 7).
 //!
 //! ```text
-//! fault_codes     how the faults are told: SPEC 3
-//! dictionary      the object dictionary, one table          objects    what lies behind it
-//! state_machine   the device state machine of CiA 408       application    the valve under it
+//! fault_codes     the codes of the faults: SPEC 3
+//! dictionary      the object dictionary, one table          objects    the state behind its objects
+//! state_machine   the device state machine of CiA 408       device_control  the valve under it
 //! auxiliary_valve the valve under the commands of ISO 11783-7
-//! found           what a start finds in the memory
-//! records         what is kept in the memory
-//! identification  the identifiers of UDS lite          sensing    what a valve makes of its senses
+//! found           the records that a start finds in the memory
+//! records         the payloads of the records
+//! identification  the identifiers of UDS lite          sensing    the faults that inputs cause
 //! view            its state for people and tools
 //! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
 //! ```
 
-mod application;
 mod auxiliary_valve;
 mod canopen;
+mod device_control;
 mod dictionary;
 mod fault_codes;
 mod found;
@@ -36,5 +36,5 @@ pub use isobus::PveIsobus;
 pub(super) use objects::describe;
 pub use state_machine::{DeviceMode, DeviceState};
 
-/// What a valve is made as.
+/// The setup of a valve.
 pub type Setup = super::Setup<Kind>;

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use super::Kind;
-use super::application::{Application, FLOAT};
+use super::device_control::{DeviceControl, FLOAT};
 use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, HEARTBEAT_MAX, Task, ValveObject};
 use super::fault_codes::register;
 use super::records::Factory;
@@ -97,13 +97,13 @@ const PDO: pdo::Rules = pdo::Rules {
 #[derive(Clone, Debug)]
 pub(super) struct ValveObjects {
     pub(super) kind: Kind,
-    pub(super) application: Application,
+    pub(super) control: DeviceControl,
     factory: Factory,
     description: Vec<u8, DESCRIPTION_MAX, u8>,
     serial_text: Vec<u8, DIGITS>,
 }
 
-/// What the application is told by an object.
+/// The command that an object gives to the device control.
 #[derive(Clone, Copy, Debug)]
 enum Command {
     /// 0x3300, 0x3303, 0x6300:1
@@ -118,7 +118,7 @@ impl ValveObjects {
     pub(super) const fn new(kind: Kind) -> Self {
         Self {
             kind,
-            application: Application::new(kind),
+            control: DeviceControl::new(kind),
             factory: Factory::UNREAD,
             description: Vec::new(),
             serial_text: Vec::new(),
@@ -182,7 +182,7 @@ impl Product for ValveObjects {
     }
 
     fn error_register(&self) -> u8 {
-        register(self.application.valve.faults())
+        register(self.control.valve.faults())
     }
 
     fn read(&self, object: ValveObject, now: Instant) -> Value<'_> {
@@ -204,19 +204,19 @@ impl Product for ValveObjects {
 
     #[inline(never)]
     fn sample(&self, object: ValveObject, now: Instant) -> u32 {
-        let application = &self.application;
+        let control = &self.control;
         match object {
-            ValveObject::FaultCount(fault) => application.valve.counters().get(fault).into(),
-            ValveObject::SetPointPer127 => low_bits_8(application.set_point_on(Scale::Per127)),
-            ValveObject::ActualPer127 => low_bits_8(application.actual_on(Scale::Per127, now)),
-            ValveObject::ActualInverted => low_bits_8(application.actual_on(Scale::Per127, now).saturating_neg()),
-            ValveObject::SetPointPer1000 => low_bits_16(application.set_point_on(Scale::Per1000)),
-            ValveObject::ActualPer1000 => low_bits_16(application.actual_on(Scale::Per1000, now)),
-            ValveObject::ControlWord => application.control_word().into(),
-            ValveObject::StatusWord => application.state().status_word().into(),
-            ValveObject::DeviceMode => application.mode() as u32,
-            ValveObject::SetPoint => low_bits_16(application.set_point_raw()),
-            ValveObject::Actual => low_bits_16(application.actual_raw(now)),
+            ValveObject::FaultCount(fault) => control.valve.counters().get(fault).into(),
+            ValveObject::SetPointPer127 => low_bits_8(control.set_point_on(Scale::Per127)),
+            ValveObject::ActualPer127 => low_bits_8(control.actual_on(Scale::Per127, now)),
+            ValveObject::ActualInverted => low_bits_8(control.actual_on(Scale::Per127, now).saturating_neg()),
+            ValveObject::SetPointPer1000 => low_bits_16(control.set_point_on(Scale::Per1000)),
+            ValveObject::ActualPer1000 => low_bits_16(control.actual_on(Scale::Per1000, now)),
+            ValveObject::ControlWord => control.control_word().into(),
+            ValveObject::StatusWord => control.state().status_word().into(),
+            ValveObject::DeviceMode => control.mode() as u32,
+            ValveObject::SetPoint => low_bits_16(control.set_point_raw()),
+            ValveObject::Actual => low_bits_16(control.actual_raw(now)),
             ValveObject::SoftwareVersion | ValveObject::SerialNumber | ValveObject::Description => 0,
         }
     }
@@ -230,9 +230,9 @@ impl Product for ValveObjects {
             }
         };
         match Self::command(object, number)? {
-            Command::SetPoint(set_point) => self.application.accept(set_point, now),
-            Command::Mode(mode) => self.application.set_mode(mode, now),
-            Command::Control(word) => self.application.control(word, now),
+            Command::SetPoint(set_point) => self.control.accept(set_point, now),
+            Command::Mode(mode) => self.control.set_mode(mode, now),
+            Command::Control(word) => self.control.set_control_word(word, now),
         }
         Ok(())
     }
@@ -262,24 +262,24 @@ impl Product for ValveObjects {
             }
         }
         if let Some(mode) = mode {
-            self.application.set_mode(mode, now);
+            self.control.set_mode(mode, now);
         }
         if let Some(word) = control {
-            self.application.control(word, now);
+            self.control.set_control_word(word, now);
         }
         if let Some(set_point) = set_point {
-            self.application.accept(set_point, now);
+            self.control.accept(set_point, now);
         }
     }
 
     fn stopped(&mut self, now: Instant) {
-        self.application.shut_down(now);
+        self.control.shut_down(now);
     }
 
     /// Takes a generic error of the configured node for an emergency stop (SPEC 4.2).
     fn hear_emcy(&mut self, message: Emcy, now: Instant) {
-        if message.code == GENERIC_ERROR && self.application.state() == DeviceState::Active {
-            self.application.shut_down(now);
+        if message.code == GENERIC_ERROR && self.control.state() == DeviceState::Active {
+            self.control.shut_down(now);
         }
     }
 }

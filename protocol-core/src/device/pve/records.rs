@@ -1,4 +1,4 @@
-//! What a valve keeps in its memory beside the parameters (SPEC 6): the payloads of the records.
+//! The payloads of a valve's records beside the parameters (SPEC 6).
 
 use super::{Kind, Setup};
 use crate::actuator::Counters;

@@ -1,11 +1,11 @@
-//! The senses of a device that become faults of its valve.
+//! The inputs of a device that become faults of its valve.
 
 use crate::actuator::{InternalCause, Valve};
 use crate::controller::BusErrorMode;
-use crate::device::Senses;
+use crate::device::Inputs;
 use crate::time::Instant;
 
-/// The causes of faults that a device senses beside its valve's own. Unlike the faults, they outlast a restart.
+/// The causes of faults among the inputs of the device, beside those of its valve. Unlike the faults, they outlast a restart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Causes {
     internal_fault: bool,
@@ -16,12 +16,12 @@ impl Causes {
     /// The causes of a healthy device: none.
     pub(super) const NONE: Self = Self { internal_fault: false, bus_off: false };
 
-    /// Takes what the device senses, as often as it likes. Returns whether the controller is bus-off.
-    pub(super) fn sense(&mut self, valve: &mut Valve, senses: &Senses, now: Instant) -> bool {
-        if let Some(sensed) = senses.valve() {
+    /// Takes the inputs, any number of times. Returns whether the controller is bus-off.
+    pub(super) fn sense(&mut self, valve: &mut Valve, inputs: &Inputs, now: Instant) -> bool {
+        if let Some(sensed) = inputs.valve() {
             valve.sense(sensed, now);
         }
-        *self = Self { internal_fault: senses.internal_fault, bus_off: senses.bus == BusErrorMode::BusOff };
+        *self = Self { internal_fault: inputs.internal_fault, bus_off: inputs.bus == BusErrorMode::BusOff };
         self.tell(valve, now);
         self.bus_off
     }

@@ -11,41 +11,41 @@ use crate::wire::pdo_mapping::MappingEntry;
 
 impl Viewable for PveCanopen {
     fn view(&self, now: Instant) -> View {
-        let body = self.body();
-        let application = &body.objects.application;
-        let valve = &application.valve;
+        let application = self.application();
+        let control = &application.objects.control;
+        let valve = &control.valve;
         View {
             node_id: self.node_id(),
             bit_rate: self.bit_rate(),
-            nmt: Some(body.node.nmt_state()),
+            nmt: Some(application.node.nmt_state()),
             position: valve.position(now).raw(),
             valve: Some(ValveView {
-                dsm: Some(application.state()),
+                dsm: Some(control.state()),
                 command: None,
-                set_point: application.set_point(),
+                set_point: control.set_point(),
                 solenoids: valve.solenoids(),
-                led: application.led(self.node_id().is_some()),
+                led: control.led(self.node_id().is_some()),
             }),
             faults: faults(valve),
         }
     }
 
     fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
-        self.body().node.tpdo()
+        self.application().node.tpdo()
     }
 
     fn is_switching_bit_rate(&self) -> bool {
-        self.body().node.is_switching_bit_rate()
+        self.application().node.is_switching_bit_rate()
     }
 
     fn valve(&self) -> Option<&Valve> {
-        Some(self.body().valve())
+        Some(self.application().valve())
     }
 }
 
 impl Viewable for PveIsobus {
     fn view(&self, now: Instant) -> View {
-        let auxiliary = &self.body().auxiliary;
+        let auxiliary = &self.application().auxiliary;
         let valve = &auxiliary.valve;
         View {
             node_id: self.node_id(),
@@ -64,7 +64,7 @@ impl Viewable for PveIsobus {
     }
 
     fn valve(&self) -> Option<&Valve> {
-        Some(self.body().valve())
+        Some(self.application().valve())
     }
 }
 

@@ -8,32 +8,32 @@ use crate::wire::pdo_mapping::MappingEntry;
 
 impl Viewable for Hat {
     fn view(&self, now: Instant) -> View {
-        let body = self.body();
+        let application = self.application();
         let fault = |error: Error| {
             let (code, field, _) = error.codes();
             FaultView {
                 name: error.name(),
-                active: body.objects.errors.has(error),
-                count: body.node.times_entered(code, field),
+                active: application.objects.errors.has(error),
+                count: application.node.times_entered(code, field),
             }
         };
         View {
             node_id: self.node_id(),
             bit_rate: self.bit_rate(),
-            nmt: Some(body.node.nmt_state()),
+            nmt: Some(application.node.nmt_state()),
             // Below 16384, a turn.
-            position: i16::try_from(body.objects.position(now)).unwrap_or(i16::MAX),
+            position: i16::try_from(application.objects.position(now)).unwrap_or(i16::MAX),
             valve: None,
             faults: Error::ALL.into_iter().map(fault).collect(),
         }
     }
 
     fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
-        self.body().node.tpdo()
+        self.application().node.tpdo()
     }
 
     fn is_switching_bit_rate(&self) -> bool {
-        self.body().node.is_switching_bit_rate()
+        self.application().node.is_switching_bit_rate()
     }
 }
 

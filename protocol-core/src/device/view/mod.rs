@@ -45,7 +45,7 @@ pub struct ValveView {
     /// The set-point: on CANopen the last accepted one, object 0x6300; on ISOBUS that of `command`, neutral for a
     /// command without a flow.
     pub set_point: SetPoint,
-    /// Whether the solenoids are energised.
+    /// The solenoids are energised.
     pub solenoids: bool,
     /// The LED.
     pub led: Led,
@@ -56,9 +56,9 @@ pub struct ValveView {
 pub struct FaultView {
     /// The name used everywhere.
     pub name: &'static str,
-    /// Whether it is active.
+    /// The fault is active.
     pub active: bool,
-    /// Of a valve the occurrence counter, 0–127; of an angle sensor the number of its entries in 0x1003.
+    /// The occurrence counter of a valve, 0–127; of an angle sensor the number of its entries in 0x1003.
     pub count: u8,
 }
 

@@ -1,4 +1,4 @@
-//! The frames that a node listens to, told by the identifier alone: most frames on a bus are not for it.
+//! The frames that a node listens to, found by the identifier alone: most frames on a bus are for others.
 
 use core::ops::RangeInclusive;
 
@@ -37,7 +37,7 @@ pub(super) struct Groups {
     request: Group,
     connection: Group,
     other_protocol: Filter,
-    /// Whether the controller has its filters.
+    /// The controller has its filters.
     told: bool,
 }
 

@@ -7,8 +7,8 @@
 //! serve     what each service makes of a frame
 //! ```
 //!
-//! The services keep what is owed, the node renders the most urgent of it when the controller can take a frame. A frame
-//! that waits in the controller when a newer message of its kind is owed is aborted first.
+//! The services keep the pending messages, the node renders the most urgent one when the controller can take a frame. A
+//! frame that waits in the controller is aborted before a newer message of its kind is queued.
 
 mod groups;
 mod messages;
@@ -33,7 +33,7 @@ use crate::wire::dm::{self, Trouble};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::wire::name::{COMMANDED_ADDRESS_LEN, Name};
 
-/// The number of senders of a commanded address that are heard at once.
+/// The number of senders of a commanded address that are received at once.
 const SENDERS: usize = 16;
 
 /// The broadcasts that are received in packets.
@@ -53,7 +53,7 @@ pub struct Rules {
     pub report_period: Duration,
 }
 
-/// What a product tells when a frame is rendered.
+/// The data of a product in the frames of the node.
 pub trait Product {
     /// Returns the data of the report, as things are at `now`.
     fn report(&self, now: Instant) -> [u8; 8];
@@ -76,7 +76,7 @@ pub struct Node<const DM2: usize> {
     bus_off: bool,
     /// The messages that may be sent in the present state of bus and claim.
     permitted: MessageSet,
-    owed: MessageSet,
+    pending: MessageSet,
     /// The messages of which a frame may wait in the controller.
     in_controller: MessageSet,
     /// Identifiers of frames that the controller must not send any more.
@@ -103,7 +103,7 @@ impl<const DM2: usize> Node<DM2> {
             next_report: NEVER,
             bus_off: false,
             permitted: MessageSet::CLAIM,
-            owed: MessageSet::CLAIM,
+            pending: MessageSet::CLAIM,
             in_controller: MessageSet::EMPTY,
             aborts: Vec::new(),
             answers: Answers::default(),
@@ -149,7 +149,7 @@ impl<const DM2: usize> Node<DM2> {
         if bus_off && !self.bus_off {
             self.give_up_all();
             if self.claim.is_begun() {
-                self.owed.insert(Message::Claim);
+                self.pending.insert(Message::Claim);
             }
         }
         self.bus_off = bus_off;
@@ -157,14 +157,14 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Takes the active trouble code that DM1 shows. DM1 is owed when that is a change.
+    /// Takes the active trouble code that DM1 shows. Queues DM1 when that is a change.
     pub fn set_active(&mut self, active: Option<Trouble>, now: Instant) {
         let outcome = self.dm1.set(active, if self.bus_off { NEVER } else { now });
         self.note(outcome, Message::Dm1);
         self.schedule();
     }
 
-    /// Owes an answer. Without a voice or without room it is dropped and counted.
+    /// Queues an answer. Without a voice or without room it is dropped and counted.
     pub fn answer(&mut self, frame: Frame) {
         if self.voice().is_none() || !self.answers.push(frame) {
             self.count_dropped(1);
@@ -181,7 +181,7 @@ impl<const DM2: usize> Node<DM2> {
             outcome => self.note(outcome, Message::Claim),
         }
         if now >= self.next_report {
-            self.owe(Message::Report);
+            self.queue(Message::Report);
             self.next_report = next_in_grid(self.next_report, self.rules.report_period, now);
         }
         let outcome = self.dm1.poll(now);
@@ -211,18 +211,18 @@ impl<const DM2: usize> Node<DM2> {
         self.aborts.pop()
     }
 
-    /// Renders the most urgent frame that is owed.
+    /// Renders the most urgent pending frame.
     #[inline]
     pub fn next_frame(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
-        if self.owes() { self.render_first(now, product) } else { None }
+        if self.has_frame() { self.render_first(now, product) } else { None }
     }
 
-    /// Takes a frame back from the controller: it is owed again, as far as it may still be sent.
+    /// Takes a frame back from the controller and queues it again, as far as it may still be sent.
     pub fn give_back(&mut self, frame: Frame) {
         match self.message_of(&frame) {
             Some(message) if self.in_controller.contains(message) => {
                 self.in_controller.remove(message);
-                self.owed.insert(message);
+                self.pending.insert(message);
                 if message == Message::Packet {
                     self.bam.take_back();
                 }
@@ -244,8 +244,8 @@ impl<const DM2: usize> Node<DM2> {
         if self.in_controller.contains(Message::Packet) {
             self.bam.sent(now);
         }
-        if self.in_controller.contains(Message::Dm1) && self.dm1.sent() == Outcome::Owed {
-            self.owed.insert(Message::Dm1);
+        if self.in_controller.contains(Message::Dm1) && self.dm1.sent() == Outcome::Pending {
+            self.pending.insert(Message::Dm1);
         }
         self.in_controller = MessageSet::EMPTY;
         self.answers.sent();
@@ -255,7 +255,7 @@ impl<const DM2: usize> Node<DM2> {
     /// Returns the trouble code of the last DM1, unless that is not on the bus yet.
     #[must_use]
     pub fn told(&self) -> Option<Trouble> {
-        let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.owed.contains(Message::Dm1);
+        let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.pending.contains(Message::Dm1);
         self.dm1.rendered().filter(|_| on_the_bus)
     }
 
@@ -268,16 +268,16 @@ impl<const DM2: usize> Node<DM2> {
         };
     }
 
-    /// Returns what is owed and may be sent.
+    /// Returns the pending messages that may be sent.
     #[inline]
     const fn sendable(&self) -> MessageSet {
-        self.owed.intersection(self.permitted)
+        self.pending.intersection(self.permitted)
     }
 
-    /// Returns whether a frame is owed that may be sent now.
+    /// Returns whether a frame is pending that may be sent now.
     #[inline]
     #[must_use]
-    pub fn owes(&self) -> bool {
+    pub fn has_frame(&self) -> bool {
         !self.sendable().is_empty() || !self.answers.is_empty()
     }
 
@@ -338,7 +338,7 @@ impl<const DM2: usize> Node<DM2> {
                 Some(single(Pgn::DM2, one, self.own()))
             }
             _ => {
-                self.owed.remove(Message::Dm2);
+                self.pending.remove(Message::Dm2);
                 // No other is under way, and two codes are more bytes than the fewest of a broadcast.
                 let _ = self.bam.start(Pgn::DM2, dm::payload(all), now);
                 self.render_packet()
@@ -355,7 +355,7 @@ impl<const DM2: usize> Node<DM2> {
     }
 
     const fn hand_out(&mut self, message: Message) {
-        self.owed.remove(message);
+        self.pending.remove(message);
         self.in_controller.insert(message);
     }
 

@@ -13,7 +13,7 @@ use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::name::Name;
 use crate::wire::request::Control;
 
-/// What the product learns from a frame.
+/// The indication of a frame to the product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Indication {
     /// Nothing: the frame was for the node, or for nobody here.
@@ -89,12 +89,12 @@ impl<const DM2: usize> Node<DM2> {
             return Indication::Nothing;
         }
         match request.pgn {
-            Pgn::DM1 => self.owe(Message::Dm1),
-            // Another one during a running broadcast is dropped: its asker hears that one.
+            Pgn::DM1 => self.queue(Message::Dm1),
+            // Another one during a running broadcast is dropped: its requester hears that one.
             Pgn::DM2 if self.bam.is_busy() => {}
-            Pgn::DM2 => self.owe(Message::Dm2),
+            Pgn::DM2 => self.queue(Message::Dm2),
             Pgn::DM3 => return Indication::ClearPreviouslyActive(request),
-            pgn if pgn == self.report.pgn() => self.owe(Message::Report),
+            pgn if pgn == self.report.pgn() => self.queue(Message::Report),
             _ => self.respond(&request, Control::Negative),
         }
         Indication::Nothing
@@ -147,25 +147,25 @@ impl<const DM2: usize> Node<DM2> {
     }
 }
 
-/// What is owed: the bookkeeping.
+/// The pending messages.
 impl<const DM2: usize> Node<DM2> {
-    /// Owes what a service says is owed.
+    /// Queues the message of a service that has one.
     #[inline]
     pub(super) fn note(&mut self, outcome: Outcome, message: Message) {
-        if outcome == Outcome::Owed {
-            self.owe(message);
+        if outcome == Outcome::Pending {
+            self.queue(message);
         }
     }
 
-    /// Owes a message. An older frame of it that waits in the controller must not go out any more.
+    /// Queues a message. An older frame of it that waits in the controller must not go out any more.
     ///
-    /// In bus-off nothing is owed but DM1, which tells the state of the time when the bus is back.
-    pub(super) fn owe(&mut self, message: Message) {
+    /// In bus-off nothing is pending but DM1, which tells the state of the time when the bus is back.
+    pub(super) fn queue(&mut self, message: Message) {
         if self.bus_off && message != Message::Dm1 {
             return;
         }
         self.abort(message);
-        self.owed.insert(message);
+        self.pending.insert(message);
     }
 
     /// Lets the controller abort the frame of this message that may wait there.
@@ -178,14 +178,14 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Owes the frame of the running broadcast that is due, or gives up a broadcast that the bus kept waiting.
+    /// Queues the frame of the running broadcast that is due, or gives up a broadcast that the bus kept waiting.
     pub(super) fn continue_broadcast(&mut self, now: Instant) {
         // The identifier of the frame in the controller, which is forgotten with the broadcast.
         let key = self.key_of(Message::Packet);
         let announced = self.bam.pgn() == Pgn::TP_DATA;
         match self.bam.poll(now) {
             Outcome::GivenUp => {
-                self.owed.remove(Message::Packet);
+                self.pending.remove(Message::Packet);
                 if self.in_controller.contains(Message::Packet) {
                     self.in_controller.remove(Message::Packet);
                     let _ = self.aborts.push(Filter::exactly(key));
@@ -194,20 +194,20 @@ impl<const DM2: usize> Node<DM2> {
                     self.count_dropped(1);
                 } else {
                     // The bus has heard nothing of it: the list as it is now takes its place.
-                    self.owe(Message::Dm2);
+                    self.queue(Message::Dm2);
                 }
             }
             outcome => self.note(outcome, Message::Packet),
         }
     }
 
-    /// Forgets what is owed, but for DM1, and what the controller has.
+    /// Forgets all pending messages but DM1, and those that the controller has.
     pub(super) fn give_up_all(&mut self) {
-        let dm1 = self.owed.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
-        self.owed = MessageSet::EMPTY;
+        let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
+        self.pending = MessageSet::EMPTY;
         self.in_controller = MessageSet::EMPTY;
         if dm1 {
-            self.owed.insert(Message::Dm1);
+            self.pending.insert(Message::Dm1);
         }
         self.aborts.clear();
         let dropped = self.answers.clear().saturating_add(u32::from(self.bam.cancel()));

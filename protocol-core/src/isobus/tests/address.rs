@@ -12,7 +12,7 @@ use crate::wire::j1939_id::{J1939Id, Pgn};
 const CLAIM: &str = "18EEFF83: 01 00 20 07 08 FF 02 20";
 const CANNOT_CLAIM: &str = "18EEFFFE: 01 00 20 07 08 FF 02 20";
 
-const TO_ALL: Request = Request { pgn: Pgn::ADDRESS_CLAIMED, asker: TOOL, addressed: false };
+const TO_ALL: Request = Request { pgn: Pgn::ADDRESS_CLAIMED, requester: TOOL, addressed: false };
 const TO_OWN: Request = Request { addressed: true, ..TO_ALL };
 
 /// The longest delay of a cannot-claim.
@@ -29,7 +29,7 @@ fn claimed() -> AddressClaim {
 fn lost(now: Instant) -> AddressClaim {
     let mut claim = claimed();
     assert_eq!(claim.contend(OWN, LOWER, now), Outcome::Lost);
-    assert_eq!(claim.poll(claim.deadline()), Outcome::Owed);
+    assert_eq!(claim.poll(claim.deadline()), Outcome::Pending);
     claim
 }
 
@@ -78,7 +78,7 @@ fn a_foreign_frame_under_the_own_address_is_objected_to() {
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
     let mut now = ms(300);
     for _ in 0..3 {
-        assert_eq!(claim.object(now), Outcome::Owed);
+        assert_eq!(claim.object(now), Outcome::Pending);
         now += OBJECTION_INTERVAL;
         assert_eq!(claim.object(us(now.as_micros() - 1)), Outcome::Nothing);
     }
@@ -90,7 +90,7 @@ fn a_foreign_frame_under_the_own_address_is_objected_to() {
 fn a_higher_name_is_answered_with_the_claim() {
     let mut claim = claimed();
     for time in 300..310 {
-        assert_eq!(claim.contend(OWN, HIGHER, ms(time)), Outcome::Owed);
+        assert_eq!(claim.contend(OWN, HIGHER, ms(time)), Outcome::Pending);
     }
     assert_eq!((claim.may_send(), claim.deadline()), (true, NEVER));
 }
@@ -99,7 +99,7 @@ fn a_higher_name_is_answered_with_the_claim() {
 fn defending_it_does_not_prolong_the_wait() {
     let mut claim = AddressClaim::new(NAME, OWN);
     claim.sent(ms(0));
-    assert_eq!(claim.contend(OWN, HIGHER, ms(249)), Outcome::Owed);
+    assert_eq!(claim.contend(OWN, HIGHER, ms(249)), Outcome::Pending);
     assert_eq!(claim.poll(us(249_999)), Outcome::Nothing);
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
 }
@@ -128,7 +128,7 @@ fn a_lower_name_takes_the_address_at_once() {
         if due > ms(300) {
             assert_eq!(claim.poll(us(due.as_micros() - 1)), Outcome::Nothing);
         }
-        assert_eq!(claim.poll(due), Outcome::Owed);
+        assert_eq!(claim.poll(due), Outcome::Pending);
         assert_eq!(claim.frame(), frame(CANNOT_CLAIM));
         assert_eq!(claim.deadline(), NEVER);
         assert_eq!(claim.poll(ms(100_000)), Outcome::Nothing);
@@ -149,8 +149,8 @@ fn without_an_address_it_is_silent_but_for_requests_to_all() {
     let due = claim.deadline();
     assert!(since(due, ms(1_000)) <= LONGEST);
     assert_eq!(claim.requested(&TO_ALL, ms(1_000)), Outcome::Nothing);
-    assert_eq!(claim.deadline(), due, "one answer is owed");
-    assert_eq!(claim.poll(due), Outcome::Owed);
+    assert_eq!(claim.deadline(), due, "one answer is pending");
+    assert_eq!(claim.poll(due), Outcome::Pending);
     assert_eq!(claim.deadline(), NEVER);
 }
 
@@ -159,11 +159,11 @@ fn requests_are_answered_in_the_wait_and_after_it() {
     let mut claim = AddressClaim::new(NAME, OWN);
     claim.sent(ms(0));
     for request in [TO_ALL, TO_OWN] {
-        assert_eq!(claim.requested(&request, ms(100)), Outcome::Owed);
+        assert_eq!(claim.requested(&request, ms(100)), Outcome::Pending);
     }
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
     for request in [TO_ALL, TO_OWN] {
-        assert_eq!(claim.requested(&request, ms(300)), Outcome::Owed);
+        assert_eq!(claim.requested(&request, ms(300)), Outcome::Pending);
     }
     assert_eq!(claim.requested(&Request { pgn: Pgn::DM2, ..TO_OWN }, ms(300)), Outcome::Nothing);
 }
@@ -234,7 +234,7 @@ impl Bus {
         let id = J1939Id::of(&frame).unwrap();
         let name = Name::from_bytes(*frame.eight().unwrap());
         for at in (0..self.claims.len()).filter(|at| *at != from) {
-            if self.claims[at].contend(id.source(), name, now) == Outcome::Owed {
+            if self.claims[at].contend(id.source(), name, now) == Outcome::Pending {
                 let answer = self.claims[at].frame();
                 self.run(at, answer, now);
             }
@@ -295,8 +295,8 @@ proptest! {
                 _ => claim.poll(now),
             };
             match outcome {
-                Outcome::Owed if before.is_some() => prop_assert_eq!(claim.frame(), frame(CLAIM)),
-                Outcome::Owed => {
+                Outcome::Pending if before.is_some() => prop_assert_eq!(claim.frame(), frame(CLAIM)),
+                Outcome::Pending => {
                     prop_assert_eq!(claim.frame(), frame(CANNOT_CLAIM));
                     prop_assert!(kind > 3, "a cannot-claim waits for its delay");
                 }

@@ -14,12 +14,12 @@ const NOTHING: &str = "18FECA83: 00 FF 00 00 00 00 FF FF";
 
 /// The message that is due now, if any, whether by an event or by the period.
 fn due(dm1: &mut Dm1, now: Instant) -> Option<Frame> {
-    (dm1.poll(now) == Outcome::Owed).then(|| dm1.render(OWN, now))
+    (dm1.poll(now) == Outcome::Pending).then(|| dm1.render(OWN, now))
 }
 
 /// The message of an event.
 fn event(dm1: &mut Dm1, active: Option<Trouble>, now: Instant) -> Option<Frame> {
-    (dm1.set(active, now) == Outcome::Owed).then(|| dm1.render(OWN, now))
+    (dm1.set(active, now) == Outcome::Pending).then(|| dm1.render(OWN, now))
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn a_request_leaves_the_period_alone() {
 #[test]
 fn the_period_begins_when_a_change_goes_out() {
     let mut dm1 = Dm1::new();
-    assert_eq!(dm1.set(Some(SUPPLY_LOW), ms(10)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SUPPLY_LOW), ms(10)), Outcome::Pending);
     assert_eq!((dm1.deadline(), dm1.poll(ms(5_000))), (NEVER, Outcome::Nothing));
     assert_eq!(text(Some(dm1.render(OWN, ms(5_250)))), LOW);
     assert_eq!(dm1.deadline(), ms(6_250));
@@ -102,21 +102,21 @@ fn the_period_begins_when_a_change_goes_out() {
 #[test]
 fn a_passing_code() {
     let mut dm1 = Dm1::new();
-    assert_eq!(dm1.set(Some(SPOOL), ms(40)), Outcome::Owed);
-    assert_eq!(dm1.set(None, ms(40)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SPOOL), ms(40)), Outcome::Pending);
+    assert_eq!(dm1.set(None, ms(40)), Outcome::Pending);
     assert_eq!(text(Some(dm1.render(OWN, ms(40)))), AT_SPOOL);
-    assert_eq!((dm1.sent(), dm1.deadline()), (Outcome::Owed, ms(1_040)));
+    assert_eq!((dm1.sent(), dm1.deadline()), (Outcome::Pending, ms(1_040)));
     assert_eq!(text(Some(dm1.render(OWN, ms(40)))), NOTHING);
     assert_eq!((dm1.sent(), dm1.deadline()), (Outcome::Nothing, NEVER));
 
-    assert_eq!(dm1.set(Some(SPOOL), ms(100)), Outcome::Owed);
-    assert_eq!(dm1.set(Some(SUPPLY_LOW), ms(100)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SPOOL), ms(100)), Outcome::Pending);
+    assert_eq!(dm1.set(Some(SUPPLY_LOW), ms(100)), Outcome::Pending);
     assert_eq!(text(Some(dm1.render(OWN, us(100_001)))), LOW);
     assert_eq!(dm1.sent(), Outcome::Nothing);
 
     // One that was not told before it was gone is not told later.
-    assert_eq!(dm1.set(Some(SPOOL), ms(200)), Outcome::Owed);
-    assert_eq!(dm1.set(None, ms(201)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SPOOL), ms(200)), Outcome::Pending);
+    assert_eq!(dm1.set(None, ms(201)), Outcome::Pending);
     assert_eq!(text(Some(dm1.render(OWN, ms(201)))), NOTHING);
     assert_eq!(dm1.sent(), Outcome::Nothing);
 }

@@ -89,7 +89,7 @@ impl Rig {
             if self.mailboxes.is_empty() {
                 self.node.all_sent(self.now);
             }
-            self.node.owes() && self.mailboxes.len() < self.room
+            self.node.has_frame() && self.mailboxes.len() < self.room
         } {}
     }
 
@@ -399,7 +399,7 @@ fn another_controller_under_the_own_address() {
     }
 }
 
-/// In bus-off nothing is owed but DM1, and a first claim that was not on the bus.
+/// In bus-off nothing is pending but DM1, and a first claim that was not on the bus.
 #[test]
 fn bus_off() {
     let mut rig = Rig::claimed();

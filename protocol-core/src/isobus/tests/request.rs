@@ -10,7 +10,7 @@ fn request(text: &str) -> Option<Request> {
 
 #[test]
 fn one_to_this_controller_and_one_to_all() {
-    let addressed = Request { pgn: Pgn::DM3, asker: TOOL, addressed: true };
+    let addressed = Request { pgn: Pgn::DM3, requester: TOOL, addressed: true };
     assert_eq!(request("18EA8327: CC FE 00"), Some(addressed));
     assert_eq!(request("18EAFF27: CC FE 00"), Some(Request { addressed: false, ..addressed }));
 }

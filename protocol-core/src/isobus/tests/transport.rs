@@ -46,7 +46,7 @@ fn payload(bytes: &[u8]) -> heapless::Vec<u8, SIZE> {
 
 /// The frame that is due now, if any, for the controller.
 fn next<const N: usize>(sender: &mut BamSender<N>, source: Address, now: Instant) -> Option<Frame> {
-    if sender.poll(now) == Outcome::Owed { sender.render(source) } else { None }
+    if sender.poll(now) == Outcome::Pending { sender.render(source) } else { None }
 }
 
 /// All frames of a message, at the times at which they are due.
@@ -105,7 +105,7 @@ fn a_message_whose_gap_is_too_long_is_given_up() {
             sender.sent(now);
             now += PACKET_SPACING;
         }
-        assert_eq!(sender.poll(now), Outcome::Owed);
+        assert_eq!(sender.poll(now), Outcome::Pending);
         if in_controller {
             assert!(sender.render(OWN).is_some());
         }

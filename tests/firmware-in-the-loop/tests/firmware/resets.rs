@@ -15,7 +15,7 @@ pub const HANDLES_SDO: [&str; 4] = [
     "SdoServer<D>::handle",
     "Node<P>>::serve_sdo",
     "canopen::node::Node<P>::answer_sdo",
-    "CanopenValve as protocol_core::device::host::Body>::handle",
+    "CanopenValve as protocol_core::device::runtime::Application>::handle",
 ];
 /// The watchdog's time, with some room.
 const WATCHDOG: Duration = Duration::from_millis(2500);

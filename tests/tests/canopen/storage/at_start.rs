@@ -8,9 +8,9 @@ fn full() -> Rig {
     save_own(&mut valve);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
     valve.exchange(lss::STORE, &["7E4: 17 00 00 00 00 00 00 00"]);
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance(250);
-    valve.sense(|senses| senses.temperature_c = 25);
+    valve.sense(|inputs| inputs.temperature_c = 25);
     valve.advance(1000);
     valve.take();
     valve.exchange(LOAD, &[LOADED]);

@@ -20,10 +20,10 @@ fn dm2_of_none_and_of_one() {
 #[test]
 fn dm2_before_the_shutdown_is_over() {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     valve.advance_cyclic(100, BLOCK);
     expect_dm2_now(&mut valve, DM2_NONE);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     expect_dm2_now(&mut valve, DM2_NONE);
     valve.send(BLOCK);
     expect_dm2_now(&mut valve, DM2_NONE);
@@ -97,18 +97,18 @@ fn the_lamp_and_full_packets() {
 #[test]
 fn dm2_of_all() {
     let mut valve = four_previously_active();
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::BusOff);
+    valve.sense(|inputs| inputs.bus = BusErrorMode::ErrorActive);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::Stuck);
     valve.recover();
     valve.send(EXTEND);
     valve.advance_cyclic(500, EXTEND);
-    valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::NoFloat);
     valve.recover();
     valve.send(FLOAT);
     valve.advance_cyclic(1000, FLOAT);
     valve.advance(300);
-    valve.sense(|senses| *senses = Senses::default());
+    valve.sense(|inputs| *inputs = Inputs::default());
     valve.recover();
     valve.advance_cyclic(200, BLOCK);
     expect_bam(
@@ -190,7 +190,7 @@ fn packets_keep_their_distance_on_a_busy_bus() {
 #[test]
 fn a_fault_that_is_active_again() {
     let mut valve = four_previously_active();
-    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|inputs| inputs.internal_fault = true);
     expect_dm2(
         &mut valve,
         &[
@@ -200,7 +200,7 @@ fn a_fault_that_is_active_again() {
             "18FECA83: 10 FF FA 8F 8B 02 FF FF",
         ],
     );
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|inputs| inputs.internal_fault = false);
     valve.recover();
     expect_dm2(&mut valve, &[DM2_FOUR[0], "1CEBFF83: 01 10 FF FA 8F 8B 02 F1", DM2_FOUR[2], DM2_FOUR[3]]);
 }

@@ -14,7 +14,7 @@ fn dm3_clears_the_list_and_its_counters() {
             valve.take();
             valve.exchange_news(request, acknowledgement.as_slice());
             expect_dm2(&mut valve, &[DM2_NONE]);
-            valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
+            valve.sense_news(|inputs| inputs.internal_fault = true, &[INTERNAL]);
         }
     }
 }
@@ -25,11 +25,11 @@ fn dm3_leaves_what_is_not_previously_active() {
     let mut valve = Rig::claimed();
     undergo(&mut valve, CAUSES_TEMPERATURE);
     undergo(&mut valve, CAUSES_SUPPLY_HIGH);
-    valve.sense(|senses| senses.temperature_c = 130);
+    valve.sense(|inputs| inputs.temperature_c = 130);
     valve.advance_cyclic_news(300, BLOCK, &["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
     valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
     valve.exchange_news(DM1_REQUEST, &["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
-    valve.sense_news(|senses| senses.temperature_c = 25, &[DM1_CLEAR]);
+    valve.sense_news(|inputs| inputs.temperature_c = 25, &[DM1_CLEAR]);
     valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
     valve.recover();
     expect_dm2(&mut valve, &["18FECB83: 04 FF F1 8F 90 02 FF FF"]);
@@ -48,13 +48,13 @@ fn dm3_leaves_what_is_not_previously_active() {
 fn both_faults_of_the_spool_count_for_themselves() {
     let mut valve = Rig::claimed();
     for count in 1..=3 {
-        valve.sense(|senses| senses.spool.lever = Position::new(8192));
+        valve.sense(|inputs| inputs.spool.lever = Position::new(8192));
         valve.advance_news(500, &[&format!("18FECA83: 10 FF EC 8F 87 {count:02X} FF FF")]);
-        valve.sense(|senses| senses.spool.lever = None);
+        valve.sense(|inputs| inputs.spool.lever = None);
         valve.advance_news(150, &[DM1_CLEAR]);
     }
     valve.recover();
-    valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+    valve.sense(|inputs| inputs.spool.fault = SpoolFault::NoFloat);
     valve.send(FLOAT);
     valve.advance_cyclic_news(1000, FLOAT, &["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
 }

@@ -11,18 +11,18 @@ use tests::isobus::{
     BLOCK, DM1_CLEAR, DM1_REQUEST, DM2_NONE, DM2_REQUEST, DM3_DONE, DM3_REQUEST, EXTEND, FLOAT, INTERNAL, TEMPERATURE,
     TIME_GUARDING,
 };
-use tests::{Rig, Senses};
+use tests::{Inputs, Rig};
 
 const SUPPLY_HIGH: &str = "18FECA83: 04 FF 73 02 03 01 FF FF";
 const SUPPLY_LOW: &str = "18FECA83: 04 FF 73 02 04 01 FF FF";
 
-/// A change of the senses that causes a fault, and the fault's delay in milliseconds.
-type Cause = (fn(&mut Senses), u64);
+/// A change of the inputs that causes a fault, and the fault's delay in milliseconds.
+type Cause = (fn(&mut Inputs), u64);
 
-const CAUSES_INTERNAL: Cause = (|senses| senses.internal_fault = true, 0);
-const CAUSES_TEMPERATURE: Cause = (|senses| senses.temperature_c = 121, 250);
-const CAUSES_SUPPLY_HIGH: Cause = (|senses| senses.supply_mv = 36_001, 2000);
-const CAUSES_SUPPLY_LOW: Cause = (|senses| senses.supply_mv = 8_999, 2000);
+const CAUSES_INTERNAL: Cause = (|inputs| inputs.internal_fault = true, 0);
+const CAUSES_TEMPERATURE: Cause = (|inputs| inputs.temperature_c = 121, 250);
+const CAUSES_SUPPLY_HIGH: Cause = (|inputs| inputs.supply_mv = 36_001, 2000);
+const CAUSES_SUPPLY_LOW: Cause = (|inputs| inputs.supply_mv = 8_999, 2000);
 
 /// The faults that come from outside, and their DM1.
 const SENSED: [(Cause, &str); 4] = [
@@ -36,7 +36,7 @@ const SENSED: [(Cause, &str); 4] = [
 fn undergo(valve: &mut Rig, (change, delay): Cause) {
     valve.sense(change);
     valve.advance_cyclic(delay, BLOCK);
-    valve.sense(|senses| *senses = Senses::default());
+    valve.sense(|inputs| *inputs = Inputs::default());
     valve.recover();
     valve.take();
 }

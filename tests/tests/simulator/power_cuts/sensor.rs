@@ -3,7 +3,7 @@
 use hal_sim::memory::Flash;
 use hal_sim::{Memory, NodeId};
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
+use protocol_core::device::Inputs;
 use protocol_core::device::hat::{Hat, Kind, Setup};
 use protocol_core::encoder::Shaft;
 use protocol_core::memory::Image;
@@ -46,7 +46,7 @@ fn with_flash(flash: Flash) -> (BusRig, NodeId) {
     let setup = Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::new(Kind::Hat1000) };
     let factory = move |image: &Image, cause, now| Box::new(Hat::power_on(setup, image, cause, now)) as _;
     let sensor = rig.world.add_device("sensor", factory, Memory::with_flash(flash));
-    rig.world.set_senses(sensor, Senses::encoder(Shaft::at(9_000)));
+    rig.world.set_inputs(sensor, Inputs::encoder(Shaft::at(9_000)));
     (rig, sensor)
 }
 

@@ -70,7 +70,7 @@ fn write_node_id(rig: &mut BusRig, valve: NodeId) {
 
 fn blink(rig: &mut BusRig, valve: NodeId) {
     for internal_fault in [true, false] {
-        rig.sense(valve, |senses| senses.internal_fault = internal_fault);
+        rig.sense(valve, |inputs| inputs.internal_fault = internal_fault);
     }
 }
 

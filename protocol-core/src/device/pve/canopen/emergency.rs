@@ -4,7 +4,7 @@ use super::super::fault_codes::{codes, register};
 use super::CanopenValve;
 use crate::actuator::{Fault, FaultSet, InternalCause};
 use crate::device::Restart;
-use crate::device::host::Base;
+use crate::device::runtime::Base;
 use crate::wire::emcy::Emcy;
 
 impl CanopenValve {
@@ -13,12 +13,12 @@ impl CanopenValve {
     pub(super) fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         self.node.renew_tpdo();
-        let changes = self.objects.application.take_changes(now);
-        let after = self.objects.application.valve.faults();
+        let changes = self.objects.control.take_changes(now);
+        let after = self.objects.control.valve.faults();
         // A fault that came and went at once is in the register of its own EMCY alone.
         let mut active = after.difference(changes.activated);
         for fault in changes.activated {
-            let count = self.objects.application.valve.counters().get(fault);
+            let count = self.objects.control.valve.counters().get(fault);
             let message = fault_message(fault, active.union(FaultSet::of(fault)), count);
             self.node.tell_error(message, u16::from(count));
             active = active.union(FaultSet::of(fault).intersection(after));
@@ -26,12 +26,12 @@ impl CanopenValve {
         if !changes.cleared.is_empty() && after.is_empty() {
             self.node.send_emcy(Emcy::default());
         }
-        if self.objects.application.valve.take_counters_changed() {
+        if self.objects.control.valve.take_counters_changed() {
             base.fault_log.changed(now);
         }
         if changes.activated.contains(Fault::Internal) {
             // Reported now, so its cause is gone: a watchdog reset is nothing that lasts.
-            self.objects.application.valve.set_internal(InternalCause::Watchdog, false, now);
+            self.objects.control.valve.set_internal(InternalCause::Watchdog, false, now);
             self.report_changes(base);
         }
     }
@@ -40,7 +40,7 @@ impl CanopenValve {
     /// communication has left, not counted again.
     pub(super) fn tell_start(&mut self, scope: Restart, base: &Base) {
         self.node.send_emcy(Emcy::default());
-        let valve = &mut self.objects.application.valve;
+        let valve = &mut self.objects.control.valve;
         match scope {
             Restart::Communication => {
                 let active = valve.faults();

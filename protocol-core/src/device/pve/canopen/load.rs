@@ -1,4 +1,4 @@
-//! How far a "load" and its execution have come in the memory (SPEC 4.5, 6).
+//! The progress of a "load" and its execution in the memory (SPEC 4.5, 6).
 //!
 //! The start that finds the flag set works with the defaults. It stores them, and then clears the flag. A "save" while
 //! the executed "load" is not done takes the place of the defaults. It is acknowledged only when the flag is cleared,

@@ -1,10 +1,10 @@
 //! A valve on CANopen: the node of `canopen/` with the valve's objects in it (SPEC 4, 7).
 //!
 //! ```text
-//! mod        the body of the device: what the node and the valve tell each other
+//! mod        the application of the device: what the node and the valve tell each other
 //! emergency  faults become EMCYs, and the error history
-//! storing    writes to the memory, and who waits for them
-//! load       how far a "load" and its execution have come
+//! storing    writes to the memory, and their clients
+//! load       the progress of a "load" and its execution
 //! ```
 
 mod emergency;
@@ -27,9 +27,9 @@ use crate::canopen::nmt::Reset;
 use crate::canopen::node::{Demand, Node, Service};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, Filter, Filters};
-use crate::device::host::{Base, Body, Host};
-use crate::device::writes::{Asker, Write};
-use crate::device::{Outputs, Restart, Senses, ValveOutputs};
+use crate::device::runtime::{Application, Base, Runtime};
+use crate::device::writes::{Requester, Write};
+use crate::device::{Inputs, Outputs, Restart, ValveOutputs};
 use crate::frame::Frame;
 use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
@@ -38,9 +38,9 @@ use crate::wire::cob_id::NodeId;
 use crate::wire::lss::LssNodeId;
 
 /// A PVEA or PVEO on CANopen.
-pub type PveCanopen = Host<CanopenValve>;
+pub type PveCanopen = Runtime<CanopenValve>;
 
-/// The body of a valve on CANopen.
+/// The application of a valve on CANopen.
 #[derive(Clone, Debug)]
 pub struct CanopenValve {
     setup: Setup,
@@ -49,7 +49,7 @@ pub struct CanopenValve {
     /// As stored.
     local_layer: LocalLayer,
     load: Load,
-    /// What the write of the local layer in flight changes.
+    /// The changes of the local layer by the write in flight.
     layer_in_flight: Configuration,
     /// The counts that the write in flight clears: they come back when it fails.
     cleared: Counters,
@@ -60,13 +60,13 @@ impl CanopenValve {
     /// Returns the valve behind the protocol.
     #[must_use]
     pub const fn valve(&self) -> &Valve {
-        &self.objects.application.valve
+        &self.objects.control.valve
     }
 
     fn demanded(&mut self, demand: Demand<Task>, base: &mut Base) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss)),
+            Demand::StoreConfiguration => base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Lss)),
             Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }
@@ -77,19 +77,19 @@ impl CanopenValve {
             kind: self.setup.kind,
             factory: self.objects.factory(),
             local_layer: self.local_layer,
-            busy: base.writes.iter().any(|write| write.asked_by == Asker::Uds),
+            busy: base.writes.iter().any(|write| write.requester == Requester::Uds),
         };
         match identification.serve_node(node_id.get(), frame) {
             Reaction::Nothing => {}
             Reaction::Answer(answer) => self.node.answer(answer),
             Reaction::StoreNodeId(raw) => {
-                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Uds).with(raw));
+                base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Uds).with(raw));
             }
         }
     }
 }
 
-impl Body for CanopenValve {
+impl Application for CanopenValve {
     type Setup = Setup;
     type Service = Service;
 
@@ -132,25 +132,25 @@ impl Body for CanopenValve {
     }
 
     fn poll(&mut self, base: &mut Base) {
-        self.objects.application.valve.poll(base.now());
+        self.objects.control.valve.poll(base.now());
         self.node.poll(&self.objects, base.now());
         self.retry_load(base);
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base) {
-        if self.objects.application.valve.has_changes() {
+    fn apply_changes(&mut self, base: &mut Base) {
+        if self.objects.control.valve.has_changes() {
             self.report_changes(base);
         }
     }
 
     #[inline]
     fn deadline(&self) -> Instant {
-        self.objects.application.valve.deadline().min(self.node.deadline()).min(self.load.retry_at())
+        self.objects.control.valve.deadline().min(self.node.deadline()).min(self.load.retry_at())
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        let bus_off = self.causes.sense(&mut self.objects.application.valve, senses, base.now());
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base) {
+        let bus_off = self.causes.sense(&mut self.objects.control.valve, inputs, base.now());
         self.node.set_bus_off(bus_off);
     }
 
@@ -174,8 +174,9 @@ impl Body for CanopenValve {
     }
 
     #[inline]
-    fn all_sent(&mut self, _: &mut Base) {
+    fn all_sent(&mut self, _: &mut Base) -> bool {
         self.node.all_sent();
+        false
     }
 
     #[inline]
@@ -189,7 +190,7 @@ impl Body for CanopenValve {
     }
 
     /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD
-    /// and keeps its parameters; faults that are active are told again.
+    /// and keeps its parameters; active faults are reported again.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
         let mut found = Found::look(&self.setup, memory);
@@ -203,14 +204,14 @@ impl Body for CanopenValve {
         };
         let reset = match scope {
             Restart::Communication => {
-                self.objects.application.shut_down(now);
+                self.objects.control.shut_down(now);
                 // What fell due while the restart waited is counted and entered before it is told again.
-                self.settle(base);
+                self.apply_changes(base);
                 Reset::Communication
             }
             Restart::Application => {
                 self.objects.set_factory(found.factory);
-                self.objects.application.restart(found.fault_log.counters, now);
+                self.objects.control.restart(found.fault_log.counters, now);
                 Reset::Application
             }
         };
@@ -222,19 +223,19 @@ impl Body for CanopenValve {
         let parameters = parameters.filter(|_| !self.load.replaces_stored());
         self.node.boot(reset, [(Group::All, parameters)], &mut self.objects, now);
         self.tell_start(scope, base);
-        found.tell_faults(&mut self.objects.application.valve, now);
+        found.tell_faults(&mut self.objects.control.valve, now);
         base.fill(&found.reading);
         self.continue_load(base);
     }
 
     fn watchdog_reset(&mut self, base: &mut Base) {
-        self.objects.application.valve.set_internal(InternalCause::Watchdog, true, base.now());
+        self.objects.control.valve.set_internal(InternalCause::Watchdog, true, base.now());
     }
 
     fn outputs(&self) -> Outputs {
-        let application = &self.objects.application;
-        let led = application.led(self.node.node_id().is_some());
-        Outputs::Valve(ValveOutputs { solenoids: application.valve.solenoids(), led })
+        let control = &self.objects.control;
+        let led = control.led(self.node.node_id().is_some());
+        Outputs::Valve(ValveOutputs { solenoids: control.valve.solenoids(), led })
     }
 
     fn bit_rate(&self) -> BitRate {

@@ -1,4 +1,4 @@
-//! Writes to the memory: what each holds, and who waits for it (SPEC 4.5, 6).
+//! Writes to the memory: their payloads, and the clients that wait for them (SPEC 4.5, 6).
 
 use heapless::VecView;
 
@@ -9,24 +9,24 @@ use super::load::Executed;
 use crate::actuator::InternalCause;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
-use crate::device::host::{Base, Storing};
-use crate::device::writes::{Asker, Write};
+use crate::device::runtime::{Base, Storing};
+use crate::device::writes::{Requester, Write};
 use crate::memory::RecordKey;
 use crate::uds::node_id_written;
 use crate::wire::lss::LssNodeId;
 
 /// "save": the parameters as they are.
-const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
+const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
 /// The defaults, at the start that executes "load".
-const RESTORE: Write = Write::new(RecordKey::Parameters, Asker::Device);
+const RESTORE: Write = Write::new(RecordKey::Parameters, Requester::Device);
 /// The restore flag as it is to be.
-const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Asker::Device);
+const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Requester::Device);
 /// The fault log with all counts cleared.
-const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Asker::Sdo);
+const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Requester::Sdo);
 
 pub(super) const WRITES: [Write; 6] = [
-    Write::new(RecordKey::LocalLayer, Asker::Lss),
-    Write::new(RecordKey::LocalLayer, Asker::Uds),
+    Write::new(RecordKey::LocalLayer, Requester::Lss),
+    Write::new(RecordKey::LocalLayer, Requester::Uds),
     SAVE,
     RESTORE,
     RESTORE_FLAG,
@@ -36,7 +36,7 @@ pub(super) const WRITES: [Write; 6] = [
 impl CanopenValve {
     /// Begins what an SDO client waits for.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
-        base.writes.ask(match task {
+        base.writes.request(match task {
             Task::Save => SAVE,
             Task::Load => {
                 self.load.asked = true;
@@ -57,8 +57,8 @@ impl CanopenValve {
     pub(super) fn continue_load(&mut self, base: &mut Base) {
         match self.load.executed {
             Executed::Done => {}
-            Executed::DefaultsUnstored => base.writes.ask(RESTORE),
-            Executed::FlagUncleared => base.writes.ask(RESTORE_FLAG),
+            Executed::DefaultsUnstored => base.writes.request(RESTORE),
+            Executed::FlagUncleared => base.writes.request(RESTORE_FLAG),
         }
     }
 
@@ -84,21 +84,21 @@ impl Storing for CanopenValve {
         let bytes: &[u8] = match write.record {
             RecordKey::Factory => &self.objects.factory().encode(),
             RecordKey::LocalLayer => {
-                self.layer_in_flight = match write.asked_by {
-                    Asker::Lss => self.node.begin_lss_store(),
-                    Asker::Uds => Configuration { node_id: LssNodeId::new(write.value), bit_rate: None },
+                self.layer_in_flight = match write.requester {
+                    Requester::Lss => self.node.begin_lss_store(),
+                    Requester::Uds => Configuration { node_id: LssNodeId::new(write.value), bit_rate: None },
                     _ => Configuration::NONE,
                 };
                 &self.layer_to_store().encode()
             }
-            RecordKey::Parameters if write.asked_by == Asker::Sdo => {
+            RecordKey::Parameters if write.requester == Requester::Sdo => {
                 return self.node.parameters(Group::All, &self.objects, payload);
             }
             RecordKey::Parameters => return self.node.default_parameters(&self.objects, payload),
             RecordKey::RestoreFlag => &encode_flag(self.load.asked),
             RecordKey::FaultLog => {
-                let valve = &mut self.objects.application.valve;
-                if write.asked_by == Asker::Sdo {
+                let valve = &mut self.objects.control.valve;
+                if write.requester == Requester::Sdo {
                     // A fault that activates from now on counts one.
                     self.cleared = valve.take_counters();
                 }
@@ -113,8 +113,8 @@ impl Storing for CanopenValve {
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;
-        self.objects.application.valve.set_internal(InternalCause::Record(position), !stored, now);
-        let by_client = write.asked_by == Asker::Sdo;
+        self.objects.control.valve.set_internal(InternalCause::Record(position), !stored, now);
+        let by_client = write.requester == Requester::Sdo;
         let is_last = !base.writes.contains(write);
         match write.record {
             RecordKey::LocalLayer => {
@@ -122,16 +122,16 @@ impl Storing for CanopenValve {
                     self.local_layer = self.layer_to_store();
                     self.node.configuration_stored(self.layer_in_flight);
                 }
-                match write.asked_by {
-                    Asker::Lss => self.node.end_lss_store(stored, is_last),
-                    Asker::Uds => self.node.answer(node_id_written(stored)),
+                match write.requester {
+                    Requester::Lss => self.node.end_lss_store(stored, is_last),
+                    Requester::Uds => self.node.answer(node_id_written(stored)),
                     _ => {}
                 }
             }
             RecordKey::Parameters => {
                 if stored && self.load.parameters_stored() {
                     self.load.save_waits = by_client;
-                    base.writes.ask_first(RESTORE_FLAG);
+                    base.writes.request_first(RESTORE_FLAG);
                 } else if by_client {
                     self.end_task(Task::Save, stored, is_last);
                 } else if !stored {
@@ -155,7 +155,7 @@ impl Storing for CanopenValve {
             }
             RecordKey::FaultLog if by_client => {
                 if !stored {
-                    self.objects.application.valve.add_counters(self.cleared);
+                    self.objects.control.valve.add_counters(self.cleared);
                 }
                 self.end_task(Task::ClearCounters, stored, is_last);
             }

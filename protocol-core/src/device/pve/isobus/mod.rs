@@ -1,7 +1,7 @@
 //! A valve on ISOBUS: the node of `isobus/` with an auxiliary valve in it (SPEC 5, 7).
 //!
 //! ```text
-//! mod      the body of the device: what the node and the valve tell each other
+//! mod      the application of the device: what the node and the valve tell each other
 //! product  groups, NAME and address
 //! storing  writes to the memory, and who waits for them
 //! ```
@@ -23,9 +23,9 @@ use super::records::{Factory, LocalLayer, VERSION};
 use super::sensing::Causes;
 use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
 use crate::controller::{BitRate, Filter, Filters};
-use crate::device::host::{Base, Body, Host};
-use crate::device::writes::{Asker, Write};
-use crate::device::{Outputs, Restart, Senses, ValveOutputs};
+use crate::device::runtime::{Application, Base, Runtime};
+use crate::device::writes::{Requester, Write};
+use crate::device::{Inputs, Outputs, Restart, ValveOutputs};
 use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node, Service};
 use crate::memory::{Memory, RecordKey};
@@ -42,9 +42,9 @@ const DM2_MAX: usize = payload_len(Fault::ALL.len());
 const CLEARINGS: usize = 8;
 
 /// A PVEA or PVEO on ISOBUS.
-pub type PveIsobus = Host<IsobusValve>;
+pub type PveIsobus = Runtime<IsobusValve>;
 
-/// The body of a valve on ISOBUS.
+/// The application of a valve on ISOBUS.
 #[derive(Clone, Debug)]
 pub struct IsobusValve {
     setup: Setup,
@@ -87,8 +87,8 @@ impl IsobusValve {
     /// Stores a commanded address; the valve then restarts under it.
     fn store_address(&self, address: Address, base: &mut Base) {
         if self.setup.kind.node_ids().contains(&address.get()) {
-            let write = Write::new(RecordKey::LocalLayer, Asker::CommandedAddress);
-            base.writes.ask(write.with(address.get()));
+            let write = Write::new(RecordKey::LocalLayer, Requester::CommandedAddress);
+            base.writes.request(write.with(address.get()));
         }
     }
 
@@ -99,19 +99,19 @@ impl IsobusValve {
             kind: self.setup.kind,
             factory: &self.factory,
             local_layer: self.local_layer,
-            busy: base.writes.iter().any(|write| write.asked_by == Asker::Uds),
+            busy: base.writes.iter().any(|write| write.requester == Requester::Uds),
         };
         match identification.serve_node(own.get(), frame) {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.node.answer(frame),
             Reaction::StoreNodeId(address) => {
-                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Uds).with(address));
+                base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Uds).with(address));
             }
         }
     }
 }
 
-impl Body for IsobusValve {
+impl Application for IsobusValve {
     type Setup = Setup;
     type Service = Service;
 
@@ -169,7 +169,7 @@ impl Body for IsobusValve {
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base) {
+    fn apply_changes(&mut self, base: &mut Base) {
         if self.auxiliary.valve.has_changes() {
             self.report_changes(base);
         }
@@ -180,8 +180,8 @@ impl Body for IsobusValve {
         self.node.deadline().min(self.auxiliary.valve.deadline())
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        let bus_off = self.causes.sense(&mut self.auxiliary.valve, senses, base.now());
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base) {
+        let bus_off = self.causes.sense(&mut self.auxiliary.valve, inputs, base.now());
         self.node.set_bus_off(bus_off);
     }
 
@@ -204,7 +204,7 @@ impl Body for IsobusValve {
         self.node.give_back(frame);
     }
 
-    fn all_sent(&mut self, base: &mut Base) {
+    fn all_sent(&mut self, base: &mut Base) -> bool {
         self.node.all_sent(base.now());
         let valve = &mut self.auxiliary.valve;
         // A watchdog reset does not last: it is gone once the bus has heard of it.
@@ -213,11 +213,12 @@ impl Body for IsobusValve {
         {
             valve.set_internal(InternalCause::Watchdog, false, base.now());
         }
+        true
     }
 
     #[inline]
     fn has_frame(&self) -> bool {
-        self.node.owes()
+        self.node.has_frame()
     }
 
     fn take_bit_rate(&mut self) -> Option<BitRate> {

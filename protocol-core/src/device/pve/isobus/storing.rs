@@ -6,16 +6,16 @@ use super::super::records::{FaultLog, LocalLayer};
 use super::IsobusValve;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::device::Restart;
-use crate::device::host::{Base, Body, Storing};
-use crate::device::writes::{Asker, Write};
+use crate::device::runtime::{Application, Base, Storing};
+use crate::device::writes::{Requester, Write};
 use crate::isobus::request::Request;
 use crate::memory::RecordKey;
 use crate::uds::node_id_written;
 
 pub(super) const WRITES: [Write; 3] = [
-    Write::new(RecordKey::LocalLayer, Asker::Uds),
-    Write::new(RecordKey::LocalLayer, Asker::CommandedAddress),
-    Write::new(RecordKey::FaultLog, Asker::Dm3),
+    Write::new(RecordKey::LocalLayer, Requester::Uds),
+    Write::new(RecordKey::LocalLayer, Requester::CommandedAddress),
+    Write::new(RecordKey::FaultLog, Requester::Dm3),
 ];
 
 /// A DM3 that waits for the memory.
@@ -34,7 +34,7 @@ impl IsobusValve {
             self.node.acknowledge(&request, true);
         } else if self.clearing.push(Clearing { request, asked }).is_ok() {
             self.clearable = self.clearable.union(asked);
-            base.writes.ask(Write::new(RecordKey::FaultLog, Asker::Dm3).with(asked.bits()));
+            base.writes.request(Write::new(RecordKey::FaultLog, Requester::Dm3).with(asked.bits()));
         } else {
             self.node.count_dropped(1);
         }
@@ -42,8 +42,10 @@ impl IsobusValve {
 
     /// Returns the local layer as a write makes it.
     fn layer_after(&self, write: Write) -> LocalLayer {
-        match write.asked_by {
-            Asker::Uds | Asker::CommandedAddress => LocalLayer { node_id: Some(write.value), ..self.local_layer },
+        match write.requester {
+            Requester::Uds | Requester::CommandedAddress => {
+                LocalLayer { node_id: Some(write.value), ..self.local_layer }
+            }
             _ => self.local_layer,
         }
     }
@@ -54,7 +56,7 @@ impl IsobusValve {
         let mut later = FaultSet::EMPTY;
         if stored {
             self.auxiliary.valve.clear_counters(asked.intersection(self.clearable));
-        } else if let Some(waiting) = base.writes.iter().find(|write| write.asked_by == Asker::Dm3) {
+        } else if let Some(waiting) = base.writes.iter().find(|write| write.requester == Requester::Dm3) {
             later = FaultSet::from_bits(waiting.value);
         }
         let node = &mut self.node;
@@ -88,19 +90,19 @@ impl Storing for IsobusValve {
         // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked
         // for.
         self.auxiliary.valve.poll(base.now());
-        self.settle(base);
+        self.apply_changes(base);
         let position = write.record.position() as u8;
         self.auxiliary.valve.set_internal(InternalCause::Record(position), !stored, base.now());
         if stored {
             self.local_layer = self.layer_after(write);
         }
-        match write.asked_by {
-            Asker::Uds => self.node.answer(node_id_written(stored)),
-            Asker::CommandedAddress if stored => {
+        match write.requester {
+            Requester::Uds => self.node.answer(node_id_written(stored)),
+            Requester::CommandedAddress if stored => {
                 self.auxiliary.switch_off(base.now());
                 base.request_restart(Restart::Application);
             }
-            Asker::Dm3 => self.end_clearing(FaultSet::from_bits(write.value), stored, base),
+            Requester::Dm3 => self.end_clearing(FaultSet::from_bits(write.value), stored, base),
             _ => {}
         }
     }

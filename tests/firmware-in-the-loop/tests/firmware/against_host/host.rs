@@ -98,7 +98,7 @@ pub struct Host<'a> {
     run: &'a Run,
     delays: &'a Delays,
     device: Option<Box<dyn SimDevice>>,
-    /// The device has no senses yet.
+    /// The device has no inputs yet.
     starting: bool,
     can: Mailboxes,
     memory: Memory,
@@ -283,15 +283,15 @@ impl<'a> Host<'a> {
             (Call::Sense, Some(device)) => {
                 if std::mem::take(&mut self.starting) {
                     // The senses that end the start.
-                } else if self.plant.senses.bus != self.mode {
-                    self.plant.senses.bus = self.mode;
+                } else if self.plant.inputs.bus != self.mode {
+                    self.plant.inputs.bus = self.mode;
                 } else if let Some((_, change)) = self.typed.pop_front() {
                     let _ = self.plant.change(change, now);
                     self.turned |= matches!(change, Change::SpeedRpm(_));
                 } else {
                     return self.differ(at, "the image senses a change, the host none".to_owned());
                 }
-                device.sense(&self.plant.senses, now);
+                device.sense(&self.plant.inputs, now);
             }
             (Call::Stored, Some(device)) => {
                 let Some(Write { key, record, fails, .. }) = self.write.take() else {

@@ -34,7 +34,7 @@ pub enum Call {
 /// The functions of the image whose calls are recorded, and how many of each there are: of a method, that of the valve
 /// on CANopen, on ISOBUS, and of the sensor.
 const CALLS: [(&str, usize, Call); 4] = [
-    ("firmware::board::device::place", 1, Call::Start),
+    ("firmware::board::device::new_device", 1, Call::Start),
     ("as protocol_core::device::Device>::sense", 3, Call::Sense),
     ("as protocol_core::device::Device>::stored", 3, Call::Stored),
     ("as protocol_core::device::Device>::restart", 3, Call::Restart),

@@ -1,4 +1,4 @@
-//! What the device's task waits for: somebody wants something of it, or its time has come.
+//! The events and the timer that wake the device's task.
 //!
 //! An `AtomicWaker` and `with_deadline` do the same, and cost more from interrupt to sleep: 74 instructions for a frame
 //! that is for nobody, 229 for an SDO upload.
@@ -13,10 +13,10 @@ use critical_section::Mutex;
 use embassy_executor::raw::{TaskRef, task_from_waker, wake_task};
 use embassy_time::{Duration, Instant, Timer};
 
-/// Who wants something.
+/// An event that wakes the device's task.
 #[derive(Clone, Copy)]
 #[repr(u8)]
-pub(super) enum Caller {
+pub(super) enum Event {
     /// The CAN controller: a frame was received.
     Received = 1 << 0,
     /// The CAN controller: a frame was sent, or taken back.
@@ -26,46 +26,46 @@ pub(super) enum Caller {
     /// The memory has an answer.
     Memory = 1 << 3,
     /// Something was typed, or the button was pressed.
-    Front = 1 << 4,
-    /// The LEDs want to know what to show.
+    Controls = 1 << 4,
+    /// The LEDs are to be updated.
     Leds = 1 << 5,
 }
 
-static CALLED: AtomicU8 = AtomicU8::new(0);
+static PENDING: AtomicU8 = AtomicU8::new(0);
 /// The device's task. Not a waker: that costs twice as much to wake.
 static TASK: Mutex<Cell<Option<TaskRef>>> = Mutex::new(Cell::new(None));
 
-/// Calls the device's task.
-pub(super) fn call(caller: Caller) {
-    CALLED.fetch_or(caller as u8, Ordering::Release);
+/// Wakes the device's task with an event.
+pub(super) fn notify(event: Event) {
+    PENDING.fetch_or(event as u8, Ordering::Release);
     if let Some(task) = critical_section::with(|cs| TASK.borrow(cs).get()) {
         wake_task(task);
     }
 }
 
-/// Who has called since this was last asked.
+/// The events since the last [`WakeUp::wait`].
 #[derive(Clone, Copy, Default)]
-pub(super) struct Calls(u8);
+pub(super) struct Events(u8);
 
-impl Calls {
-    pub(super) const fn include(self, caller: Caller) -> bool {
-        self.0 & caller as u8 != 0
+impl Events {
+    pub(super) const fn include(self, event: Event) -> bool {
+        self.0 & event as u8 != 0
     }
 
-    /// Returns whether nobody else has called.
-    pub(super) const fn are_only(self, caller: Caller) -> bool {
-        self.0 == caller as u8
+    /// Returns whether this is the only event.
+    pub(super) const fn are_only(self, event: Event) -> bool {
+        self.0 == event as u8
     }
 }
 
-/// Waits for calls, and for nothing else: the task has one timer, and it is known here when that rings.
-pub(super) struct Attention {
-    /// When the timer rings at the latest.
+/// The wake-up of the device's task: events, and the only timer of the task.
+pub(super) struct WakeUp {
+    /// The time at which the timer rings at the latest.
     armed: Instant,
 }
 
-impl Attention {
-    /// Returns the attention of the task that this is called in.
+impl WakeUp {
+    /// Returns the wake-up of the calling task.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
             let task = task_from_waker(context.waker());
@@ -76,13 +76,13 @@ impl Attention {
         Self { armed: Instant::MIN }
     }
 
-    /// Waits until somebody calls, or until `due`; it can be woken earlier, for nothing. `now` is not long ago.
-    pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Calls {
+    /// Waits for an event, at most until `due`. A wake-up without an event can come earlier. `now` is recent.
+    pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Events {
         let mut waited = false;
         poll_fn(|context| {
-            let called = CALLED.swap(0, Ordering::Acquire);
-            if called != 0 || waited {
-                return Poll::Ready(Calls(called));
+            let events = PENDING.swap(0, Ordering::Acquire);
+            if events != 0 || waited {
+                return Poll::Ready(Events(events));
             }
             waited = true;
             self.arm(due, now, context);
@@ -91,7 +91,7 @@ impl Attention {
         .await
     }
 
-    /// Lets a time pass; calls are kept for the next [`wait`](Self::wait).
+    /// Waits for a time; events are kept for the next [`wait`](Self::wait).
     pub(super) async fn pause(&mut self, time: Duration) {
         let end = Instant::now() + time;
         poll_fn(|context| {
@@ -105,12 +105,11 @@ impl Attention {
         .await;
     }
 
-    /// Sets the timer. One that rings earlier is left alone: to set it again for each frame costs more than to be woken
-    /// for nothing.
+    /// Sets the timer, unless it rings earlier: a wake-up for nothing costs less than setting the timer for each frame.
     fn arm(&mut self, due: Instant, now: Instant, context: &mut Context<'_>) {
         if self.armed <= now || due < self.armed {
             self.armed = due;
-            // The timer's queue remembers the task, and the timer is not needed any more.
+            // The timer queue holds the task; the timer itself can go.
             let _ = pin!(Timer::at(due)).poll(context);
         }
     }

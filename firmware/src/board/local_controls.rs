@@ -15,8 +15,8 @@ use super::can::{ERROR_INTERRUPTS, OVERRUNS};
 use super::console::{Answer, Answers, Exchange, Lines, Text};
 use super::link::Link;
 
-/// Console and button, as the device's task has them.
-pub(super) struct Front {
+/// Console and button, for the device's task.
+pub(super) struct LocalControls {
     lines: &'static Lines,
     answers: &'static Answers,
     presses: &'static Presses,
@@ -26,8 +26,8 @@ pub(super) struct Front {
     injection: Injection,
 }
 
-impl Front {
-    /// Returns the front of a board.
+impl LocalControls {
+    /// Returns the controls of a board.
     pub(super) const fn new(lines: &'static Lines, answers: &'static Answers, presses: &'static Presses) -> Self {
         Self { lines, answers, presses, exchange: None, injection: Injection::None }
     }
@@ -35,11 +35,11 @@ impl Front {
     /// Returns the plant after the last press of the button, if there was one.
     pub(super) fn pressed(&mut self, plant: &Plant) -> Option<Plant> {
         self.presses.try_take()?;
-        self.injection = self.injection.next(&plant.senses.product);
+        self.injection = self.injection.next(&plant.inputs.product);
         Some(self.injection.applied_to(*plant))
     }
 
-    /// Returns the command of a line that was typed; answers a line that is none.
+    /// Returns the command of a typed line; answers a line that cannot be parsed.
     pub(super) fn command(&mut self) -> Option<Command> {
         let exchange = self.exchange.insert(self.lines.try_take()?);
         let command = Command::parse(exchange.line.text());
@@ -56,11 +56,11 @@ impl Front {
         }
     }
 
-    /// Tells how the device is, to the line that was typed last: a line for each thing that can be told. What does not
-    /// fit is left out.
+    /// Answers the last typed line with the status of the device, a line for each value. Lines that do not fit are left
+    /// out.
     pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
         let Some(Exchange { status, .. }) = &mut self.exchange else { return };
-        let bus = match plant.senses.bus {
+        let bus = match plant.inputs.bus {
             BusErrorMode::ErrorActive => "error-active",
             BusErrorMode::ErrorPassive => "error-passive",
             BusErrorMode::BusOff => "bus-off",

@@ -1,4 +1,4 @@
-//! What is owed while the bus takes nothing, and what the controller gives back.
+//! Pending frames while the bus takes nothing, and those that the controller gives back.
 
 use super::Rig;
 use crate::controller::Filter;
@@ -87,7 +87,7 @@ fn an_emcy_is_not_aborted_with_a_tpdo_under_its_identifier() {
     assert_eq!(rig.node.take_abort(), None);
 }
 
-/// They arbitrate alike, and a controller may send either first: the TPDO is not even handed out before the EMCY is sent.
+/// The two arbitrate alike, and a controller may send either first: the node hands out the TPDO after the EMCY is sent.
 #[test]
 fn an_emcy_before_a_tpdo_under_its_identifier() {
     let mut rig = operational();

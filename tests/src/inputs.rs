@@ -1,15 +1,15 @@
-//! What a valve senses, in one piece: the tests change one of its fields at a time.
+//! The inputs of a valve, in one piece: the tests change one of its fields at a time.
 
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
-use protocol_core::actuator::{Position, SpoolFault, SpoolSense, ValveSenses};
+use protocol_core::actuator::{Position, SpoolFault, SpoolSense, ValveInputs};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::{self, ProductSenses};
+use protocol_core::device::{self, ProductInputs};
 
-/// What a valve senses.
+/// The inputs of a valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Senses {
+pub struct Inputs {
     /// Supply voltage, mV.
     pub supply_mv: u32,
     /// Temperature, °C.
@@ -22,28 +22,28 @@ pub struct Senses {
     pub bus: BusErrorMode,
 }
 
-impl Default for Senses {
+impl Default for Inputs {
     /// A healthy valve.
     fn default() -> Self {
-        device::Senses::default().into()
+        device::Inputs::default().into()
     }
 }
 
-impl From<device::Senses> for Senses {
-    fn from(senses: device::Senses) -> Self {
-        let ValveSenses { supply_mv, temperature_c, spool } = *senses.valve().expect("a valve");
-        Self { supply_mv, temperature_c, spool, internal_fault: senses.internal_fault, bus: senses.bus }
+impl From<device::Inputs> for Inputs {
+    fn from(inputs: device::Inputs) -> Self {
+        let ValveInputs { supply_mv, temperature_c, spool } = *inputs.valve().expect("a valve");
+        Self { supply_mv, temperature_c, spool, internal_fault: inputs.internal_fault, bus: inputs.bus }
     }
 }
 
-impl From<Senses> for device::Senses {
-    fn from(Senses { supply_mv, temperature_c, spool, internal_fault, bus }: Senses) -> Self {
-        let product = ProductSenses::Valve(ValveSenses { supply_mv, temperature_c, spool });
+impl From<Inputs> for device::Inputs {
+    fn from(Inputs { supply_mv, temperature_c, spool, internal_fault, bus }: Inputs) -> Self {
+        let product = ProductInputs::Valve(ValveInputs { supply_mv, temperature_c, spool });
         Self { internal_fault, bus, product }
     }
 }
 
-impl Senses {
+impl Inputs {
     /// Any of them, most within their limits, for random tests.
     pub fn any() -> impl Strategy<Value = Self> {
         let supply_mv =
@@ -61,11 +61,11 @@ impl Senses {
         let position = || option::weighted(0.1, (-16384..=16384_i16).prop_map(|raw| Position::new(raw).unwrap()));
         (supply_mv, temperature_c, prop::bool::weighted(0.1), bus, fault, position(), position()).prop_map(
             |(supply_mv, temperature_c, internal_fault, bus, fault, lever, measured)| {
-                let mut senses = Senses { supply_mv, temperature_c, internal_fault, bus, ..Senses::default() };
-                senses.spool.fault = fault;
-                senses.spool.lever = lever;
-                senses.spool.measured = measured;
-                senses
+                let mut inputs = Inputs { supply_mv, temperature_c, internal_fault, bus, ..Inputs::default() };
+                inputs.spool.fault = fault;
+                inputs.spool.lever = lever;
+                inputs.spool.measured = measured;
+                inputs
             },
         )
     }

@@ -1,39 +1,39 @@
-//! What a device senses, and what it drives: what all have in common, and what is the product's.
+//! Inputs and outputs of a device: those that all devices have, and those of a product.
 
 use super::Kind;
-use crate::actuator::{Led, ValveSenses};
+use crate::actuator::{Led, ValveInputs};
 use crate::controller::BusErrorMode;
 use crate::encoder::Shaft;
 
-/// Everything that a device senses of the world around it.
+/// The inputs of a device: everything that it senses of the world around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Senses {
+pub struct Inputs {
     /// An internal fault that is injected from outside.
     pub internal_fault: bool,
     /// The CAN controller's error mode.
     pub bus: BusErrorMode,
-    /// What the product senses. A device keeps its last own senses when it is given those of another product.
-    pub product: ProductSenses,
+    /// The inputs of the product. A device that is given those of another product keeps its own.
+    pub product: ProductInputs,
 }
 
-/// What a product senses.
+/// The inputs of a product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ProductSenses {
+pub enum ProductInputs {
     /// A valve: its supply, its temperature and its spool.
-    Valve(ValveSenses),
+    Valve(ValveInputs),
     /// An encoder: its shaft.
     Encoder(Shaft),
 }
 
-impl Default for ProductSenses {
+impl Default for ProductInputs {
     /// Returns those of a healthy valve.
     fn default() -> Self {
-        Self::Valve(ValveSenses::default())
+        Self::Valve(ValveInputs::default())
     }
 }
 
-impl Senses {
-    /// Returns what a healthy device of this kind senses: a valve its supply, an encoder a shaft that rests at 0.
+impl Inputs {
+    /// Returns the inputs of a healthy device of this kind: a valve its supply, an encoder a shaft that rests at 0.
     #[must_use]
     pub fn healthy(kind: Kind) -> Self {
         match kind {
@@ -42,27 +42,27 @@ impl Senses {
         }
     }
 
-    /// Returns what a healthy encoder with this shaft senses.
+    /// Returns the inputs of a healthy encoder with this shaft.
     #[must_use]
     pub const fn encoder(shaft: Shaft) -> Self {
-        Self { internal_fault: false, bus: BusErrorMode::ErrorActive, product: ProductSenses::Encoder(shaft) }
+        Self { internal_fault: false, bus: BusErrorMode::ErrorActive, product: ProductInputs::Encoder(shaft) }
     }
 
-    /// Returns what a valve senses; `None` for another product.
+    /// Returns the inputs of a valve; `None` for another product.
     #[must_use]
-    pub const fn valve(&self) -> Option<&ValveSenses> {
+    pub const fn valve(&self) -> Option<&ValveInputs> {
         match &self.product {
-            ProductSenses::Valve(valve) => Some(valve),
-            ProductSenses::Encoder(_) => None,
+            ProductInputs::Valve(valve) => Some(valve),
+            ProductInputs::Encoder(_) => None,
         }
     }
 
     /// Returns the same, to be changed.
     #[must_use]
-    pub const fn valve_mut(&mut self) -> Option<&mut ValveSenses> {
+    pub const fn valve_mut(&mut self) -> Option<&mut ValveInputs> {
         match &mut self.product {
-            ProductSenses::Valve(valve) => Some(valve),
-            ProductSenses::Encoder(_) => None,
+            ProductInputs::Valve(valve) => Some(valve),
+            ProductInputs::Encoder(_) => None,
         }
     }
 
@@ -70,8 +70,8 @@ impl Senses {
     #[must_use]
     pub const fn shaft(&self) -> Option<&Shaft> {
         match &self.product {
-            ProductSenses::Encoder(shaft) => Some(shaft),
-            ProductSenses::Valve(_) => None,
+            ProductInputs::Encoder(shaft) => Some(shaft),
+            ProductInputs::Valve(_) => None,
         }
     }
 
@@ -79,13 +79,13 @@ impl Senses {
     #[must_use]
     pub const fn shaft_mut(&mut self) -> Option<&mut Shaft> {
         match &mut self.product {
-            ProductSenses::Encoder(shaft) => Some(shaft),
-            ProductSenses::Valve(_) => None,
+            ProductInputs::Encoder(shaft) => Some(shaft),
+            ProductInputs::Valve(_) => None,
         }
     }
 }
 
-/// What a device drives.
+/// The outputs of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// A valve: its solenoids and its LED.
@@ -95,7 +95,7 @@ pub enum Outputs {
 }
 
 impl Outputs {
-    /// Returns what a valve drives; `None` for another product.
+    /// Returns the outputs of a valve; `None` for another product.
     #[must_use]
     pub const fn valve(self) -> Option<ValveOutputs> {
         match self {
@@ -105,10 +105,10 @@ impl Outputs {
     }
 }
 
-/// What a valve drives.
+/// The outputs of a valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveOutputs {
-    /// Whether the solenoids are energised.
+    /// The solenoids are energised.
     pub solenoids: bool,
     /// The LED.
     pub led: Led,

@@ -7,12 +7,12 @@ use crate::actuator::{
 };
 use crate::time::Instant;
 
-/// What 0x6300 and 0x6301 hold for float.
+/// The value of 0x6300 and 0x6301 for float.
 pub(super) const FLOAT: i16 = 32767;
 
-/// The application: what a set-point or a control word does to the valve, whatever service brought it.
+/// Device control: the effect of set-point, control word and device mode on the valve, whatever service brought them.
 #[derive(Clone, Debug)]
-pub(super) struct Application {
+pub(super) struct DeviceControl {
     pub(super) valve: Valve,
     machine: StateMachine,
     mode: DeviceMode,
@@ -23,7 +23,7 @@ pub(super) struct Application {
     in_force: SetPoint,
 }
 
-impl Application {
+impl DeviceControl {
     pub(super) const fn new(kind: Kind) -> Self {
         let config = ValveConfig {
             actuator_type: kind.actuator_type(),
@@ -65,7 +65,7 @@ impl Application {
 
     /// Takes a control word.
     #[inline]
-    pub(super) fn control(&mut self, word: u16, now: Instant) {
+    pub(super) fn set_control_word(&mut self, word: u16, now: Instant) {
         self.control_word = word;
         let before = self.state();
         self.machine.control(word, !self.valve.faults().is_empty());

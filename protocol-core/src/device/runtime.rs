@@ -1,14 +1,14 @@
-//! The host of a device: what every device has, whatever its protocol and product, and [`Device`], implemented once.
+//! The runtime of a device: the parts that all devices share, and [`Device`], implemented once.
 //!
-//! A [`Body`] is a protocol's node with a product in it. The host gives it a time that never runs back, wakes it when
-//! something is due, hands out its writes one at a time, and carries it through restarts.
+//! An [`Application`] is a protocol's node with a product in it. The runtime gives it a time that never runs back,
+//! wakes it when something is due, hands out its writes one at a time, and carries it through restarts.
 
 use heapless::VecView;
 
 use super::fault_log::FaultLogClock;
 use super::reading::Reading;
-use super::writes::{Asker, KINDS, Write, Writes};
-use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
+use super::writes::{KINDS, Requester, Write, Writes};
+use super::{Device, Effect, Inputs, Outputs, Restart, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
 use crate::memory::{self, Memory, RecordKey, StoreError};
@@ -16,14 +16,14 @@ use crate::time::{Instant, NEVER, latest};
 
 /// The kinds of write that every device asks for: what a new memory lacks, and the fault log.
 const OWN_WRITES: [Write; 3] = [
-    Write::new(RecordKey::Factory, Asker::Device),
-    Write::new(RecordKey::LocalLayer, Asker::Device),
-    Write::new(RecordKey::FaultLog, Asker::Device),
+    Write::new(RecordKey::Factory, Requester::Device),
+    Write::new(RecordKey::LocalLayer, Requester::Device),
+    Write::new(RecordKey::FaultLog, Requester::Device),
 ];
 
-/// What a device writes to the memory: its product's part of a write.
+/// The product's part of a write to the memory.
 pub trait Storing {
-    /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record
+    /// Appends the payload of a write, with the present state; `None` without a payload, or if it is longer than a record
     /// holds.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
@@ -34,21 +34,21 @@ pub trait Storing {
 /// A protocol's node with a product in it.
 ///
 /// Each call happens at [`Base::now`], after everything that was due before then has acted.
-pub trait Body: Storing + Sized {
-    /// What a device is made as.
+pub trait Application: Storing + Sized {
+    /// The setup of a device.
     type Setup;
     /// The services that listen to frames.
     type Service: Copy;
 
-    /// Whether the device keeps a fault log.
+    /// The device keeps a fault log.
     const FAULT_LOG: bool;
     /// The version of the payloads of its records.
     const RECORD_VERSION: u8;
-    /// The kinds of write that the product asks for, beside those of every device: each record with each asker. The
+    /// The kinds of write that the product asks for, beside those of every device: each record with each requester. The
     /// queue has a place for each.
     const WRITES: &'static [Write];
 
-    /// Returns a body that has no power yet.
+    /// Returns an application that has no power yet.
     fn new(setup: Self::Setup) -> Self;
 
     /// Returns the service that a frame is for, by its identifier and as few bytes as tell: most frames are for none.
@@ -63,14 +63,14 @@ pub trait Body: Storing + Sized {
     /// Lets the timers that are due act.
     fn poll(&mut self, base: &mut Base);
 
-    /// Acts on what the last call has changed: called after each of the others, before the next deadline is asked for.
-    fn settle(&mut self, base: &mut Base);
+    /// Acts on the changes of the last call: called after each of the others, before the next deadline is read.
+    fn apply_changes(&mut self, base: &mut Base);
 
     /// Returns when [`poll`](Self::poll) is next due.
     fn deadline(&self) -> Instant;
 
-    /// Takes what the device senses.
-    fn sense(&mut self, senses: &Senses, base: &mut Base);
+    /// Takes the inputs of the device.
+    fn sense(&mut self, inputs: &Inputs, base: &mut Base);
 
     /// See [`Device::take_filters`].
     fn take_filters(&mut self) -> Option<Filters>;
@@ -84,10 +84,11 @@ pub trait Body: Storing + Sized {
     /// See [`Device::give_back`].
     fn give_back(&mut self, frame: Frame);
 
-    /// Notes that every frame which the controller took is on the bus by now.
-    fn all_sent(&mut self, base: &mut Base);
+    /// Notes that every frame which the controller took is on the bus by now. Returns whether this may have changed more
+    /// than the pending frames, such as the deadline.
+    fn all_sent(&mut self, base: &mut Base) -> bool;
 
-    /// Returns whether a frame is owed that may be sent now.
+    /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
 
     /// Returns a bit rate to be in force from now on.
@@ -113,20 +114,20 @@ pub trait Body: Storing + Sized {
     fn frames_dropped(&self) -> u32;
 }
 
-/// What every device has.
+/// The state that every device has.
 #[derive(Clone, Debug)]
 pub struct Base {
     now: Instant,
     /// The writes to the memory.
     pub writes: Writes,
-    /// When the fault log is to be written.
+    /// The schedule of the fault log.
     pub fault_log: FaultLogClock,
-    restart: Pending,
+    restart: PendingRestart,
 }
 
 /// The restarts under way.
 #[derive(Clone, Debug, Default)]
-struct Pending {
+struct PendingRestart {
     /// Waits until nothing is being written and all is sent.
     wanted: Option<Restart>,
     /// In the platform's hands.
@@ -137,7 +138,7 @@ struct Pending {
     log_failed: bool,
 }
 
-impl Pending {
+impl PendingRestart {
     /// Returns whether a restart waits, and none is being carried out.
     const fn is_due(&self) -> bool {
         self.wanted.is_some() && !self.handed_out
@@ -159,8 +160,9 @@ impl Base {
         self.now = latest(self.now, now);
     }
 
-    /// Asks for a restart. Until it is carried out the device takes no frames but those of
-    /// [`Body::handle_restarting`], and its timers go on, the time guard too (A). Of two restarts the wider one counts.
+    /// Requests a restart. Until it is carried out the device takes no frames but those of
+    /// [`Application::handle_restarting`], and its timers go on, the time guard too (A). Of two restarts the wider one
+    /// counts.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_begun = false;
@@ -178,13 +180,13 @@ impl Base {
     pub fn fill(&mut self, reading: &Reading<'_>) {
         for record in [RecordKey::Factory, RecordKey::LocalLayer] {
             if reading.is_absent(record) {
-                self.writes.ask(Write::new(record, Asker::Device));
+                self.writes.request(Write::new(record, Requester::Device));
             }
         }
     }
 
     fn store_fault_log(&mut self) {
-        self.writes.ask(Write::new(RecordKey::FaultLog, Asker::Device));
+        self.writes.request(Write::new(RecordKey::FaultLog, Requester::Device));
         self.fault_log.begun();
     }
 
@@ -196,117 +198,117 @@ impl Base {
         }
         let write = self.writes.begin()?;
         if write.record == RecordKey::FaultLog {
-            let is_clearing = write.asked_by != Asker::Device;
+            let is_clearing = write.requester != Requester::Device;
             self.restart.log_begun = self.restart.is_due() && !is_clearing;
             if is_clearing { self.fault_log.clearing() } else { self.fault_log.begun() }
         }
         Some(write)
     }
 
-    /// Returns the next write, or the restart when there is none. Kept apart from the look whether there is any: a
-    /// record takes much of the stack.
+    /// Returns the next write, or the restart without one. Not inlined: a record takes much of the stack.
     #[inline(never)]
-    fn next_effect(&mut self, body: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
+    fn next_effect(&mut self, application: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
         while let Some(write) = self.begin_write() {
             let mut record = memory::begin(version);
-            if body.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
+            if application.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
                 return Some(Effect::Store(write.record, record));
             }
             // No payload of these devices is too long; a write of one would fail.
-            self.end_write(body, write.record, false);
+            self.end_write(application, write.record, false);
         }
         self.begin_restart(all_sent).map(Effect::Restart)
     }
 
     /// Ends the write in flight, which the memory has answered; an answer about another record is ignored.
-    fn end_write(&mut self, body: &mut dyn Storing, record: RecordKey, stored: bool) {
+    fn end_write(&mut self, application: &mut dyn Storing, record: RecordKey, stored: bool) {
         let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {
             self.restart.log_failed |= self.restart.log_begun && !stored;
-            if write.asked_by == Asker::Device || !stored {
+            if write.requester == Requester::Device || !stored {
                 self.fault_log.ended(stored, self.now);
             }
         }
-        body.written(write, stored, self);
+        application.written(write, stored, self);
     }
 
     /// Returns the restart that nothing keeps waiting any more, and hands it out.
     fn begin_restart(&mut self, all_sent: bool) -> Option<Restart> {
         let scope = self.restart.wanted.filter(|_| self.restart.is_due() && all_sent && self.writes.is_idle())?;
-        self.restart = Pending { handed_out: true, ..Pending::default() };
+        self.restart = PendingRestart { handed_out: true, ..PendingRestart::default() };
         Some(scope)
     }
 }
 
-/// A device: a body, and what every device has.
+/// A device: an application, and the [`Base`] of every device.
 #[derive(Clone, Debug)]
-pub struct Host<B: Body> {
-    body: B,
+pub struct Runtime<A: Application> {
+    application: A,
     base: Base,
-    /// When the body or the fault log is next due.
+    /// The instant at which the application or the fault log is next due.
     deadline: Instant,
 }
 
-impl<B: Body> Host<B> {
+impl<A: Application> Runtime<A> {
     /// Returns a device that is powered up with what the memory holds.
     #[must_use]
-    pub fn power_on(setup: B::Setup, memory: &dyn Memory, cause: StartCause, now: Instant) -> Self {
+    pub fn power_on(setup: A::Setup, memory: &dyn Memory, cause: StartCause, now: Instant) -> Self {
         let mut device = Self::new(setup);
         device.start_up(memory, cause, now);
         device
     }
 
-    /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there: the stack
-    /// then carries no device while it starts.
+    /// Returns a device without power, to be moved to its final place and [started](Self::start_up) there: the stack then
+    /// holds no device during the start.
     #[must_use]
-    // In the caller the device is made where it is to stay; a function of its own makes it on the stack first.
+    // Inlined, the device is made in its final place; a call would make it on the stack first.
     #[inline(always)]
-    pub fn new(setup: B::Setup) -> Self {
-        const { assert!(B::WRITES.len().saturating_add(OWN_WRITES.len()) <= KINDS, "`KINDS` is too small for this device") };
+    pub fn new(setup: A::Setup) -> Self {
+        const { assert!(A::WRITES.len() + OWN_WRITES.len() <= KINDS, "`KINDS` is too small for this device") };
         let base = Base {
             now: Instant::MIN,
             writes: Writes::new(),
             fault_log: FaultLogClock::new(),
-            restart: Pending::default(),
+            restart: PendingRestart::default(),
         };
-        Self { body: B::new(setup), base, deadline: NEVER }
+        Self { application: A::new(setup), base, deadline: NEVER }
     }
 
     /// Powers a new device up with what the memory holds.
     pub fn start_up(&mut self, memory: &dyn Memory, cause: StartCause, now: Instant) {
         self.base.now = latest(Instant::MIN, now);
-        self.body.start(Restart::Application, memory, &mut self.base);
+        self.application.start(Restart::Application, memory, &mut self.base);
         if cause == StartCause::Watchdog {
-            self.body.watchdog_reset(&mut self.base);
+            self.application.watchdog_reset(&mut self.base);
         }
-        self.settle();
+        self.finish();
     }
 
     /// Returns the product and its node.
-    pub const fn body(&self) -> &B {
-        &self.body
+    pub const fn application(&self) -> &A {
+        &self.application
     }
 
-    /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
+    /// Takes a frame for the device. Not inlined: most frames are dropped by their identifier before.
     #[inline(never)]
-    fn take(&mut self, frame: &Frame, now: Instant, service: B::Service) {
+    fn take(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         if self.base.is_restarting() {
             return self.take_restarting(frame, now, service);
         }
         self.advance(now);
-        self.body.handle(service, frame, &mut self.base);
-        self.settle();
+        self.application.handle(service, frame, &mut self.base);
+        self.finish();
     }
 
-    /// Takes a frame while a restart waits. Kept apart: it would take registers of the way of all other frames.
+    /// Takes a frame while a restart waits. Not inlined: it would take registers from the usual path.
     #[inline(never)]
-    fn take_restarting(&mut self, frame: &Frame, now: Instant, service: B::Service) {
+    fn take_restarting(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         self.advance(now);
-        self.body.handle_restarting(service, frame, &mut self.base);
-        self.settle();
+        self.application.handle_restarting(service, frame, &mut self.base);
+        self.finish();
     }
 
-    /// Goes to `now`, or stays at the last instant, and lets what is due by then act first. Each frame for the device comes here.
+    /// Goes to `now`, or stays at the last instant, and runs the timers that are due by then. Each frame for the device
+    /// comes here.
     fn advance(&mut self, now: Instant) {
         self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {
@@ -316,17 +318,17 @@ impl<B: Body> Host<B> {
 
     #[inline(never)]
     fn run_timers(&mut self) {
-        self.body.poll(&mut self.base);
-        if B::FAULT_LOG && self.base.now >= self.base.fault_log.due() {
+        self.application.poll(&mut self.base);
+        if A::FAULT_LOG && self.base.now >= self.base.fault_log.due() {
             self.base.store_fault_log();
         }
-        self.body.settle(&mut self.base);
+        self.application.apply_changes(&mut self.base);
         self.schedule();
     }
 
-    /// Finds out when something is next due, after anything was done.
-    fn settle(&mut self) {
-        self.body.settle(&mut self.base);
+    /// Ends a call: acts on its changes and finds the next deadline.
+    fn finish(&mut self) {
+        self.application.apply_changes(&mut self.base);
         self.schedule();
         // What was just begun can be due at once.
         if self.base.now >= self.deadline {
@@ -336,43 +338,43 @@ impl<B: Body> Host<B> {
 
     /// Returns whether the queue has a place for writes of this kind.
     fn is_listed(write: Write) -> bool {
-        OWN_WRITES.iter().chain(B::WRITES).any(|listed| listed.is_like(write))
+        OWN_WRITES.iter().chain(A::WRITES).any(|listed| listed.is_like(write))
     }
 
     fn schedule(&mut self) {
-        self.deadline = self.body.deadline();
-        if B::FAULT_LOG {
+        self.deadline = self.application.deadline();
+        if A::FAULT_LOG {
             self.deadline = self.deadline.min(self.base.fault_log.due());
         }
     }
 }
 
-impl<B: Body> Device for Host<B> {
+impl<A: Application> Device for Runtime<A> {
     #[inline]
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
-        let Some(service) = self.body.service(frame) else { return false };
+        let Some(service) = self.application.service(frame) else { return false };
         self.take(frame, now, service);
         true
     }
 
     #[inline]
     fn take_filters(&mut self) -> Option<Filters> {
-        self.body.take_filters()
+        self.application.take_filters()
     }
 
     #[inline]
     fn take_abort(&mut self) -> Option<Filter> {
-        self.body.take_abort()
+        self.application.take_abort()
     }
 
-    fn sense(&mut self, senses: &Senses, now: Instant) {
+    fn sense(&mut self, inputs: &Inputs, now: Instant) {
         self.base.go_to(now);
-        // What was due before acts on the old senses, what is due now on the new ones.
+        // What was due before acts on the old inputs, what is due now on the new ones.
         if self.base.now > self.deadline {
             self.run_timers();
         }
-        self.body.sense(senses, &mut self.base);
-        self.settle();
+        self.application.sense(inputs, &mut self.base);
+        self.finish();
     }
 
     #[inline]
@@ -384,24 +386,25 @@ impl<B: Body> Device for Host<B> {
 
     #[inline]
     fn next_frame(&mut self, now: Instant) -> Option<Frame> {
-        self.body.next_frame(latest(self.base.now, now))
+        self.application.next_frame(latest(self.base.now, now))
     }
 
     fn give_back(&mut self, frame: Frame) {
-        self.body.give_back(frame);
+        self.application.give_back(frame);
     }
 
     #[inline]
     fn all_sent(&mut self, now: Instant) -> bool {
         self.base.go_to(now);
-        self.body.all_sent(&mut self.base);
-        self.settle();
-        self.body.has_frame()
+        if self.application.all_sent(&mut self.base) {
+            self.finish();
+        }
+        self.application.has_frame()
     }
 
     #[inline]
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
-        if let Some(bit_rate) = self.body.take_bit_rate() {
+        if let Some(bit_rate) = self.application.take_bit_rate() {
             return Some(Effect::SetBitRate(bit_rate));
         }
         if self.base.restart.wanted.is_none() && self.base.writes.is_idle() {
@@ -409,16 +412,16 @@ impl<B: Body> Device for Host<B> {
         }
         debug_assert!(
             self.base.writes.iter().all(|write| Self::is_listed(*write)),
-            "`Body::WRITES` lacks one of {:?}",
+            "`Application::WRITES` lacks one of {:?}",
             self.base.writes
         );
-        self.base.next_effect(&mut self.body, B::RECORD_VERSION, all_sent)
+        self.base.next_effect(&mut self.application, A::RECORD_VERSION, all_sent)
     }
 
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {
         self.advance(now);
-        self.base.end_write(&mut self.body, key, result.is_ok());
-        self.settle();
+        self.base.end_write(&mut self.application, key, result.is_ok());
+        self.finish();
     }
 
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant) {
@@ -428,8 +431,8 @@ impl<B: Body> Device for Host<B> {
             self.base.writes = Writes::new();
             self.base.fault_log = FaultLogClock::new();
         }
-        self.body.start(scope, memory, &mut self.base);
-        self.settle();
+        self.application.start(scope, memory, &mut self.base);
+        self.finish();
     }
 
     fn flush(&mut self, now: Instant) {
@@ -446,22 +449,22 @@ impl<B: Body> Device for Host<B> {
     }
 
     fn outputs(&self) -> Outputs {
-        self.body.outputs()
+        self.application.outputs()
     }
 
     fn bit_rate(&self) -> BitRate {
-        self.body.bit_rate()
+        self.application.bit_rate()
     }
 
     fn node_id(&self) -> Option<u8> {
-        self.body.node_id()
+        self.application.node_id()
     }
 
     fn frames_dropped(&self) -> u32 {
-        self.body.frames_dropped()
+        self.application.frames_dropped()
     }
 }
 
 #[cfg(test)]
-#[path = "host_tests.rs"]
+#[path = "runtime_tests.rs"]
 mod tests;
