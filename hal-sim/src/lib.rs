@@ -56,8 +56,9 @@
 //! assert_eq!(world.view(valve).unwrap().position, 0x2000);
 //! ```
 //!
-//! [`World::set_plant`] breaks the valve, [`World::disturb`] and [`World::force_bus_off`] the bus, [`World::power`]
-//! cuts the supply, [`World::link`] puts an angle sensor on the boom that the valve moves.
+//! [`World::set_plant`] breaks the valve, [`World::fault`] the communication, [`World::disturb`] and
+//! [`World::force_bus_off`] the bus; [`World::power`] cuts the supply, [`World::link`] puts an angle sensor on the boom that
+//! the valve moves.
 #![forbid(unsafe_code)]
 
 pub mod bus;

@@ -8,6 +8,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use super::error::BusError;
+use super::faults::FaultEffect;
 
 /// An event on the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,6 +50,15 @@ pub enum EventKind {
         /// The mode from now on.
         to: BusErrorMode,
     },
+    /// A fault happened to a frame of `who`.
+    Fault {
+        /// The name of the fault.
+        fault: Arc<str>,
+        /// The frame, as its sender meant it.
+        frame: Frame,
+        /// What was done to it.
+        effect: FaultEffect,
+    },
     /// Frames that a device dropped unsent.
     FramesDropped {
         /// The number of frames dropped since the last such event.
@@ -86,6 +96,13 @@ impl Journal {
         self.recording = on;
         if !on {
             self.events = Vec::new();
+        }
+    }
+
+    /// Notes events, if somebody wants to know.
+    pub(super) fn extend(&mut self, events: impl IntoIterator<Item = Event>) {
+        if self.recording {
+            self.events.extend(events);
         }
     }
 

@@ -30,12 +30,17 @@ struct Mailbox {
 pub(super) struct Full;
 
 impl Mailboxes {
+    /// Returns whether they would take a frame: it is more urgent than all that wait.
+    pub(super) fn takes(&self, frame: &Frame) -> bool {
+        self.head().is_none_or(|head| head.arbitration() > frame.arbitration())
+    }
+
     /// Stores a frame. Returns the least urgent frame when all mailboxes are full, but never the one on the wire.
     ///
     /// # Errors
     /// [`Full`] when an equally or more urgent frame waits.
     pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
-        if self.head().is_some_and(|head| head.arbitration() <= frame.arbitration()) {
+        if !self.takes(&frame) {
             return Err(Full);
         }
         let full = self.waiting.len() >= MAILBOXES;

@@ -16,9 +16,12 @@ mod bits;
 mod clock;
 mod confinement;
 mod contenders;
+mod delayed;
 mod error;
 mod event;
 mod external;
+mod fault;
+mod faults;
 mod injector;
 mod listeners;
 mod load;
@@ -37,6 +40,8 @@ mod collision_tests;
 #[cfg(test)]
 mod external_tests;
 #[cfg(test)]
+mod fault_tests;
+#[cfg(test)]
 mod rig;
 #[cfg(test)]
 mod tests;
@@ -45,12 +50,16 @@ use std::sync::Arc;
 use std::vec::Drain;
 
 use protocol_core::controller::{BitRate, BusErrorMode};
-use protocol_core::time::Instant;
+use protocol_core::frame::Frame;
+use protocol_core::time::{Instant, NEVER};
 
 pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
+pub use delayed::DeviceCan;
 pub use error::BusError;
 pub use event::{Event, EventKind};
+pub use fault::{ALWAYS, Corruption, Delay, Fault, FaultError, FaultKind, FrameFilter, MAX_FAULTS, MAX_REPEATS, Masks};
+pub use faults::{FaultEffect, FaultState};
 pub use injector::{BitErrors, DestroyNext, Disturbance, Injector};
 pub use port::{Port, RECEIVE_QUEUE};
 pub use wire_event::WireEvent;
@@ -58,6 +67,7 @@ pub use wire_event::WireEvent;
 use clock::{Nanos, instant, nanos};
 use contenders::{Contenders, Contends};
 use event::Journal;
+use faults::Faults;
 use injector::Injects;
 use listeners::Group;
 use load::Load;
@@ -68,7 +78,7 @@ use transmission::Transmission;
 pub struct PortId(pub(crate) usize);
 
 /// The bus and all connected controllers.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct Bus {
     ports: Vec<Port>,
     /// The free port numbers of removed clients.
@@ -93,8 +103,38 @@ pub struct Bus {
     injectors: Vec<Box<dyn Injects>>,
     /// The disturbance on command.
     disturbance: Disturbance,
+    faults: Faults,
+    /// The ports with frames that a fault keeps between application and controller.
+    delaying: Vec<PortId>,
+    /// When a fault next hands over or inserts a frame, or earlier.
+    fault_due: Instant,
     load: Load,
     journal: Journal,
+}
+
+impl Default for Bus {
+    fn default() -> Self {
+        Self {
+            ports: Vec::new(),
+            vacant: Vec::new(),
+            contenders: Contenders::default(),
+            groups: Vec::new(),
+            joining: Vec::new(),
+            externals: Vec::new(),
+            recovering: Vec::new(),
+            current: None,
+            senders: Vec::new(),
+            free_at: 0,
+            touched: Vec::new(),
+            injectors: Vec::new(),
+            disturbance: Disturbance::default(),
+            faults: Faults::default(),
+            delaying: Vec::new(),
+            fault_due: NEVER,
+            load: Load::default(),
+            journal: Journal::default(),
+        }
+    }
 }
 
 impl Bus {
@@ -151,16 +191,25 @@ impl Bus {
         let port = &mut self.ports[id.0];
         port.connected = false;
         port.ready_at = Nanos::MAX;
-        port.transmit.clear();
         port.received.clear();
+        self.clear(id);
         self.refresh(id, now);
     }
 
     /// Drops the waiting frames of a port.
     pub fn drop_pending(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
-        self.ports[id.0].transmit.clear();
+        self.clear(id);
         self.refresh(id, now);
+    }
+
+    fn clear(&mut self, id: PortId) {
+        let port = &mut self.ports[id.0];
+        port.transmit.clear();
+        port.delayed.clear();
+        if !self.delaying.is_empty() {
+            self.delaying.retain(|other| *other != id);
+        }
     }
 
     /// Returns whether a frame of a port is on the wire.
@@ -206,6 +255,58 @@ impl Bus {
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.disturbance
+    }
+
+    fn schedule_faults(&mut self) {
+        self.fault_due = self.faults.next_insertion.min(self.next_release());
+    }
+
+    /// Adds a fault of the communication.
+    ///
+    /// # Errors
+    /// [`FaultError`]; nothing has changed then.
+    pub fn add_fault(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
+        if let Some(name) = fault.names().find(|name| !self.ports.iter().any(|port| port.name == **name)) {
+            let known: Vec<&str> = self.ports.iter().map(|port| &*port.name).collect();
+            return Err(FaultError::Unknown { name: Arc::clone(name), known: known.join(", ") });
+        }
+        self.faults.add(fault, now)?;
+        self.schedule_faults();
+        Ok(())
+    }
+
+    /// Ends a fault; returns whether there was one of that name. Frames that it keeps are sent when they are due.
+    pub fn end_fault(&mut self, name: &str) -> bool {
+        let has_ended = self.faults.end(name);
+        self.schedule_faults();
+        has_ended
+    }
+
+    /// Ends all faults.
+    pub fn end_faults(&mut self) {
+        self.faults.clear();
+        self.schedule_faults();
+    }
+
+    /// Returns the faults, in the order in which they were added; those that are over stay until they are ended.
+    pub fn faults(&self, now: Instant) -> impl Iterator<Item = FaultState> {
+        self.faults.states(now)
+    }
+
+    /// Returns whether a fault is to be [served](Self::serve_faults).
+    pub(crate) fn is_fault_due(&self, now: Instant) -> bool {
+        self.fault_due <= now
+    }
+
+    /// Hands over the delayed frames that are due by now; returns those to be inserted, each with the name of its fault.
+    #[cold]
+    pub(crate) fn serve_faults(&mut self, now: Instant) -> Vec<(Arc<str>, Frame)> {
+        self.release_due(now);
+        let inserted = self.faults.insert(now);
+        self.schedule_faults();
+        let frames = inserted.iter().map(|(frame, event)| (Arc::clone(&event.who), *frame)).collect();
+        self.journal.extend(inserted.into_iter().map(|(_, event)| event));
+        frames
     }
 
     /// Removes all injectors.
@@ -254,7 +355,7 @@ impl Bus {
         if !self.externals.is_empty() {
             due = due.min(instant(self.next_joining()));
         }
-        due
+        due.min(self.fault_due)
     }
 
     /// Starts recording events for [`take_events`](Self::take_events), or stops.

@@ -1,19 +1,23 @@
 //! The end of a frame or an error frame: deliveries and error counters.
 
 use protocol_core::controller::BusErrorMode;
+use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use super::bits::{INTERMISSION, SUSPEND};
 use super::clock::{Nanos, bit_times, instant, nanos};
 use super::confinement::Confinement;
-use super::transmission::{Failure, Transmission};
+use super::transmission::{ERROR_FRAME, Failure, Omission, Transmission};
 use super::wire_event::WireEvent;
-use super::{Bus, BusError, Event, EventKind, PortId};
+use super::{Bus, BusError, Event, EventKind, FaultEffect, PortId};
 
 impl Bus {
     /// Ends the frames and error frames that are due by `now`.
     pub fn finish(&mut self, now: Instant) {
-        if self.current.as_ref().is_some_and(|transmission| transmission.over <= now) {
+        if let Some(transmission) = &self.current
+            && transmission.over <= now
+            && (transmission.omission.is_none() || !self.accept())
+        {
             self.end();
         }
         if !self.recovering.is_empty() {
@@ -22,6 +26,27 @@ impl Bus {
         if !self.externals.is_empty() {
             self.tell_joined(nanos(now));
         }
+    }
+
+    /// Lets those accept a frame that do not see the error in its last but one bit, which begins an error frame.
+    #[cold]
+    fn accept(&mut self) -> bool {
+        let Some(by) = self.current.as_ref().and_then(|current| current.omission.as_ref()?.signalled_by) else {
+            return false;
+        };
+        let Some(mut transmission) = self.current.take_if(|transmission| transmission.failure.is_none()) else {
+            return false;
+        };
+        self.deliver(&transmission);
+        transmission.failure = Some(Box::new(Failure {
+            error: BusError::Bit,
+            by_other_rate: false,
+            signalled_by: Some(self.ports[by.0].name.clone()),
+            gone: None,
+        }));
+        transmission.set_end(transmission.end + bit_times(ERROR_FRAME, transmission.rate));
+        self.current = Some(transmission);
+        true
     }
 
     /// Ends the frame or error frame on the wire.
@@ -69,14 +94,21 @@ impl Bus {
     }
 
     fn deliver(&mut self, transmission: &Transmission) {
-        let Transmission { frame, rate, end, over: at, .. } = transmission;
+        let Transmission { frame, rate, end, over: at, omission, .. } = transmission;
         let Some(place) = self.groups.iter().position(|group| group.rate == *rate) else { return };
         if !self.groups[place].counting.is_empty() {
             self.count_received(place, *at);
         }
+        let is_lost = self.faults.at_receivers && self.lose(frame, *end, *at);
         let Self { groups, ports, senders, touched, .. } = self;
         for id in senders {
             ports[id.0].heard = *end;
+        }
+        if let Some(omission) = omission {
+            omission.receivers.iter().for_each(|id| ports[id.0].heard = *end);
+        }
+        if is_lost {
+            return;
         }
         groups[place].hearers(frame, |hearers| {
             for id in hearers {
@@ -91,6 +123,24 @@ impl Bus {
                 }
             }
         });
+    }
+
+    /// Lets faults lose a frame between the controllers that received it and their applications; returns whether it is
+    /// lost for all.
+    #[cold]
+    fn lose(&mut self, frame: &Frame, end: Nanos, at: Instant) -> bool {
+        let Some(sender) = self.senders.first() else { return false };
+        let struck = self.faults.at_receivers(&self.ports[sender.0].name, frame, at);
+        let mut is_lost = false;
+        for event in &struck {
+            let EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } = &event.what else { continue };
+            is_lost |= receivers.is_empty();
+            for port in self.ports.iter_mut().filter(|port| receivers.contains(&port.name)) {
+                port.heard = end;
+            }
+        }
+        self.journal.extend(struck);
+        is_lost
     }
 
     /// Counts a received frame down at the members with a receive error counter above 0.
@@ -113,14 +163,16 @@ impl Bus {
             // Receive errors never cause bus-off: the members stay the same.
             for place in 0..self.groups[group].members.len() {
                 let id = self.groups[group].members[place];
-                if self.senders.contains(&id) {
+                let accepted = |omission: &Omission| !omission.receivers.contains(&id);
+                if self.senders.contains(&id) || transmission.omission.as_deref().is_some_and(accepted) {
                     continue;
                 }
                 let port = &mut self.ports[id.0];
                 if port.confinement.receive_errors() == 0 {
                     self.groups[group].counting.push(id);
                 }
-                let first = other_rate && port.mode() == BusErrorMode::ErrorActive;
+                let is_first = other_rate || transmission.omission.is_some();
+                let first = is_first && port.mode() == BusErrorMode::ErrorActive;
                 port.tell(transmission.end, WireEvent::NotReceived { first });
                 self.change(id, transmission.over, |confinement| confinement.receive_error(first));
             }
@@ -143,6 +195,7 @@ impl Bus {
         if port.is_device {
             self.touched.push(id);
         }
+        self.release_waiting(id, at);
         self.refresh(id, at);
     }
 }

@@ -13,6 +13,7 @@ use super::BUS_IDLE;
 use super::clock::{Nanos, bit_times, instant};
 use super::confinement::Confinement;
 use super::contenders::Contends;
+use super::delayed::Delayed;
 use super::listeners::Hears;
 use super::transmit::Transmit;
 use super::wire_event::{External, WireEvent};
@@ -30,6 +31,8 @@ pub struct Port {
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
     pub(super) transmit: Transmit,
+    /// Frames that a fault keeps between the application and the controller.
+    pub(super) delayed: Vec<Delayed>,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// The filters of a device's controller; `None` accepts all frames.
     pub(super) filters: Option<Box<Filters>>,
@@ -101,6 +104,7 @@ impl Port {
             connected: false,
             confinement: Confinement::default(),
             transmit,
+            delayed: Vec::new(),
             received: VecDeque::new(),
             filters: None,
             used: false,
@@ -146,7 +150,7 @@ impl Port {
     /// Returns the number of waiting frames, the one on the wire included.
     #[must_use]
     pub fn pending(&self) -> usize {
-        self.transmit.len()
+        self.transmit.len() + self.delayed.len()
     }
 
     /// Returns the number of received frames lost in a full queue.
@@ -220,12 +224,13 @@ impl embedded_can::nb::Can for Port {
 
 impl Controller for Port {
     fn is_idle(&self) -> bool {
-        self.transmit.is_empty()
+        self.transmit.is_empty() && self.delayed.is_empty()
     }
 
     fn abort(&mut self, which: Filter) {
         self.used = true;
         self.transmit.abort(which);
+        self.delayed.retain(|delayed| !which.passes(&delayed.frame));
     }
 
     fn set_filters(&mut self, filters: &Filters) {

@@ -8,7 +8,7 @@ use protocol_core::frame::{Frame, standard};
 use protocol_core::time::{Duration, Instant, NEVER};
 
 use super::clock::bit_times;
-use super::{Bus, BusError, Event, EventKind, PortId};
+use super::{Bus, BusError, Event, EventKind, FaultEffect, PortId};
 
 pub(super) const RATE: BitRate = BitRate::Kbit250;
 pub(super) const EMPTY: u16 = 0x123;
@@ -40,6 +40,8 @@ pub(super) struct Rig {
     pub(super) bus: Bus,
     pub(super) now: Instant,
     pub(super) ended: Vec<(Instant, Ended)>,
+    /// What faults did.
+    pub(super) effects: Vec<FaultEffect>,
 }
 
 impl Rig {
@@ -54,11 +56,11 @@ impl Rig {
             let id = bus.add_device(char::from(name).to_string().into(), rate);
             bus.connect(id, micros(0));
         }
-        Self { bus, now: micros(10_000), ended: Vec::new() }
+        Self { bus, now: micros(10_000), ended: Vec::new(), effects: Vec::new() }
     }
 
     pub(super) fn send(&mut self, port: usize, frame: Frame) {
-        assert_eq!(self.bus.port_mut(PortId(port)).transmit(&frame), Ok(None));
+        assert_eq!(self.bus.hand_over(PortId(port), &frame, self.now), Ok(None));
         self.bus.refresh(PortId(port), self.now);
     }
 
@@ -67,10 +69,17 @@ impl Rig {
         while self.bus.next_event() <= until {
             self.now = self.now.max(self.bus.next_event());
             self.bus.finish(self.now);
+            if self.bus.is_fault_due(self.now) {
+                self.bus.serve_faults(self.now);
+            }
             for Event { at, who: from, what } in self.bus.take_events() {
                 let (frame, error) = match what {
                     EventKind::Frame { frame, .. } => (frame, None),
                     EventKind::ErrorFrame { frame, error, .. } => (frame, Some(error)),
+                    EventKind::Fault { effect, .. } => {
+                        self.effects.push(effect);
+                        continue;
+                    }
                     _ => continue,
                 };
                 self.ended.push((at, Ended { from, frame, error }));

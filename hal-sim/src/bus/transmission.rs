@@ -10,7 +10,7 @@ use super::bits::{AFTER_ACK_SLOT, ERROR_DELIMITER, ERROR_FLAG, FrameBits};
 use super::clock::{Nanos, bit_times, instant, nanos};
 use super::injector::Injector as _;
 use super::wire_event::WireEvent;
-use super::{Bus, BusError, PortId};
+use super::{Bus, BusError, EventKind, FaultEffect, PortId};
 
 /// The number of bits after which a controller at another bit rate sees an error (A).
 const WRONG_RATE_SEEN: u32 = 20;
@@ -33,6 +33,18 @@ pub(super) struct Transmission {
     pub(super) over: Instant,
     /// The failure of the attempt: rare, and boxed to keep the success small.
     pub(super) failure: Option<Box<Failure>>,
+    /// Who sees an error in the last but one bit: rare, too.
+    pub(super) omission: Option<Box<Omission>>,
+}
+
+/// An error in the last but one bit of the end of frame that some receivers see. All others have the frame by then: an
+/// error in the last bit is an overload condition for them (ISO 11898-1, 10.4.6).
+#[derive(Clone, Debug)]
+pub(super) struct Omission {
+    pub(super) receivers: Vec<PortId>,
+    /// Whose error flag the sender sees in the last bit, and repeats the frame. Without an error-active receiver among
+    /// them nobody notices.
+    pub(super) signalled_by: Option<PortId>,
 }
 
 /// The failure of an attempt to send.
@@ -124,11 +136,16 @@ impl Bus {
         let on_command = self.disturbance.disturb(&sender.name, &frame, on_wire);
         let injectors = self.injectors.iter_mut();
         let injected = injectors.filter_map(|injector| injector.disturb(&sender.name, &frame, on_wire));
-        let injected = injected.chain(on_command).min();
+        let mut injected = injected.chain(on_command).min();
         let heard = self.is_heard(rate);
         let disturber = self.disturber(rate);
         let end = start + bit_times(on_wire, rate);
-        let mut transmission = Transmission { frame, rate, start, end, over: instant(end), failure: None };
+        let mut transmission =
+            Transmission { frame, rate, start, end, over: instant(end), failure: None, omission: None };
+        if self.faults.on_wire {
+            let destroyed = self.strike(first, &mut transmission, on_wire);
+            injected = injected.into_iter().chain(destroyed).min();
+        }
         if collision.is_none() && injected.is_none() && disturber.is_none() && heard {
             return transmission;
         }
@@ -145,6 +162,7 @@ impl Bus {
         if let Some(disruption) = disruptions.into_iter().flatten().min_by_key(|disruption| disruption.bits) {
             let error_frame = if heard || disturber.is_some() { ERROR_FRAME } else { LONE_ERROR_FRAME };
             let by = disruption.by.unwrap_or(first);
+            transmission.omission = None;
             transmission.set_end(start + bit_times(disruption.bits + error_frame, rate));
             transmission.failure = Some(Box::new(Failure {
                 error: disruption.error,
@@ -154,6 +172,40 @@ impl Bus {
             }));
         }
         transmission
+    }
+
+    /// Lets a fault act on an attempt; returns the bit that it destroys.
+    #[cold]
+    fn strike(&mut self, sender: PortId, transmission: &mut Transmission, on_wire: u32) -> Option<u32> {
+        let Transmission { frame, rate, start, .. } = *transmission;
+        let event = self.faults.on_wire(&self.ports[sender.0].name, &frame, instant(start))?;
+        let mut destroyed = None;
+        if let EventKind::Fault { effect, .. } = &event.what {
+            match effect {
+                FaultEffect::Omitted(names) => {
+                    let omission = self.omission(names, rate);
+                    if omission.signalled_by.is_some() {
+                        transmission.set_end(start + bit_times(on_wire - 1, rate));
+                    }
+                    transmission.omission = Some(Box::new(omission));
+                }
+                _ => destroyed = Some(on_wire / 2),
+            }
+        }
+        self.journal.note(|| Some(event));
+        destroyed
+    }
+
+    /// Returns the receivers of these names, as far as they take part.
+    fn omission(&self, names: &[Arc<str>], rate: BitRate) -> Omission {
+        let members = self.groups.iter().filter(|group| group.rate == rate).flat_map(|group| &group.members);
+        let is_meant = |id: &PortId| !self.senders.contains(id) && names.contains(&self.ports[id.0].name);
+        let receivers: Vec<PortId> = members.copied().filter(is_meant).collect();
+        let is_active = |id: &&PortId| {
+            let port = &self.ports[id.0];
+            port.mode() == BusErrorMode::ErrorActive && !port.is_silent()
+        };
+        Omission { signalled_by: receivers.iter().find(is_active).copied(), receivers }
     }
 
     /// Returns whether a controller acknowledges frames at a bit rate.
@@ -237,6 +289,7 @@ impl Bus {
             return;
         }
         let gone = Some(self.ports[id.0].name.clone());
+        transmission.omission = None;
         if let Some(failure) = &mut transmission.failure {
             failure.gone = gone;
             return;

@@ -39,6 +39,15 @@ impl Transmit {
         }
     }
 
+    /// Returns whether it would take a frame.
+    pub(super) fn takes(&self, frame: &Frame) -> bool {
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.takes(frame),
+            Self::Queue(_) => true,
+            Self::Offer(..) => false,
+        }
+    }
+
     /// Stores a frame; may return a less urgent one.
     ///
     /// # Errors

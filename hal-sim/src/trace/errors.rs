@@ -41,6 +41,7 @@ impl Errors {
             }
             EventKind::ErrorFrame { frame, error, .. } => self.error_frame(event, frame, *error),
             EventKind::ErrorMode { to, .. } => Some(self.change(event, *to)),
+            EventKind::Fault { .. } => None,
             EventKind::FramesDropped { count } => {
                 let frames = if *count == 1 { "a frame" } else { "frames" };
                 let text = format!("{}: dropped {frames} that waited for the bus (×{count})", event.who);

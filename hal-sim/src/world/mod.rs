@@ -38,7 +38,7 @@ pub use run::FLUSH_PATIENCE;
 
 pub use crate::bus::{Event, EventKind};
 
-use crate::bus::{Bus, Disturbance, Injector, Port, PortId};
+use crate::bus::{Bus, Disturbance, Fault, FaultError, FaultState, Injector, Port, PortId};
 use crate::memory::Memory;
 
 use agenda::Agenda;
@@ -77,6 +77,8 @@ pub struct World {
     touched: Vec<PortId>,
     /// The clients owned by the caller.
     clients: Vec<Connection>,
+    /// The controllers that send inserted frames, by the names of their faults.
+    inserters: Vec<(Arc<str>, ClientPortId)>,
 }
 
 impl World {
@@ -95,6 +97,7 @@ impl World {
             random: fastrand::Rng::with_seed(seed),
             touched: Vec::new(),
             clients: Vec::new(),
+            inserters: Vec::new(),
         }
     }
 
@@ -270,7 +273,7 @@ impl World {
     /// Sends a frame from a client.
     pub fn send(&mut self, port: ClientPortId, frame: Frame) {
         // A client's queue has no limit.
-        let _ = embedded_can::nb::Can::transmit(self.bus.port_mut(port.0), &frame);
+        let _ = self.bus.hand_over(port.0, &frame, self.now);
         self.bus.refresh(port.0, self.now);
     }
 
@@ -364,6 +367,29 @@ impl World {
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.bus.disturbance()
+    }
+
+    /// Adds a fault of the communication, which begins now or later.
+    ///
+    /// # Errors
+    /// [`FaultError`]; nothing has changed then.
+    pub fn fault(&mut self, fault: Fault) -> Result<(), FaultError> {
+        self.bus.add_fault(fault, self.now)
+    }
+
+    /// Ends a fault; returns whether there was one of that name. Frames that it keeps are sent when they are due.
+    pub fn end_fault(&mut self, name: &str) -> bool {
+        self.bus.end_fault(name)
+    }
+
+    /// Ends all faults.
+    pub fn end_faults(&mut self) {
+        self.bus.end_faults();
+    }
+
+    /// The faults, in the order in which they were added; those that are over stay until they are ended.
+    pub fn faults(&self) -> impl Iterator<Item = FaultState> {
+        self.bus.faults(self.now)
     }
 
     /// Removes all injectors.

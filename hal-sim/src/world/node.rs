@@ -8,7 +8,7 @@ use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use crate::bus::{Port, PortId};
+use crate::bus::{DeviceCan, PortId};
 use crate::memory::Memory;
 
 /// The time to write a record (A).
@@ -23,7 +23,7 @@ pub trait SimDevice: Device + Viewable + Any + Send {
 
     /// Pumps the device through its controller, see [`pump`]. One dynamic call covers a whole pass of the pump, whose
     /// steps are then static calls.
-    fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect>;
+    fn pump(&mut self, can: &mut DeviceCan<'_>, now: Instant) -> Option<Effect>;
 }
 
 impl<T: Device + Viewable + Any + Send + Clone> SimDevice for T {
@@ -31,7 +31,7 @@ impl<T: Device + Viewable + Any + Send + Clone> SimDevice for T {
         Box::new(self.clone())
     }
 
-    fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect> {
+    fn pump(&mut self, can: &mut DeviceCan<'_>, now: Instant) -> Option<Effect> {
         pump(self, can, now)
     }
 }

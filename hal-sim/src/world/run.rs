@@ -1,12 +1,16 @@
 //! The passing of time: events and their consequences.
 
+use std::sync::Arc;
+
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Effect;
 use protocol_core::memory::{Record, RecordKey};
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
+use crate::bus::DeviceCan;
+
 use super::node::{Node, Power, Write, due, write_time};
-use super::{NodeId, World};
+use super::{ClientPortId, NodeId, World};
 
 /// The time limit of an orderly shutdown for the bus to take the devices' frames before they store (A).
 pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
@@ -84,12 +88,30 @@ impl World {
     fn happen(&mut self, now: Instant) {
         self.now = now;
         self.bus.finish(now);
+        if self.bus.is_fault_due(now) {
+            self.serve_faults();
+        }
         self.service_touched();
         while let Some(number) = self.agenda.due_by(now) {
             self.poll_device(NodeId(number));
         }
         self.bus.begin(now);
         self.service_touched();
+    }
+
+    /// Lets faults hand over and insert frames, the latter from a controller of each fault.
+    #[cold]
+    fn serve_faults(&mut self) {
+        for (fault, frame) in self.bus.serve_faults(self.now) {
+            let known = self.inserters.iter().find(|(name, _)| *name == fault).map(|(_, port)| *port);
+            let port = known.unwrap_or_else(|| {
+                let port = self.bus.add_gateway(Arc::clone(&fault), self.bit_rate, self.now);
+                self.own(port, None);
+                self.inserters.push((fault, ClientPortId(port)));
+                ClientPortId(port)
+            });
+            self.send(port, frame);
+        }
     }
 
     fn service_touched(&mut self) {
@@ -159,7 +181,7 @@ impl World {
             }
             device.sense(inputs, now);
         }
-        let effect = device.pump(bus.port_mut(port_id), now);
+        let effect = device.pump(&mut DeviceCan::new(bus, port_id, now), now);
         if effect.is_some() {
             return effect;
         }

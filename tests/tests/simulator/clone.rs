@@ -1,7 +1,9 @@
 //! The clone of a world: the same calls come to the same in both, whatever was under way.
 
 use embedded_can::nb::Can as _;
-use hal_sim::bus::{BitErrors, DestroyNext, Disturbance};
+use hal_sim::bus::{
+    ALWAYS, BitErrors, Corruption, Delay, DestroyNext, Disturbance, Fault, FaultKind, FrameFilter, Masks,
+};
 use hal_sim::memory::TornErase;
 use hal_sim::world::{Link, Plant, SUPPLY_JITTER};
 use hal_sim::{Client, ClientPortId, ControllerId, Event, NodeId, WireEvent, World};
@@ -50,6 +52,8 @@ enum Call {
     Disturb(u32),
     CutPowerAfter(usize, u64, TornErase),
     Spoil(usize),
+    Fault(Fault),
+    EndFault(&'static str),
     SetBitRate(BitRate),
     Flush,
 }
@@ -98,6 +102,45 @@ fn plant() -> impl Strategy<Value = Plant> {
     ]
 }
 
+const FAULTS: [&str; 3] = ["one", "two", "three"];
+
+fn fault() -> impl Strategy<Value = Fault> {
+    let millis = Duration::from_millis;
+    let receivers = || vec(select(&["device-0", "tap", "client", "controller"][..]).prop_map(Into::into), 0..3);
+    let toggle = any::<[u8; 8]>().prop_map(|toggle| Masks { toggle, ..Masks::default() });
+    let delay = prop_oneof![
+        (0..300_u64).prop_map(move |ms| Delay::Constant(millis(ms))),
+        (0..300_u64).prop_map(move |ms| Delay::Uniform(millis(ms), millis(2 * ms))),
+        (1..300_u64).prop_map(move |ms| Delay::Burst(millis(ms))),
+    ];
+    let kind = prop_oneof![
+        receivers().prop_map(|receivers| FaultKind::Lose { receivers }),
+        (delay, any::<bool>()).prop_map(|(delay, overtake)| FaultKind::Delay { delay, overtake }),
+        (1..5_u32, 0..50_u64).prop_map(move |(times, ms)| FaultKind::Repeat { times, after: millis(ms) }),
+        (0..1000_u64).prop_map(move |ms| FaultKind::Swap { within: millis(ms) }),
+        (any::<u32>(), any::<u8>(), toggle).prop_map(|(id, dlc, data)| {
+            let id = Masks { toggle: id, ..Masks::default() };
+            FaultKind::Corrupt(Corruption { id, dlc: Masks { toggle: dlc, ..Masks::default() }, data })
+        }),
+        (0..30_usize, proptest::option::of(1..100_u64)).prop_map(move |(which, ms)| {
+            let frames = frames(Kind::ALL[0], 0x20);
+            FaultKind::Insert { frame: frames[which % frames.len()], every: ms.map(millis) }
+        }),
+        Just(FaultKind::Destroy),
+        receivers().prop_map(|receivers| FaultKind::Omit { receivers }),
+    ];
+    let sender = proptest::option::of(select(&["device-0", "tap", "client"][..]).prop_map(Into::into));
+    let count = proptest::option::of(1..20_u32);
+    (select(&FAULTS[..]), kind, sender, count, 0..=ALWAYS, any::<u64>(), 0..500_u64).prop_map(
+        move |(name, kind, sender, count, probability, seed, ms)| {
+            let sender = sender.filter(|_| !matches!(kind, FaultKind::Insert { .. }));
+            let frames = FrameFilter { sender, ..FrameFilter::default() };
+            let from = millis(ms / 2);
+            Fault { frames, count, probability, seed, from, lasts: Some(millis(ms + 1)), ..Fault::new(name, kind) }
+        },
+    )
+}
+
 fn call() -> impl Strategy<Value = Call> {
     let (device, which) = (0..4_usize, 0..30_usize);
     prop_oneof![
@@ -117,6 +160,8 @@ fn call() -> impl Strategy<Value = Call> {
         1 => (device.clone(), 0..12_u64, select(&TornErase::ALL[..]))
             .prop_map(|(device, words, torn)| Call::CutPowerAfter(device, words, torn)),
         1 => device.prop_map(Call::Spoil),
+        3 => fault().prop_map(Call::Fault),
+        1 => select(&FAULTS[..]).prop_map(Call::EndFault),
         1 => select(&[BitRate::Kbit125, BitRate::Kbit250, BitRate::Kbit250][..]).prop_map(Call::SetBitRate),
     ]
 }
@@ -216,6 +261,11 @@ impl Run {
                 flash.cut_power_after(*words);
             }
             Call::Spoil(device) => world.memory_mut(node(*device)).set_spoilt(true),
+            Call::Fault(fault) => {
+                // One that is active under this name, or cannot be, changes nothing.
+                let _ = world.fault(fault.clone());
+            }
+            Call::EndFault(name) => drop(world.end_fault(name)),
             Call::SetBitRate(rate) => world.set_bit_rate(*rate),
             Call::Flush => world.flush_all(),
         }

@@ -64,6 +64,9 @@ fn a_clone_goes_on_as_the_original_from_any_instant_of_every_scenario() {
     let mut files = 0;
     for file in std::fs::read_dir(folder).expect("the folder of the scenarios") {
         let path = file.expect("a file").path();
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
         let text = std::fs::read_to_string(&path).expect("a text");
         let scenario = Scenario::parse(&text).unwrap_or_else(|error| panic!("{}: {error:?}", path.display()));
         let count = count(&scenario);

@@ -1,4 +1,4 @@
-//! What needs the whole simulator: physics of the bus, power cuts at any write, determinism.
+//! What needs the whole simulator: physics of the bus, faults of the communication, power cuts at any write, determinism.
 
 mod angle_sensor;
 mod bit_rot;
@@ -6,6 +6,7 @@ mod bus_physics;
 mod busy_bus;
 mod clone;
 mod determinism;
+mod faults;
 mod fork;
 mod held_bus;
 mod power_cuts;

@@ -1,0 +1,285 @@
+//! The faults of a bus: which of them strikes a frame, and how often each has struck.
+
+use std::sync::Arc;
+
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, NEVER, after, since};
+
+use super::fault::{ALWAYS, Delay, Fault, FaultError, FaultKind, MAX_FAULTS};
+use super::{Event, EventKind};
+
+/// The faults, in the order in which they were added: each acts on what the ones before it have made of a frame.
+#[derive(Clone, Debug)]
+pub(super) struct Faults {
+    list: Vec<Active>,
+    /// Whether one of them acts between applications and their controllers.
+    pub(super) at_senders: bool,
+    /// Whether one of them acts between controllers and those who hear them.
+    pub(super) at_receivers: bool,
+    /// Whether one of them acts on the wire.
+    pub(super) on_wire: bool,
+    /// When the next frame is to be inserted.
+    pub(super) next_insertion: Instant,
+}
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self { list: Vec::new(), at_senders: false, at_receivers: false, on_wire: false, next_insertion: NEVER }
+    }
+}
+
+/// A fault with what is left of it.
+#[derive(Clone, Debug)]
+struct Active {
+    fault: Fault,
+    begins: Instant,
+    ends: Instant,
+    /// How many frames it can still happen to.
+    left: u32,
+    struck: u64,
+    random: fastrand::Rng,
+    /// The next frame that it inserts; [`NEVER`] for all other kinds.
+    next: Instant,
+}
+
+/// The state of a fault.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FaultState {
+    /// The fault, as it was asked for.
+    pub fault: Fault,
+    /// How many frames it has happened to.
+    pub struck: u64,
+    /// Whether its time or its number of frames is over.
+    pub is_over: bool,
+}
+
+/// What a fault did to a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FaultEffect {
+    /// These receivers do not get it; all when there are none.
+    Lost(Vec<Arc<str>>),
+    /// It goes to the controller so much later.
+    Delayed(Duration),
+    /// It is sent so many times more.
+    Repeated(u32),
+    /// It waits for the next one of its sender.
+    Swapped,
+    /// This is sent in its place.
+    Corrupted(Frame),
+    /// It was inserted.
+    Inserted,
+    /// Its attempt is destroyed.
+    Destroyed,
+    /// These receivers do not have it; all others do, and its sender repeats it.
+    Omitted(Vec<Arc<str>>),
+}
+
+/// A frame on its way from the application to the controller.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Handed {
+    pub(super) frame: Frame,
+    /// How much later it goes to the controller.
+    pub(super) late: Duration,
+    /// Later frames of its identifier do not wait behind it.
+    pub(super) is_overtaken: bool,
+    /// It waits for the next one of its sender, so long at most.
+    pub(super) swaps: Option<Duration>,
+}
+
+impl Handed {
+    /// Returns a frame to which nothing happens.
+    pub(super) const fn at_once(frame: &Frame) -> Self {
+        Self { frame: *frame, late: Duration::from_ticks(0), is_overtaken: false, swaps: None }
+    }
+}
+
+/// The frames that come of one, and what was done to it.
+#[derive(Debug, Default)]
+pub(super) struct Struck {
+    pub(super) frames: Vec<Handed>,
+    pub(super) events: Vec<Event>,
+}
+
+impl Faults {
+    /// Adds a fault, in the place of one that is over if there is no room.
+    pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
+        fault.check()?;
+        if let Some(known) = self.list.iter().position(|active| active.fault.name == fault.name) {
+            if !self.list[known].is_over(now) {
+                return Err(FaultError::Taken(fault.name));
+            }
+            self.list.remove(known);
+        } else if self.list.len() >= MAX_FAULTS {
+            let over = self.list.iter().position(|active| active.is_over(now)).ok_or(FaultError::TooMany)?;
+            self.list.remove(over);
+        }
+        let begins = after(now, fault.from);
+        let is_once = matches!(fault.kind, FaultKind::Insert { every: None, .. });
+        self.list.push(Active {
+            begins,
+            ends: fault.lasts.map_or(NEVER, |lasts| after(begins, lasts)),
+            left: fault.count.unwrap_or(if is_once { 1 } else { u32::MAX }),
+            struck: 0,
+            random: fastrand::Rng::with_seed(fault.seed),
+            next: if matches!(fault.kind, FaultKind::Insert { .. }) { begins } else { NEVER },
+            fault,
+        });
+        self.sort_out();
+        Ok(())
+    }
+
+    /// Ends a fault; returns whether there was one of that name.
+    pub(super) fn end(&mut self, name: &str) -> bool {
+        let before = self.list.len();
+        self.list.retain(|active| *active.fault.name != *name);
+        self.sort_out();
+        self.list.len() < before
+    }
+
+    /// Ends all faults.
+    pub(super) fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    pub(super) fn states(&self, now: Instant) -> impl Iterator<Item = FaultState> {
+        self.list.iter().map(move |active| FaultState {
+            fault: active.fault.clone(),
+            struck: active.struck,
+            is_over: active.is_over(now),
+        })
+    }
+
+    fn sort_out(&mut self) {
+        let any = |acts: fn(&FaultKind) -> bool| self.list.iter().any(|active| acts(&active.fault.kind));
+        let at_receivers = any(|kind| matches!(kind, FaultKind::Lose { .. }));
+        let on_wire = any(|kind| matches!(kind, FaultKind::Destroy | FaultKind::Omit { .. }));
+        self.at_senders = any(FaultKind::acts_at_sender);
+        (self.at_receivers, self.on_wire) = (at_receivers, on_wire);
+        self.next_insertion = self.list.iter().map(|active| active.next).min().unwrap_or(NEVER);
+    }
+
+    /// Returns what comes of a frame between its application and the controller; `None` when nothing happens to it.
+    pub(super) fn at_sender(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Option<Struck> {
+        let mut struck = Struck::default();
+        let mut frames = vec![Handed::at_once(frame)];
+        for active in &mut self.list {
+            if active.fault.kind.acts_at_sender()
+                && active.strikes(sender, frame, now)
+                && let Some(effect) = active.act(&mut frames, now)
+            {
+                struck.events.push(active.event(sender, frame, now, effect));
+            }
+        }
+        struck.frames = frames;
+        Some(struck).filter(|struck| !struck.events.is_empty())
+    }
+
+    /// Returns what happens to a frame between the controllers that received it and their applications.
+    pub(super) fn at_receivers(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Vec<Event> {
+        let mut events = Vec::new();
+        for active in &mut self.list {
+            if matches!(active.fault.kind, FaultKind::Lose { .. })
+                && active.strikes(sender, frame, now)
+                && let FaultKind::Lose { receivers } = &active.fault.kind
+            {
+                let effect = FaultEffect::Lost(receivers.clone());
+                events.push(active.event(sender, frame, now, effect));
+            }
+        }
+        events
+    }
+
+    /// Returns the first fault that acts on an attempt to send a frame.
+    pub(super) fn on_wire(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Option<Event> {
+        self.list.iter_mut().find_map(|active| {
+            let effect = match &active.fault.kind {
+                FaultKind::Destroy => FaultEffect::Destroyed,
+                FaultKind::Omit { receivers } => FaultEffect::Omitted(receivers.clone()),
+                _ => return None,
+            };
+            active.strikes(sender, frame, now).then(|| active.event(sender, frame, now, effect))
+        })
+    }
+
+    /// Returns the frames that are to be inserted by now, each with the name of its fault.
+    pub(super) fn insert(&mut self, now: Instant) -> Vec<(Frame, Event)> {
+        let mut inserted = Vec::new();
+        for active in self.list.iter_mut().filter(|active| active.next <= now) {
+            let FaultKind::Insert { frame, every } = active.fault.kind else { continue };
+            let name = Arc::clone(&active.fault.name);
+            if active.strikes(&name, &frame, now) {
+                inserted.push((frame, active.event(&name, &frame, now, FaultEffect::Inserted)));
+            }
+            active.next = match every {
+                Some(every) if !active.is_over(now) => after(active.next, every),
+                _ => NEVER,
+            };
+        }
+        self.sort_out();
+        inserted
+    }
+}
+
+impl Active {
+    fn is_over(&self, now: Instant) -> bool {
+        self.left == 0 || self.ends <= now
+    }
+
+    /// Returns whether the fault happens to a frame, and counts that.
+    fn strikes(&mut self, sender: &str, frame: &Frame, now: Instant) -> bool {
+        let can = self.begins <= now && !self.is_over(now) && self.fault.frames.passes(sender, frame);
+        if !can || self.random.u32(..ALWAYS) >= self.fault.probability {
+            return false;
+        }
+        if self.fault.count.is_some() || matches!(self.fault.kind, FaultKind::Insert { every: None, .. }) {
+            self.left -= 1;
+        }
+        self.struck += 1;
+        true
+    }
+
+    /// Acts on the frames that have come of one so far; `None` where it does not act between application and
+    /// controller.
+    fn act(&mut self, frames: &mut Vec<Handed>, now: Instant) -> Option<FaultEffect> {
+        Some(match &self.fault.kind {
+            FaultKind::Corrupt(corruption) => {
+                frames.iter_mut().for_each(|handed| handed.frame = corruption.apply(&handed.frame));
+                FaultEffect::Corrupted(frames[0].frame)
+            }
+            FaultKind::Delay { delay, overtake } => {
+                let late = match *delay {
+                    Delay::Constant(late) => late,
+                    Delay::Uniform(from, to) => Duration::from_ticks(self.random.u64(from.as_ticks()..=to.as_ticks())),
+                    Delay::Burst(period) => {
+                        let passed = since(now, self.begins).as_ticks() % period.as_ticks();
+                        Duration::from_ticks(if passed == 0 { 0 } else { period.as_ticks() - passed })
+                    }
+                };
+                for handed in frames.iter_mut() {
+                    handed.late += late;
+                    handed.is_overtaken |= *overtake;
+                }
+                FaultEffect::Delayed(late)
+            }
+            FaultKind::Repeat { times, after } => {
+                let first = frames[0];
+                let copy = |number: u32| Handed { late: first.late + *after * number, swaps: None, ..first };
+                frames.extend((1..=*times).map(copy));
+                FaultEffect::Repeated(*times)
+            }
+            FaultKind::Swap { within } => {
+                frames[0].swaps = Some(*within);
+                FaultEffect::Swapped
+            }
+            FaultKind::Lose { .. } | FaultKind::Insert { .. } | FaultKind::Destroy | FaultKind::Omit { .. } => {
+                return None;
+            }
+        })
+    }
+
+    fn event(&self, sender: &Arc<str>, frame: &Frame, now: Instant, effect: FaultEffect) -> Event {
+        let fault = Arc::clone(&self.fault.name);
+        Event { at: now, who: Arc::clone(sender), what: EventKind::Fault { fault, frame: *frame, effect } }
+    }
+}
