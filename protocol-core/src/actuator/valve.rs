@@ -224,7 +224,7 @@ impl Valve {
     }
 
     /// Takes a set-point that acts: [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one. A valve that
-    /// [follows](Self::follows) already, with nothing due, takes 570 instructions less for a new set-point.
+    /// follows already, with nothing due, takes 570 instructions less for a new set-point.
     #[inline(always)]
     pub fn command(&mut self, drive: Drive, now: Instant) {
         let now = now.max(self.now);
