@@ -1,24 +1,20 @@
-//! The way of a frame from an application to its controller, and the frames that faults keep there.
+//! The frames of a port that faults keep between its application and its CAN controller.
 
-use std::convert::Infallible;
-
-use embedded_can::nb::Can;
-use protocol_core::controller::{Controller, Filter, Filters};
+use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER, after};
 
 use super::faults::Handed;
-use super::port::Port;
 use super::transmit::Transmit;
-use super::{Bus, PortId};
 
-/// How many frames of a device wait between it and its controller; further ones stay in the device.
-const DELAYED: usize = 256;
+/// Delayed frames, in the order in which the application sent them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DelayedFrames(Vec<Delayed>);
 
-/// A frame that a fault keeps.
+/// A delayed frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Delayed {
-    pub(super) frame: Frame,
+struct Delayed {
+    frame: Frame,
     /// When it goes to the controller; [`NEVER`] while it waits for room there.
     due: Instant,
     wait: Wait,
@@ -37,184 +33,37 @@ enum Wait {
     Sent,
 }
 
-/// The CAN controller of a device, as the device uses it: with the faults between the two.
-pub struct DeviceCan<'a> {
-    bus: &'a mut Bus,
-    id: PortId,
-    now: Instant,
-}
-
-impl<'a> DeviceCan<'a> {
-    pub(crate) const fn new(bus: &'a mut Bus, id: PortId, now: Instant) -> Self {
-        Self { bus, id, now }
-    }
-
-    fn port(&mut self) -> &mut Port {
-        self.bus.port_mut(self.id)
-    }
-}
-
-impl Can for DeviceCan<'_> {
-    type Frame = Frame;
-    type Error = Infallible;
-
-    #[inline]
-    fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        self.bus.hand_over(self.id, frame, self.now)
+impl DelayedFrames {
+    pub(super) const fn len(&self) -> usize {
+        self.0.len()
     }
 
     #[inline]
-    fn receive(&mut self) -> nb::Result<Frame, Infallible> {
-        self.port().receive()
-    }
-}
-
-impl Controller for DeviceCan<'_> {
-    #[inline]
-    fn is_idle(&self) -> bool {
-        self.bus.port(self.id).is_idle()
+    pub(super) const fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
-    fn abort(&mut self, which: Filter) {
-        self.port().abort(which);
+    /// Drops all frames.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
     }
 
-    fn set_filters(&mut self, filters: &Filters) {
-        self.port().set_filters(filters);
-    }
-}
-
-impl Bus {
-    /// Takes a frame from the application behind a port; to be followed by [`refresh`](Self::refresh). Gives back a
-    /// less urgent one that the controller has no room for.
-    ///
-    /// # Errors
-    /// When the controller cannot take it now.
-    #[inline]
-    pub(crate) fn hand_over(
-        &mut self,
-        id: PortId,
-        frame: &Frame,
-        now: Instant,
-    ) -> nb::Result<Option<Frame>, Infallible> {
-        if self.faults.at_senders || !self.ports[id.0].delayed.is_empty() {
-            return self.hand_over_with_faults(id, frame, now);
-        }
-        self.ports[id.0].transmit(frame)
+    /// Drops the frames of these identifiers.
+    pub(super) fn abort(&mut self, which: Filter) {
+        self.0.retain(|delayed| !which.passes(&delayed.frame));
     }
 
-    #[cold]
-    fn hand_over_with_faults(
-        &mut self,
-        id: PortId,
-        frame: &Frame,
-        now: Instant,
-    ) -> nb::Result<Option<Frame>, Infallible> {
-        let port = &mut self.ports[id.0];
-        let is_behind = |delayed: &Delayed| match delayed.wait {
+    /// Returns whether a new frame has to wait behind another one.
+    pub(super) fn holds_back(&self, frame: &Frame) -> bool {
+        self.0.iter().any(|delayed| match delayed.wait {
             Wait::No => delayed.frame.key() == frame.key() && !delayed.is_overtaken,
             Wait::Next => false,
             Wait::Sent => true,
-        };
-        let waits_behind = port.delayed.iter().any(is_behind);
-        let is_full = matches!(port.transmit, Transmit::Mailboxes(_)) && port.delayed.len() >= DELAYED;
-        if is_full || (!waits_behind && !port.transmit.takes(frame)) {
-            port.used = true;
-            return Err(nb::Error::WouldBlock);
-        }
-        let struck = self.faults.at_sender(&port.name, frame, now);
-        let port = &mut self.ports[id.0];
-        let is_next_of_swap = port.delayed.iter().any(|delayed| delayed.wait == Wait::Next);
-        let taken = match struck {
-            None if !waits_behind => port.transmit(frame),
-            None => {
-                port.delay(Handed::at_once(frame), now);
-                Ok(None)
-            }
-            Some(struck) => {
-                self.journal.extend(struck.events);
-                struck.frames.into_iter().for_each(|handed| port.delay(handed, now));
-                Ok(None)
-            }
-        };
-        if is_next_of_swap {
-            // The frame that was just handed over may be swapped itself: the earlier one is the first that waits.
-            if let Some(delayed) = port.delayed.iter_mut().find(|delayed| delayed.wait == Wait::Next) {
-                (delayed.wait, delayed.due) = (Wait::Sent, NEVER);
-            }
-        }
-        self.release(id, now);
-        taken
+        })
     }
 
-    /// Hands those frames of a port to its controller that are due, as far as it has room for them.
-    fn release(&mut self, id: PortId, now: Instant) {
-        let port = &mut self.ports[id.0];
-        let mut place = 0;
-        while let Some(delayed) = port.delayed.get(place).copied() {
-            let is_due = match delayed.wait {
-                Wait::No => delayed.due <= now || delayed.due == NEVER,
-                Wait::Next => delayed.due <= now,
-                Wait::Sent => port.transmit.is_empty(),
-            };
-            if !is_due {
-                if delayed.wait == Wait::Sent {
-                    // Whatever came later waits behind it.
-                    break;
-                }
-                place += 1;
-                continue;
-            }
-            match port.transmit.put(delayed.frame) {
-                Ok(overtaken) => {
-                    port.used = true;
-                    port.delayed.remove(place);
-                    if let Some(frame) = overtaken {
-                        port.delayed.insert(0, Delayed { frame, due: NEVER, wait: Wait::No, is_overtaken: false });
-                        place += 1;
-                    }
-                }
-                Err(_) => {
-                    (port.delayed[place].due, port.delayed[place].wait) = (NEVER, Wait::No);
-                    place += 1;
-                }
-            }
-        }
-        let (is_empty, listed) = (port.delayed.is_empty(), self.delaying.iter().position(|other| *other == id));
-        match listed {
-            None if !is_empty => self.delaying.push(id),
-            Some(place) if is_empty => drop(self.delaying.remove(place)),
-            _ => {}
-        }
-        self.schedule_faults();
-    }
-
-    /// Hands over what is due by now.
-    pub(super) fn release_due(&mut self, now: Instant) {
-        for id in self.delaying.clone() {
-            if self.ports[id.0].next_release() <= now {
-                self.release(id, now);
-                self.refresh(id, now);
-            }
-        }
-    }
-
-    /// Looks, after a frame of a port has left its controller, whether there is room for those that wait.
-    pub(super) fn release_waiting(&mut self, id: PortId, now: Instant) {
-        if !self.ports[id.0].delayed.is_empty() {
-            self.release(id, now);
-        }
-    }
-
-    /// Returns when the next frame is to be handed over.
-    pub(super) fn next_release(&self) -> Instant {
-        self.delaying.iter().map(|id| self.ports[id.0].next_release()).min().unwrap_or(NEVER)
-    }
-}
-
-impl Port {
     /// Keeps a frame. It waits behind earlier ones of its identifier, unless they are overtaken.
-    fn delay(&mut self, handed: Handed, now: Instant) {
+    pub(super) fn add(&mut self, handed: Handed, now: Instant) {
         let Handed { frame, late, is_overtaken, swaps } = handed;
         let due = after(now, late);
         let is_ahead = |delayed: &&Delayed| {
@@ -223,16 +72,59 @@ impl Port {
                 && delayed.frame.key() == frame.key()
                 && !delayed.is_overtaken
         };
-        let last = self.delayed.iter().filter(is_ahead).map(|delayed| delayed.due).max();
+        let last = self.0.iter().filter(is_ahead).map(|delayed| delayed.due).max();
         let (due, wait) = match swaps {
             Some(within) => (after(due, within), Wait::Next),
             None => (last.map_or(due, |last| last.max(due)), Wait::No),
         };
-        self.delayed.push(Delayed { frame, due, wait, is_overtaken });
+        self.0.push(Delayed { frame, due, wait, is_overtaken });
+    }
+
+    /// Returns the place of the first frame that waits for the next one of its sender.
+    pub(super) fn next_swapped(&self) -> Option<usize> {
+        self.0.iter().position(|delayed| delayed.wait == Wait::Next)
+    }
+
+    /// Lets a frame go as soon as the one that was just handed over is sent.
+    pub(super) fn let_follow(&mut self, place: usize) {
+        let delayed = &mut self.0[place];
+        (delayed.wait, delayed.due) = (Wait::Sent, NEVER);
+    }
+
+    /// Hands the frames that are due to the controller, as far as it has room; returns whether it took any.
+    pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
+        let (mut place, mut has_released) = (0, false);
+        while let Some(delayed) = self.0.get_mut(place) {
+            let is_due = match delayed.wait {
+                Wait::No => delayed.due <= now || delayed.due == NEVER,
+                Wait::Next => delayed.due <= now,
+                Wait::Sent => transmit.is_empty(),
+            };
+            if !is_due && delayed.wait == Wait::Sent {
+                // Whatever came later waits behind it.
+                break;
+            }
+            if !is_due {
+                place += 1;
+                continue;
+            }
+            if let Ok(overtaken) = transmit.put(delayed.frame) {
+                has_released = true;
+                self.0.remove(place);
+                if let Some(frame) = overtaken {
+                    self.0.insert(0, Delayed { frame, due: NEVER, wait: Wait::No, is_overtaken: false });
+                    place += 1;
+                }
+            } else {
+                (delayed.due, delayed.wait) = (NEVER, Wait::No);
+                place += 1;
+            }
+        }
+        has_released
     }
 
     /// Returns when the next frame is to be handed to the controller, other than when that has room.
-    fn next_release(&self) -> Instant {
-        self.delayed.iter().map(|delayed| delayed.due).min().unwrap_or(NEVER)
+    pub(super) fn next_due(&self) -> Instant {
+        self.0.iter().map(|delayed| delayed.due).min().unwrap_or(NEVER)
     }
 }

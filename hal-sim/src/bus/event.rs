@@ -8,7 +8,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use super::error::BusError;
-use super::faults::FaultEffect;
+use super::fault::FaultEffect;
 
 /// An event on the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]

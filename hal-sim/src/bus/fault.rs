@@ -133,6 +133,28 @@ pub struct Masks<T> {
     pub toggle: T,
 }
 
+/// What a fault did to a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FaultEffect {
+    /// These receivers do not get it; all when there are none.
+    Lost(Vec<Arc<str>>),
+    /// It goes to the controller so much later.
+    Delayed(Duration),
+    /// It is sent so many times more.
+    Repeated(u32),
+    /// It waits for the next one of its sender.
+    Swapped,
+    /// This is sent in its place.
+    Corrupted(Frame),
+    /// It was inserted.
+    Inserted,
+    /// Its attempt is destroyed.
+    Destroyed,
+    /// These receivers do not have it; all others do, and its sender repeats it.
+    Omitted(Vec<Arc<str>>),
+}
+
 /// Why a fault cannot be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
-use super::fault::{ALWAYS, Delay, Fault, FaultError, FaultKind, MAX_FAULTS};
+use super::fault::{ALWAYS, Delay, Fault, FaultEffect, FaultError, FaultKind, MAX_FAULTS};
 use super::{Event, EventKind};
 
 /// The faults, in the order in which they were added: each acts on what the ones before it have made of a frame.
@@ -51,28 +51,6 @@ pub struct FaultState {
     pub struck: u64,
     /// Whether its time or its number of frames is over.
     pub is_over: bool,
-}
-
-/// What a fault did to a frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum FaultEffect {
-    /// These receivers do not get it; all when there are none.
-    Lost(Vec<Arc<str>>),
-    /// It goes to the controller so much later.
-    Delayed(Duration),
-    /// It is sent so many times more.
-    Repeated(u32),
-    /// It waits for the next one of its sender.
-    Swapped,
-    /// This is sent in its place.
-    Corrupted(Frame),
-    /// It was inserted.
-    Inserted,
-    /// Its attempt is destroyed.
-    Destroyed,
-    /// These receivers do not have it; all others do, and its sender repeats it.
-    Omitted(Vec<Arc<str>>),
 }
 
 /// A frame on its way from the application to the controller.

@@ -22,6 +22,7 @@ mod event;
 mod external;
 mod fault;
 mod faults;
+mod hand_over;
 mod injector;
 mod listeners;
 mod load;
@@ -55,11 +56,13 @@ use protocol_core::time::{Instant, NEVER};
 
 pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
-pub use delayed::DeviceCan;
 pub use error::BusError;
 pub use event::{Event, EventKind};
-pub use fault::{ALWAYS, Corruption, Delay, Fault, FaultError, FaultKind, FrameFilter, MAX_FAULTS, MAX_REPEATS, Masks};
-pub use faults::{FaultEffect, FaultState};
+pub use fault::{
+    ALWAYS, Corruption, Delay, Fault, FaultEffect, FaultError, FaultKind, FrameFilter, MAX_FAULTS, MAX_REPEATS, Masks,
+};
+pub use faults::FaultState;
+pub use hand_over::DeviceCan;
 pub use injector::{BitErrors, DestroyNext, Disturbance, Injector};
 pub use port::{Port, RECEIVE_QUEUE};
 pub use wire_event::WireEvent;

@@ -13,7 +13,7 @@ use super::BUS_IDLE;
 use super::clock::{Nanos, bit_times, instant};
 use super::confinement::Confinement;
 use super::contenders::Contends;
-use super::delayed::Delayed;
+use super::delayed::DelayedFrames;
 use super::listeners::Hears;
 use super::transmit::Transmit;
 use super::wire_event::{External, WireEvent};
@@ -32,7 +32,7 @@ pub struct Port {
     pub(super) confinement: Confinement,
     pub(super) transmit: Transmit,
     /// Frames that a fault keeps between the application and the controller.
-    pub(super) delayed: Vec<Delayed>,
+    pub(super) delayed: DelayedFrames,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// The filters of a device's controller; `None` accepts all frames.
     pub(super) filters: Option<Box<Filters>>,
@@ -104,7 +104,7 @@ impl Port {
             connected: false,
             confinement: Confinement::default(),
             transmit,
-            delayed: Vec::new(),
+            delayed: DelayedFrames::default(),
             received: VecDeque::new(),
             filters: None,
             used: false,
@@ -230,7 +230,7 @@ impl Controller for Port {
     fn abort(&mut self, which: Filter) {
         self.used = true;
         self.transmit.abort(which);
-        self.delayed.retain(|delayed| !which.passes(&delayed.frame));
+        self.delayed.abort(which);
     }
 
     fn set_filters(&mut self, filters: &Filters) {

@@ -1,0 +1,154 @@
+//! The way of a frame from an application to its CAN controller, with the faults between the two.
+
+use std::convert::Infallible;
+
+use embedded_can::nb::Can;
+use protocol_core::controller::{Controller, Filter, Filters};
+use protocol_core::frame::Frame;
+use protocol_core::time::{Instant, NEVER};
+
+use super::faults::Handed;
+use super::port::Port;
+use super::transmit::Transmit;
+use super::{Bus, PortId};
+
+/// The most frames that wait between a device and its controller; further ones stay in the device.
+const DELAYED: usize = 256;
+
+/// The CAN controller of a device, as the device uses it: with the faults between the two.
+pub struct DeviceCan<'a> {
+    bus: &'a mut Bus,
+    id: PortId,
+    now: Instant,
+}
+
+impl<'a> DeviceCan<'a> {
+    pub(crate) const fn new(bus: &'a mut Bus, id: PortId, now: Instant) -> Self {
+        Self { bus, id, now }
+    }
+
+    fn port(&mut self) -> &mut Port {
+        self.bus.port_mut(self.id)
+    }
+}
+
+impl Can for DeviceCan<'_> {
+    type Frame = Frame;
+    type Error = Infallible;
+
+    #[inline]
+    fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
+        self.bus.hand_over(self.id, frame, self.now)
+    }
+
+    #[inline]
+    fn receive(&mut self) -> nb::Result<Frame, Infallible> {
+        self.port().receive()
+    }
+}
+
+impl Controller for DeviceCan<'_> {
+    #[inline]
+    fn is_idle(&self) -> bool {
+        self.bus.port(self.id).is_idle()
+    }
+
+    fn abort(&mut self, which: Filter) {
+        self.port().abort(which);
+    }
+
+    fn set_filters(&mut self, filters: &Filters) {
+        self.port().set_filters(filters);
+    }
+}
+
+impl Bus {
+    /// Takes a frame from the application behind a port; to be followed by [`refresh`](Self::refresh). Gives back a
+    /// less urgent one that the controller has no room for.
+    ///
+    /// # Errors
+    /// When the controller cannot take it now.
+    #[inline]
+    pub(crate) fn hand_over(
+        &mut self,
+        id: PortId,
+        frame: &Frame,
+        now: Instant,
+    ) -> nb::Result<Option<Frame>, Infallible> {
+        if self.faults.at_senders || !self.ports[id.0].delayed.is_empty() {
+            return self.hand_over_with_faults(id, frame, now);
+        }
+        self.ports[id.0].transmit(frame)
+    }
+
+    #[cold]
+    fn hand_over_with_faults(
+        &mut self,
+        id: PortId,
+        frame: &Frame,
+        now: Instant,
+    ) -> nb::Result<Option<Frame>, Infallible> {
+        let port = &mut self.ports[id.0];
+        let waits = port.delayed.holds_back(frame);
+        let is_full = matches!(port.transmit, Transmit::Mailboxes(_)) && port.delayed.len() >= DELAYED;
+        if is_full || (!waits && !port.transmit.takes(frame)) {
+            port.used = true;
+            return Err(nb::Error::WouldBlock);
+        }
+        let struck = self.faults.at_sender(&port.name, frame, now);
+        let port = &mut self.ports[id.0];
+        let swapped = port.delayed.next_swapped();
+        let taken = match struck {
+            None if !waits => port.transmit(frame),
+            None => {
+                port.delayed.add(Handed::at_once(frame), now);
+                Ok(None)
+            }
+            Some(struck) => {
+                self.journal.extend(struck.events);
+                struck.frames.into_iter().for_each(|handed| port.delayed.add(handed, now));
+                Ok(None)
+            }
+        };
+        if let Some(place) = swapped {
+            port.delayed.let_follow(place);
+        }
+        self.release(id, now);
+        taken
+    }
+
+    /// Hands those frames of a port to its controller that are due, as far as it has room for them.
+    fn release(&mut self, id: PortId, now: Instant) {
+        let port = &mut self.ports[id.0];
+        port.used |= port.delayed.release(&mut port.transmit, now);
+        let (is_empty, listed) = (port.delayed.is_empty(), self.delaying.iter().position(|other| *other == id));
+        match listed {
+            None if !is_empty => self.delaying.push(id),
+            Some(place) if is_empty => drop(self.delaying.remove(place)),
+            _ => {}
+        }
+        self.schedule_faults();
+    }
+
+    /// Hands over what is due by now.
+    pub(super) fn release_due(&mut self, now: Instant) {
+        for id in self.delaying.clone() {
+            if self.ports[id.0].delayed.next_due() <= now {
+                self.release(id, now);
+                self.refresh(id, now);
+            }
+        }
+    }
+
+    /// Hands over, after a frame of a port has left its controller, those that wait for room.
+    pub(super) fn release_waiting(&mut self, id: PortId, now: Instant) {
+        if !self.ports[id.0].delayed.is_empty() {
+            self.release(id, now);
+        }
+    }
+
+    /// Returns when the next frame is to be handed over.
+    pub(super) fn next_release(&self) -> Instant {
+        self.delaying.iter().map(|id| self.ports[id.0].delayed.next_due()).min().unwrap_or(NEVER)
+    }
+}
