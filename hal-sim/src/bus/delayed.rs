@@ -15,21 +15,25 @@ pub(super) struct DelayedFrames(Vec<Delayed>);
 #[derive(Clone, Copy, Debug)]
 struct Delayed {
     frame: Frame,
-    /// When it goes to the controller; [`NEVER`] while it waits for room there.
-    due: Instant,
     wait: Wait,
     /// Later frames of its identifier do not wait behind it.
     is_overtaken: bool,
+    /// The frame behind it was swapped with it.
+    is_next: bool,
+    /// A copy, which the application has not sent.
+    is_copy: bool,
 }
 
-/// What else a frame waits for.
+/// The event that a delayed frame waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wait {
-    /// Nothing.
-    No,
-    /// The next frame of its sender.
-    Next,
-    /// The end of the next frame of its sender on the bus.
+    /// An instant.
+    Until(Instant),
+    /// Room in the controller.
+    Room,
+    /// The next frame of its sender, or an instant.
+    Next(Instant),
+    /// The end of the frame before it on the bus.
     Sent,
 }
 
@@ -43,80 +47,86 @@ impl DelayedFrames {
         self.0.is_empty()
     }
 
+    /// Returns whether no frame of the application waits.
+    pub(super) fn is_idle(&self) -> bool {
+        self.0.iter().all(|delayed| delayed.is_copy)
+    }
+
     /// Drops all frames.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }
 
-    /// Drops the frames of these identifiers.
+    /// Drops the frames of these identifiers that wait for room, as those in a transmit buffer; frames that a fault still
+    /// delays go on, unless everything is aborted.
     pub(super) fn abort(&mut self, which: Filter) {
-        self.0.retain(|delayed| !which.passes(&delayed.frame));
+        let is_all = which == Filter::ALL;
+        self.0.retain(|delayed| !which.passes(&delayed.frame) || !(is_all || delayed.wait == Wait::Room));
     }
 
     /// Returns whether a new frame has to wait behind another one.
     pub(super) fn holds_back(&self, frame: &Frame) -> bool {
         self.0.iter().any(|delayed| match delayed.wait {
-            Wait::No => delayed.frame.key() == frame.key() && !delayed.is_overtaken,
-            Wait::Next => false,
+            Wait::Until(_) | Wait::Room => delayed.frame.key() == frame.key() && !delayed.is_overtaken,
+            Wait::Next(_) => false,
             Wait::Sent => true,
         })
     }
 
-    /// Keeps a frame. It waits behind earlier ones of its identifier, unless they are overtaken.
+    /// Delays a frame. It waits behind earlier ones of its identifier, unless they are overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
-        let Handed { frame, late, is_overtaken, swaps } = handed;
+        let Handed { frame, late, is_overtaken, is_copy, swaps } = handed;
         let due = after(now, late);
-        let is_ahead = |delayed: &&Delayed| {
-            delayed.wait == Wait::No
-                && delayed.due != NEVER
-                && delayed.frame.key() == frame.key()
-                && !delayed.is_overtaken
+        let last = self.0.iter().filter_map(|delayed| match delayed.wait {
+            Wait::Until(due) if delayed.frame.key() == frame.key() && !delayed.is_overtaken => Some(due),
+            _ => None,
+        });
+        let wait = match swaps {
+            Some(within) => Wait::Next(after(due, within)),
+            None => Wait::Until(last.max().map_or(due, |last| last.max(due))),
         };
-        let last = self.0.iter().filter(is_ahead).map(|delayed| delayed.due).max();
-        let (due, wait) = match swaps {
-            Some(within) => (after(due, within), Wait::Next),
-            None => (last.map_or(due, |last| last.max(due)), Wait::No),
-        };
-        self.0.push(Delayed { frame, due, wait, is_overtaken });
+        self.0.push(Delayed { frame, wait, is_overtaken, is_next: false, is_copy });
     }
 
-    /// Returns the place of the first frame that waits for the next one of its sender.
-    pub(super) fn next_swapped(&self) -> Option<usize> {
-        self.0.iter().position(|delayed| delayed.wait == Wait::Next)
+    /// Returns the place of the frame that waits for the next one of its sender.
+    pub(super) fn swapped(&self) -> Option<usize> {
+        self.0.iter().position(|delayed| matches!(delayed.wait, Wait::Next(_)))
     }
 
-    /// Lets a frame go as soon as the one that was just handed over is sent.
-    pub(super) fn let_follow(&mut self, place: usize) {
-        let delayed = &mut self.0[place];
-        (delayed.wait, delayed.due) = (Wait::Sent, NEVER);
+    /// Puts a swapped frame behind the next one of its sender, which is at place `next` if it is delayed itself.
+    pub(super) fn follow(&mut self, swapped: usize, next: usize) {
+        if let Some(next) = self.0.get_mut(next) {
+            next.is_next = true;
+        }
+        let swapped = Delayed { wait: Wait::Sent, ..self.0.remove(swapped) };
+        self.0.insert(next.min(self.0.len()), swapped);
     }
 
     /// Hands the frames that are due to the controller, as far as it has room; returns whether it took any.
     pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
         let (mut place, mut has_released) = (0, false);
-        while let Some(delayed) = self.0.get_mut(place) {
+        while let Some(delayed) = self.0.get(place).copied() {
             let is_due = match delayed.wait {
-                Wait::No => delayed.due <= now || delayed.due == NEVER,
-                Wait::Next => delayed.due <= now,
-                Wait::Sent => transmit.is_empty(),
+                Wait::Until(due) | Wait::Next(due) => due <= now,
+                Wait::Room => true,
+                Wait::Sent => transmit.is_empty() && !self.0[..place].iter().any(|earlier| earlier.is_next),
             };
             if !is_due && delayed.wait == Wait::Sent {
-                // Whatever came later waits behind it.
+                // All later frames wait behind it.
                 break;
             }
             if !is_due {
                 place += 1;
-                continue;
-            }
-            if let Ok(overtaken) = transmit.put(delayed.frame) {
+            } else if let Ok(overtaken) = transmit.put(delayed.frame) {
                 has_released = true;
                 self.0.remove(place);
                 if let Some(frame) = overtaken {
-                    self.0.insert(0, Delayed { frame, due: NEVER, wait: Wait::No, is_overtaken: false });
+                    let room = Delayed { frame, wait: Wait::Room, is_overtaken: false, is_next: false, is_copy: false };
+                    self.0.insert(0, room);
                     place += 1;
                 }
             } else {
-                (delayed.due, delayed.wait) = (NEVER, Wait::No);
+                self.0[place].wait = Wait::Room;
                 place += 1;
             }
         }
@@ -125,6 +135,11 @@ impl DelayedFrames {
 
     /// Returns when the next frame is to be handed to the controller, other than when that has room.
     pub(super) fn next_due(&self) -> Instant {
-        self.0.iter().map(|delayed| delayed.due).min().unwrap_or(NEVER)
+        let dues =
+            self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent).filter_map(|delayed| match delayed.wait {
+                Wait::Until(due) | Wait::Next(due) => Some(due),
+                Wait::Room | Wait::Sent => None,
+            });
+        dues.min().unwrap_or(NEVER)
     }
 }

@@ -14,6 +14,9 @@ pub const MAX_REPEATS: u32 = 1000;
 /// The probability of what always happens, in millionths.
 pub const ALWAYS: u32 = 1_000_000;
 
+/// The longest time of a fault.
+const LONGEST_TIME: Duration = Duration::from_secs(24 * 60 * 60);
+
 /// The bits of the longest identifier.
 const LONGEST: u32 = 0x1FFF_FFFF;
 
@@ -53,7 +56,8 @@ pub struct FrameFilter {
 ///
 /// [`Lose`](Self::Lose) acts between the controllers that received a frame and their applications,
 /// [`Destroy`](Self::Destroy) and [`Omit`](Self::Omit) on the wire, [`Insert`](Self::Insert) by a controller of its own,
-/// and all others between the application that sends the frame and its controller.
+/// and all others between the application that sends the frame and its controller: not at controllers that live
+/// elsewhere, whose application is not in this world.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultKind {
@@ -76,7 +80,7 @@ pub enum FaultKind {
         /// The time from one to the next.
         after: Duration,
     },
-    /// The frame is exchanged with the next one of its sender.
+    /// The frame is exchanged with the next one of its sender. It follows that one at once, also if it was delayed.
     Swap {
         /// The longest wait for the next one: without it the frame is sent then.
         within: Duration,
@@ -212,6 +216,9 @@ impl Fault {
         if self.frames.mask.is_some() && self.frames.id.is_none() {
             return refuse("a mask without an identifier");
         }
+        if self.times().into_iter().flatten().any(|time| time > LONGEST_TIME) {
+            return refuse("a time of a fault is a day at most");
+        }
         match &self.kind {
             FaultKind::Delay { delay: Delay::Uniform(from, to), .. } if from > to => {
                 refuse("the bounds of the delay are the wrong way round")
@@ -226,6 +233,9 @@ impl Fault {
             FaultKind::Insert { every: Some(every), .. } if every.as_ticks() == 0 => {
                 refuse("a cyclic frame has a period above 0")
             }
+            FaultKind::Insert { every: None, .. } if self.count.is_some() => {
+                refuse("a frame that is inserted once has no count")
+            }
             FaultKind::Insert { .. } if self.frames != FrameFilter::default() => {
                 refuse("an inserted frame has no filter")
             }
@@ -234,6 +244,20 @@ impl Fault {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Returns all times in it.
+    fn times(&self) -> [Option<Duration>; 3] {
+        let of_kind = match &self.kind {
+            FaultKind::Delay {
+                delay: Delay::Constant(time) | Delay::Uniform(_, time) | Delay::Burst(time), ..
+            }
+            | FaultKind::Repeat { after: time, .. }
+            | FaultKind::Swap { within: time } => Some(*time),
+            FaultKind::Insert { every, .. } => *every,
+            _ => None,
+        };
+        [of_kind, Some(self.from), self.lasts]
     }
 
     /// Returns the names of devices and clients in it.

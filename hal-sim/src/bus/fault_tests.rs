@@ -1,5 +1,6 @@
 //! Faults of the communication: sender, named receiver and third party, to the microsecond.
 
+use protocol_core::controller::{Controller as _, Filter};
 use protocol_core::frame::{extended, standard};
 use protocol_core::time::Duration;
 
@@ -178,7 +179,8 @@ fn an_omitted_frame_is_had_twice_by_the_others() {
     assert_eq!((rig.receive(1), rig.receive(2)), (None, Some(sent)));
     let failed = rig.next();
     assert_eq!(failed.1.error, Some(BusError::Bit));
-    assert_eq!(failed.0, accepted + bits(6 + 6 + 8));
+    // The error flag, the overload flag of the others one bit later, and the delimiter.
+    assert_eq!(failed.0, accepted + bits(6 + 1 + 8));
     // TEC of the sender, REC of the one that saw the error first, none for the one that saw an overload condition.
     assert_eq!((rig.counters(0), rig.counters(1), rig.counters(2)), ((8, 0), (0, 9), (0, 0)));
     assert_eq!(rig.next().0, failed.0 + bits(INTERMISSION + length(&sent)));
@@ -255,6 +257,7 @@ fn a_bad_fault_is_refused() {
         (Fault { count: Some(0), ..Fault::new("x", all()) }, "count 0: the fault would never happen"),
         (Fault::new("x", FaultKind::Omit { receivers: Vec::new() }), "name the receivers that do not have the frame"),
         (Fault::new("x", FaultKind::Corrupt(Corruption::default())), "nothing to corrupt"),
+        (Fault { from: Duration::MAX, ..Fault::new("x", all()) }, "a time of a fault is a day at most"),
         (Fault::new("x", FaultKind::Repeat { times: 0, after: millis(1) }), "a frame is repeated 1 to 1000 times"),
     ];
     for (fault, reason) in cases {
@@ -282,4 +285,126 @@ fn a_device_is_held_back_by_delayed_frames() {
     assert_eq!(rig.frames().len(), 256);
     let first = Duration::from_nanos(bit_times(length(&frame(0x220, &[])), RATE));
     assert_eq!(rig.ended[0].0, START + millis(500) + first);
+}
+
+fn count_one(kind: FaultKind) -> Fault {
+    Fault { count: Some(1), ..of_220(kind) }
+}
+
+fn named(name: &str, fault: Fault) -> Fault {
+    Fault { name: name.into(), ..fault }
+}
+
+const SWAP: FaultKind = FaultKind::Swap { within: millis(1000) };
+
+fn delay(ms: u64) -> FaultKind {
+    FaultKind::Delay { delay: Delay::Constant(millis(ms)), overtake: false }
+}
+
+#[test]
+fn time_goes_on_with_a_frame_behind_two_swapped_ones() {
+    let mut rig = rig_with(count_one(SWAP));
+    rig.send(0, frame(0x220, &[1]));
+    rig.send(0, frame(0x220, &[2]));
+    rig.send(0, frame(0x100, &[3]));
+    rig.run_for(millis(10));
+    // The last two are in the controller together: the more urgent one goes first.
+    assert_eq!(rig.frames(), [frame(0x220, &[2]), frame(0x100, &[3]), frame(0x220, &[1])]);
+}
+
+#[test]
+fn frames_are_swapped_in_pairs() {
+    let mut rig = rig_with(of_220(SWAP));
+    for byte in 1..=6 {
+        rig.send(0, frame(0x220, &[byte]));
+        rig.run_for(millis(10));
+    }
+    assert_eq!(rig.frames(), [2, 1, 4, 3, 6, 5].map(|byte| frame(0x220, &[byte])));
+}
+
+#[test]
+fn a_fault_of_the_next_frame_does_not_undo_a_swap() {
+    for other in [delay(5), FaultKind::Repeat { times: 1, after: millis(20) }] {
+        let mut rig = rig_with(count_one(SWAP));
+        rig.send(0, frame(0x220, &[1]));
+        rig.bus.add_fault(named("other", of_220(other)), rig.now).unwrap();
+        rig.send(0, frame(0x220, &[2]));
+        rig.run_for(millis(100));
+        assert_eq!(rig.frames()[..2], [2, 1].map(|byte| frame(0x220, &[byte])));
+    }
+}
+
+/// The hazard of a repetition: the old content comes after a newer one.
+#[test]
+fn a_copy_comes_after_a_newer_frame() {
+    let mut rig = rig_with(count_one(FaultKind::Repeat { times: 1, after: millis(50) }));
+    rig.send(0, frame(0x220, &[1]));
+    rig.run_for(millis(10));
+    rig.send(0, frame(0x220, &[2]));
+    rig.run_for(millis(100));
+    assert_eq!(rig.frames(), [1, 2, 1].map(|byte| frame(0x220, &[byte])));
+}
+
+/// bxCAN gives a frame back for a more urgent one; the device offers it again.
+#[test]
+fn a_frame_that_is_given_back_is_struck_once() {
+    let toggle = Masks { toggle: [0x80, 0, 0, 0, 0, 0, 0, 0], ..Masks::default() };
+    let kinds = [
+        FaultKind::Corrupt(Corruption { data: toggle, ..Corruption::default() }),
+        FaultKind::Repeat { times: 1, after: millis(1) },
+    ];
+    for kind in kinds {
+        let mut rig = rig_with(of_220(kind));
+        rig.send(1, frame(0x001, &[0; 8]));
+        rig.bus.begin(rig.now);
+        let mut offered: std::collections::VecDeque<_> = [0x220, 0x210, 0x200, 0x1F0].map(|id| frame(id, &[1])).into();
+        for _ in 0..100 {
+            if let Some(frame) = offered.pop_front() {
+                match rig.bus.hand_over(PortId(0), &frame, rig.now) {
+                    Ok(returned) => offered.extend(returned),
+                    Err(_) => offered.push_back(frame),
+                }
+                rig.bus.refresh(PortId(0), rig.now);
+            }
+            rig.run_for(Duration::from_micros(300));
+        }
+        assert_eq!(rig.effects.len(), 1, "{:?}", rig.effects);
+    }
+}
+
+#[test]
+fn an_abort_makes_room_for_what_waits_behind() {
+    let mut rig = rig_with(count_one(SWAP));
+    rig.send(1, frame(0x001, &[0; 8]));
+    rig.bus.begin(rig.now);
+    rig.send(0, frame(0x220, &[1]));
+    rig.send(0, frame(0x300, &[]));
+    let next = protocol_core::frame::key(standard(0x300).into());
+    DeviceCan::new(&mut rig.bus, PortId(0), rig.now).abort(Filter::exactly(next));
+    rig.bus.refresh(PortId(0), rig.now);
+    rig.run_for(millis(10));
+    assert_eq!(rig.frames(), [frame(0x001, &[0; 8]), frame(0x220, &[1])]);
+}
+
+#[test]
+fn an_omission_without_its_receiver_is_none() {
+    let mut rig = rig_with(count_one(FaultKind::Omit { receivers: vec!["b".into()] }));
+    let sent = frame(0x220, &[1]);
+    rig.send(0, sent);
+    rig.run_for(bits(20));
+    rig.bus.disconnect(PortId(1), rig.now);
+    rig.run_for(millis(5));
+    assert_eq!((rig.ended.len(), rig.frames(), rig.receive(2)), (1, vec![sent], Some(sent)));
+    assert_eq!(rig.ended[0].0, START + bits(length(&sent)));
+    rig.send(0, sent);
+    rig.run_for(millis(5));
+    assert_eq!(rig.bus.faults(rig.now).next().unwrap().struck, 1, "nobody of that name listens");
+}
+
+#[test]
+fn a_frame_that_its_only_receiver_sends_is_not_lost() {
+    let mut rig = rig_with(of_220(FaultKind::Lose { receivers: vec!["b".into()] }));
+    rig.send(1, frame(0x220, &[]));
+    rig.run_for(millis(5));
+    assert_eq!(rig.effects, []);
 }

@@ -63,12 +63,14 @@ pub(super) struct Handed {
     pub(super) is_overtaken: bool,
     /// It waits for the next one of its sender, so long at most.
     pub(super) swaps: Option<Duration>,
+    /// The application has not sent it.
+    pub(super) is_copy: bool,
 }
 
 impl Handed {
     /// Returns a frame to which nothing happens.
     pub(super) const fn at_once(frame: &Frame) -> Self {
-        Self { frame: *frame, late: Duration::from_ticks(0), is_overtaken: false, swaps: None }
+        Self { frame: *frame, late: Duration::from_ticks(0), is_overtaken: false, swaps: None, is_copy: false }
     }
 }
 
@@ -128,6 +130,11 @@ impl Faults {
         })
     }
 
+    /// Returns whether a fault is going to insert frames.
+    pub(super) fn inserts(&self, name: &str) -> bool {
+        self.list.iter().any(|active| *active.fault.name == *name && active.next != NEVER)
+    }
+
     fn sort_out(&mut self) {
         let any = |acts: fn(&FaultKind) -> bool| self.list.iter().any(|active| acts(&active.fault.kind));
         let at_receivers = any(|kind| matches!(kind, FaultKind::Lose { .. }));
@@ -138,11 +145,18 @@ impl Faults {
     }
 
     /// Returns what comes of a frame between its application and the controller; `None` when nothing happens to it.
-    pub(super) fn at_sender(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Option<Struck> {
+    pub(super) fn at_sender(
+        &mut self,
+        sender: &Arc<str>,
+        frame: &Frame,
+        can_swap: bool,
+        now: Instant,
+    ) -> Option<Struck> {
         let mut struck = Struck::default();
         let mut frames = vec![Handed::at_once(frame)];
         for active in &mut self.list {
             if active.fault.kind.acts_at_sender()
+                && (can_swap || !matches!(active.fault.kind, FaultKind::Swap { .. }))
                 && active.strikes(sender, frame, now)
                 && let Some(effect) = active.act(&mut frames, now)
             {
@@ -157,7 +171,12 @@ impl Faults {
     pub(super) fn at_receivers(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Vec<Event> {
         let mut events = Vec::new();
         for active in &mut self.list {
-            if matches!(active.fault.kind, FaultKind::Lose { .. })
+            // The sender of a frame does not receive it.
+            let loses = |kind: &FaultKind| match kind {
+                FaultKind::Lose { receivers } => receivers.is_empty() || receivers.iter().any(|name| name != sender),
+                _ => false,
+            };
+            if loses(&active.fault.kind)
                 && active.strikes(sender, frame, now)
                 && let FaultKind::Lose { receivers } = &active.fault.kind
             {
@@ -169,11 +188,17 @@ impl Faults {
     }
 
     /// Returns the first fault that acts on an attempt to send a frame.
-    pub(super) fn on_wire(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Option<Event> {
+    pub(super) fn on_wire(
+        &mut self,
+        sender: &Arc<str>,
+        frame: &Frame,
+        has_receiver: impl Fn(&[Arc<str>]) -> bool,
+        now: Instant,
+    ) -> Option<Event> {
         self.list.iter_mut().find_map(|active| {
             let effect = match &active.fault.kind {
                 FaultKind::Destroy => FaultEffect::Destroyed,
-                FaultKind::Omit { receivers } => FaultEffect::Omitted(receivers.clone()),
+                FaultKind::Omit { receivers } if has_receiver(receivers) => FaultEffect::Omitted(receivers.clone()),
                 _ => return None,
             };
             active.strikes(sender, frame, now).then(|| active.event(sender, frame, now, effect))
@@ -181,12 +206,12 @@ impl Faults {
     }
 
     /// Returns the frames that are to be inserted by now, each with the name of its fault.
-    pub(super) fn insert(&mut self, now: Instant) -> Vec<(Frame, Event)> {
+    pub(super) fn insert(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Frame, Event)> {
         let mut inserted = Vec::new();
         for active in self.list.iter_mut().filter(|active| active.next <= now) {
             let FaultKind::Insert { frame, every } = active.fault.kind else { continue };
             let name = Arc::clone(&active.fault.name);
-            if active.strikes(&name, &frame, now) {
+            if !busy.contains(&name) && active.strikes(&name, &frame, now) {
                 inserted.push((frame, active.event(&name, &frame, now, FaultEffect::Inserted)));
             }
             active.next = match every {
@@ -201,7 +226,8 @@ impl Faults {
 
 impl Active {
     fn is_over(&self, now: Instant) -> bool {
-        self.left == 0 || self.ends <= now
+        let is_inserted = matches!(self.fault.kind, FaultKind::Insert { .. }) && self.next == NEVER;
+        self.left == 0 || self.ends <= now || is_inserted
     }
 
     /// Returns whether the fault happens to a frame, and counts that.
@@ -242,7 +268,13 @@ impl Active {
             }
             FaultKind::Repeat { times, after } => {
                 let first = frames[0];
-                let copy = |number: u32| Handed { late: first.late + *after * number, swaps: None, ..first };
+                let copy = |number: u32| Handed {
+                    late: first.late + *after * number,
+                    is_overtaken: true,
+                    swaps: None,
+                    is_copy: true,
+                    ..first
+                };
                 frames.extend((1..=*times).map(copy));
                 FaultEffect::Repeated(*times)
             }

@@ -55,6 +55,7 @@ impl Controller for DeviceCan<'_> {
 
     fn abort(&mut self, which: Filter) {
         self.port().abort(which);
+        self.bus.release_waiting(self.id, self.now);
     }
 
     fn set_filters(&mut self, filters: &Filters) {
@@ -95,11 +96,26 @@ impl Bus {
             port.used = true;
             return Err(nb::Error::WouldBlock);
         }
-        let struck = self.faults.at_sender(&port.name, frame, now);
+        // A frame that the controller gave back has been through the faults.
+        let is_returned = port.returned.iter().position(|returned| returned == frame);
+        let swapped = port.delayed.swapped();
+        let struck = match is_returned {
+            Some(place) => {
+                port.returned.remove(place);
+                None
+            }
+            None => self.faults.at_sender(&port.name, frame, swapped.is_none(), now),
+        };
         let port = &mut self.ports[id.0];
-        let swapped = port.delayed.next_swapped();
+        let next = port.delayed.len();
         let taken = match struck {
-            None if !waits => port.transmit(frame),
+            None if !waits => {
+                let taken = port.transmit(frame);
+                if let Ok(Some(returned)) = taken {
+                    port.returned.push(returned);
+                }
+                taken
+            }
             None => {
                 port.delayed.add(Handed::at_once(frame), now);
                 Ok(None)
@@ -110,8 +126,8 @@ impl Bus {
                 Ok(None)
             }
         };
-        if let Some(place) = swapped {
-            port.delayed.let_follow(place);
+        if let Some(swapped) = swapped {
+            port.delayed.follow(swapped, next);
         }
         self.release(id, now);
         taken

@@ -210,6 +210,7 @@ impl Bus {
         let port = &mut self.ports[id.0];
         port.transmit.clear();
         port.delayed.clear();
+        port.returned.clear();
         if !self.delaying.is_empty() {
             self.delaying.retain(|other| *other != id);
         }
@@ -269,9 +270,13 @@ impl Bus {
     /// # Errors
     /// [`FaultError`]; nothing has changed then.
     pub fn add_fault(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
-        if let Some(name) = fault.names().find(|name| !self.ports.iter().any(|port| port.name == **name)) {
-            let known: Vec<&str> = self.ports.iter().map(|port| &*port.name).collect();
+        let ports = (0..).zip(&self.ports).filter(|(number, _)| !self.vacant.contains(&PortId(*number)));
+        let known: Vec<&str> = ports.map(|(_, port)| &*port.name).collect();
+        if let Some(name) = fault.names().find(|name| !known.contains(&&***name)) {
             return Err(FaultError::Unknown { name: Arc::clone(name), known: known.join(", ") });
+        }
+        if matches!(fault.kind, FaultKind::Insert { .. }) && known.contains(&&*fault.name) {
+            return Err(FaultError::Invalid("an inserted frame needs a name that nobody on the bus has"));
         }
         self.faults.add(fault, now)?;
         self.schedule_faults();
@@ -301,15 +306,28 @@ impl Bus {
         self.fault_due <= now
     }
 
-    /// Hands over the delayed frames that are due by now; returns those to be inserted, each with the name of its fault.
+    /// Hands over the delayed frames that are due by now; returns those to be inserted, each with the name of its fault:
+    /// none for a fault that is `busy` with an earlier one.
     #[cold]
-    pub(crate) fn serve_faults(&mut self, now: Instant) -> Vec<(Arc<str>, Frame)> {
+    pub(crate) fn serve_faults(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Arc<str>, Frame)> {
         self.release_due(now);
-        let inserted = self.faults.insert(now);
+        let inserted = self.faults.insert(now, busy);
         self.schedule_faults();
         let frames = inserted.iter().map(|(frame, event)| (Arc::clone(&event.who), *frame)).collect();
         self.journal.extend(inserted.into_iter().map(|(_, event)| event));
         frames
+    }
+
+    /// Returns whether a fault is going to insert frames.
+    pub(crate) fn inserts(&self, fault: &str) -> bool {
+        self.faults.inserts(fault)
+    }
+
+    /// Drops the waiting frames of a client, but not the one on the wire.
+    pub(crate) fn drop_waiting(&mut self, id: PortId, now: Instant) {
+        let is_sending = self.is_sending(id);
+        self.ports[id.0].transmit.drop_waiting(is_sending);
+        self.refresh(id, now);
     }
 
     /// Removes all injectors.

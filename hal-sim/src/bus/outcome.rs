@@ -4,10 +4,10 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-use super::bits::{INTERMISSION, SUSPEND};
+use super::bits::{ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPEND};
 use super::clock::{Nanos, bit_times, instant, nanos};
 use super::confinement::Confinement;
-use super::transmission::{ERROR_FRAME, Failure, Omission, Transmission};
+use super::transmission::{Failure, Omission, Transmission};
 use super::wire_event::WireEvent;
 use super::{Bus, BusError, Event, EventKind, FaultEffect, PortId};
 
@@ -28,14 +28,26 @@ impl Bus {
         }
     }
 
-    /// Lets those accept a frame that do not see the error in its last but one bit, which begins an error frame.
+    /// Delivers a frame to all receivers but those that see the error in its last but one bit, and begins the error frame
+    /// with the last bit. Returns false if no error-active receiver is left that signals the error.
     #[cold]
     fn accept(&mut self) -> bool {
-        let Some(by) = self.current.as_ref().and_then(|current| current.omission.as_ref()?.signalled_by) else {
-            return false;
-        };
         let Some(mut transmission) = self.current.take_if(|transmission| transmission.failure.is_none()) else {
             return false;
+        };
+        let Some(omission) = transmission.omission.as_mut().filter(|omission| omission.signalled_by.is_some()) else {
+            self.current = Some(transmission);
+            return false;
+        };
+        let signals = |id: &PortId| {
+            let port = &self.ports[id.0];
+            port.member && port.mode() == BusErrorMode::ErrorActive && !port.is_silent()
+        };
+        omission.signalled_by = omission.receivers.iter().copied().find(signals);
+        let Some(by) = omission.signalled_by else {
+            transmission.set_end(transmission.end + bit_times(1, transmission.rate));
+            self.current = Some(transmission);
+            return true;
         };
         self.deliver(&transmission);
         transmission.failure = Some(Box::new(Failure {
@@ -44,7 +56,8 @@ impl Bus {
             signalled_by: Some(self.ports[by.0].name.clone()),
             gone: None,
         }));
-        transmission.set_end(transmission.end + bit_times(ERROR_FRAME, transmission.rate));
+        // The sender and the other receivers answer the flag one bit later: an error flag and an overload flag.
+        transmission.set_end(transmission.end + bit_times(1 + ERROR_FLAG + ERROR_DELIMITER, transmission.rate));
         self.current = Some(transmission);
         true
     }
@@ -97,16 +110,20 @@ impl Bus {
         let Transmission { frame, rate, end, over: at, omission, .. } = transmission;
         let Some(place) = self.groups.iter().position(|group| group.rate == *rate) else { return };
         if !self.groups[place].counting.is_empty() {
-            self.count_received(place, *at);
+            self.count_received(place, *at, omission.as_deref());
         }
         let is_lost = self.faults.at_receivers && self.lose(frame, *end, *at);
-        let Self { groups, ports, senders, touched, .. } = self;
+        let Self { ports, senders, .. } = self;
         for id in senders {
             ports[id.0].heard = *end;
         }
         if let Some(omission) = omission {
             omission.receivers.iter().for_each(|id| ports[id.0].heard = *end);
+            if omission.signalled_by.is_none() {
+                self.count_omitted(place, &omission.receivers, *at);
+            }
         }
+        let Self { groups, ports, touched, .. } = self;
         if is_lost {
             return;
         }
@@ -123,6 +140,17 @@ impl Bus {
                 }
             }
         });
+    }
+
+    /// Counts the error for receivers that see it and do not signal it.
+    #[cold]
+    fn count_omitted(&mut self, place: usize, receivers: &[PortId], at: Instant) {
+        for id in receivers.iter().filter(|id| self.groups[place].members.contains(id)).copied().collect::<Vec<_>>() {
+            if self.ports[id.0].confinement.receive_errors() == 0 {
+                self.groups[place].counting.push(id);
+            }
+            self.change(id, at, |confinement| confinement.receive_error(false));
+        }
     }
 
     /// Lets faults lose a frame between the controllers that received it and their applications; returns whether it is
@@ -144,10 +172,11 @@ impl Bus {
     }
 
     /// Counts a received frame down at the members with a receive error counter above 0.
-    fn count_received(&mut self, place: usize, at: Instant) {
+    fn count_received(&mut self, place: usize, at: Instant, omission: Option<&Omission>) {
         let mut counting = std::mem::take(&mut self.groups[place].counting);
         counting.retain(|id| {
-            if !self.senders.contains(id) {
+            let is_omitted = omission.is_some_and(|omission| omission.receivers.contains(id));
+            if !self.senders.contains(id) && !is_omitted {
                 self.change(*id, at, Confinement::received);
             }
             self.ports[id.0].confinement.receive_errors() > 0

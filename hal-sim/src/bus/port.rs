@@ -33,6 +33,8 @@ pub struct Port {
     pub(super) transmit: Transmit,
     /// Frames that a fault keeps between the application and the controller.
     pub(super) delayed: DelayedFrames,
+    /// Frames that the controller gave back for a more urgent one while faults were active.
+    pub(super) returned: Vec<Frame>,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// The filters of a device's controller; `None` accepts all frames.
     pub(super) filters: Option<Box<Filters>>,
@@ -105,6 +107,7 @@ impl Port {
             confinement: Confinement::default(),
             transmit,
             delayed: DelayedFrames::default(),
+            returned: Vec::new(),
             received: VecDeque::new(),
             filters: None,
             used: false,
@@ -224,7 +227,7 @@ impl embedded_can::nb::Can for Port {
 
 impl Controller for Port {
     fn is_idle(&self) -> bool {
-        self.transmit.is_empty() && self.delayed.is_empty()
+        self.transmit.is_empty() && self.delayed.is_idle()
     }
 
     fn abort(&mut self, which: Filter) {

@@ -70,7 +70,7 @@ impl Rig {
             self.now = self.now.max(self.bus.next_event());
             self.bus.finish(self.now);
             if self.bus.is_fault_due(self.now) {
-                self.bus.serve_faults(self.now);
+                self.bus.serve_faults(self.now, &[]);
             }
             for Event { at, who: from, what } in self.bus.take_events() {
                 let (frame, error) = match what {

@@ -142,11 +142,12 @@ impl Bus {
         let end = start + bit_times(on_wire, rate);
         let mut transmission =
             Transmission { frame, rate, start, end, over: instant(end), failure: None, omission: None };
-        if self.faults.on_wire {
-            let destroyed = self.strike(first, &mut transmission, on_wire);
-            injected = injected.into_iter().chain(destroyed).min();
+        let mut is_intact = collision.is_none() && injected.is_none() && disturber.is_none() && heard;
+        if is_intact && self.faults.on_wire {
+            injected = self.strike(first, &mut transmission, on_wire);
+            is_intact = injected.is_none();
         }
-        if collision.is_none() && injected.is_none() && disturber.is_none() && heard {
+        if is_intact {
             return transmission;
         }
         let disruption = |error, bits, by| Disruption { error, bits, by_other_rate: false, by };
@@ -178,7 +179,12 @@ impl Bus {
     #[cold]
     fn strike(&mut self, sender: PortId, transmission: &mut Transmission, on_wire: u32) -> Option<u32> {
         let Transmission { frame, rate, start, .. } = *transmission;
-        let event = self.faults.on_wire(&self.ports[sender.0].name, &frame, instant(start))?;
+        let Self { faults, ports, groups, senders, .. } = self;
+        let has_receiver = |names: &[Arc<str>]| {
+            let members = groups.iter().filter(|group| group.rate == rate).flat_map(|group| &group.members);
+            members.into_iter().any(|id| !senders.contains(id) && names.contains(&ports[id.0].name))
+        };
+        let event = faults.on_wire(&ports[sender.0].name, &frame, has_receiver, instant(start))?;
         let mut destroyed = None;
         if let EventKind::Fault { effect, .. } = &event.what {
             match effect {
@@ -289,11 +295,11 @@ impl Bus {
             return;
         }
         let gone = Some(self.ports[id.0].name.clone());
-        transmission.omission = None;
         if let Some(failure) = &mut transmission.failure {
             failure.gone = gone;
             return;
         }
+        transmission.omission = None;
         let group = self.groups.iter().find(|group| group.rate == transmission.rate);
         let witness = group.and_then(|group| group.members.iter().find(|other| **other != id));
         let signalled_by = witness.map(|id| self.ports[id.0].name.clone());

@@ -103,6 +103,13 @@ impl Transmit {
         }
     }
 
+    /// Drops what waits in a client's queue, but not a frame on the wire.
+    pub(super) fn drop_waiting(&mut self, is_sending: bool) {
+        if let Self::Queue(queue) = self {
+            queue.truncate(usize::from(is_sending));
+        }
+    }
+
     pub(super) fn clear(&mut self) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.clear(),

@@ -379,12 +379,24 @@ impl World {
 
     /// Ends a fault; returns whether there was one of that name. Frames that it keeps are sent when they are due.
     pub fn end_fault(&mut self, name: &str) -> bool {
-        self.bus.end_fault(name)
+        let has_ended = self.bus.end_fault(name);
+        self.end_insertions();
+        has_ended
     }
 
     /// Ends all faults.
     pub fn end_faults(&mut self) {
         self.bus.end_faults();
+        self.end_insertions();
+    }
+
+    fn end_insertions(&mut self) {
+        for (name, port) in &self.inserters {
+            if !self.bus.inserts(name) {
+                self.bus.drop_waiting(port.0, self.now);
+            }
+        }
+        self.dismiss_inserters();
     }
 
     /// The faults, in the order in which they were added; those that are over stay until they are ended.

@@ -91,6 +91,9 @@ impl World {
         if self.bus.is_fault_due(now) {
             self.serve_faults();
         }
+        if !self.inserters.is_empty() {
+            self.dismiss_inserters();
+        }
         self.service_touched();
         while let Some(number) = self.agenda.due_by(now) {
             self.poll_device(NodeId(number));
@@ -102,16 +105,28 @@ impl World {
     /// Lets faults hand over and insert frames, the latter from a controller of each fault.
     #[cold]
     fn serve_faults(&mut self) {
-        for (fault, frame) in self.bus.serve_faults(self.now) {
+        let is_busy = |(_, port): &&(Arc<str>, ClientPortId)| self.pending(*port) > 0;
+        let busy: Vec<Arc<str>> = self.inserters.iter().filter(is_busy).map(|(name, _)| Arc::clone(name)).collect();
+        for (fault, frame) in self.bus.serve_faults(self.now, &busy) {
             let known = self.inserters.iter().find(|(name, _)| *name == fault).map(|(_, port)| *port);
             let port = known.unwrap_or_else(|| {
-                let port = self.bus.add_gateway(Arc::clone(&fault), self.bit_rate, self.now);
-                self.own(port, None);
-                self.inserters.push((fault, ClientPortId(port)));
-                ClientPortId(port)
+                let port = ClientPortId(self.bus.add_gateway(Arc::clone(&fault), self.bit_rate, self.now));
+                self.own(port.0, None);
+                self.inserters.push((fault, port));
+                port
             });
             self.send(port, frame);
         }
+    }
+
+    /// Removes the controllers of faults that have inserted their last frame.
+    #[cold]
+    pub(super) fn dismiss_inserters(&mut self) {
+        let inserters = std::mem::take(&mut self.inserters);
+        let is_done = |(name, port): &(Arc<str>, ClientPortId)| !self.bus.inserts(name) && self.pending(*port) == 0;
+        let (done, kept): (Vec<_>, Vec<_>) = inserters.into_iter().partition(is_done);
+        self.inserters = kept;
+        done.into_iter().for_each(|(_, port)| self.remove_client_port(port));
     }
 
     fn service_touched(&mut self) {

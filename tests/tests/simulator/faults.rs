@@ -85,3 +85,59 @@ fn a_fault_of_nobody_is_refused() {
     assert!(matches!(refused, Err(FaultError::Unknown { .. })), "{refused:?}");
     assert_eq!(rig.world.faults().count(), 0);
 }
+
+/// A device aborts an older heartbeat when the next one is due: one that a fault delays is on its way all the same.
+#[test]
+fn delayed_heartbeats_come_late() {
+    let (mut rig, _) = BusRig::booted();
+    assert!(rig.write(0x20, (0x1017, 0, 2, 50)));
+    rig.run_for(200);
+    let delay = FaultKind::Delay { delay: Delay::Constant(millis(80)), overtake: false };
+    rig.world.fault(of(0x720, delay)).expect("a fault");
+    rig.take();
+    rig.run_for(2000);
+    assert!((37..=40).contains(&rig.take().len()));
+}
+
+/// The copies of a boot-up hold back neither answers nor a restart.
+#[test]
+fn copies_do_not_hold_back_the_device() {
+    let (mut rig, valve) = BusRig::booted();
+    rig.world.power(valve, false);
+    let repeat = FaultKind::Repeat { times: 5, after: millis(1000) };
+    rig.world.fault(Fault { count: Some(1), ..of(0x720, repeat) }).expect("a fault");
+    rig.world.power(valve, true);
+    rig.run_for(500);
+    rig.take();
+    assert!(rig.ask("620: 40 18 10 01 00 00 00 00").is_some());
+    rig.send("000: 81 20");
+    rig.run_for(100);
+    assert!(rig.take().iter().any(|line| line == "720: 00"));
+}
+
+#[test]
+fn the_controller_of_a_fault_leaves_with_it() {
+    let (mut rig, _) = BusRig::booted();
+    rig.world.record_events(true);
+    let insert =
+        || FaultKind::Insert { frame: frame("123: 01 02 03 04 05 06 07 08"), every: Some(Duration::from_micros(100)) };
+    for _ in 0..3 {
+        rig.world.fault(Fault::new("intruder", insert())).expect("a fault");
+        rig.run_for(2000);
+        assert!(rig.world.end_fault("intruder"));
+        rig.run_for(10);
+        assert!(rig.world.take_events().filter(|event| event.who.as_ref() == "intruder").count() > 100);
+        rig.run_for(1000);
+        assert_eq!(rig.world.take_events().filter(|event| event.who.as_ref() == "intruder").count(), 0);
+    }
+    let once = FaultKind::Insert { frame: frame("123:"), every: None };
+    rig.world.fault(Fault::new("intruder", once.clone())).expect("a fault");
+    rig.run_for(10);
+    let names = rig.world.fault(Fault {
+        frames: FrameFilter { sender: Some("?".into()), ..FrameFilter::default() },
+        ..Fault::new("x", FaultKind::Destroy)
+    });
+    assert_eq!(names.unwrap_err().to_string(), "no device or client '?'; there are: master, valve-1");
+    assert!(rig.world.faults().all(|state| state.is_over));
+    assert!(rig.world.fault(Fault::new("valve-1", once)).is_err(), "the name of a device");
+}
