@@ -1,4 +1,4 @@
-//! User input in messages.
+//! Escaping of user input in messages.
 
 /// Returns a text in one line: its control characters are escaped.
 #[must_use]

@@ -1,4 +1,4 @@
-//! The frames of a port that faults keep between its application and its CAN controller.
+//! Frames that faults hold back between the application and its CAN controller.
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
@@ -15,21 +15,22 @@ pub(super) struct DelayedFrames(Vec<Delayed>);
 #[derive(Clone, Copy, Debug)]
 struct Delayed {
     frame: Frame,
-    /// When it goes to the controller; [`NEVER`] while it waits for room there.
+    /// The time of the handover to the controller; [`NEVER`] while the frame waits for a free mailbox or for another
+    /// frame.
     due: Instant,
     wait: Wait,
-    /// Later frames of its identifier do not wait behind it.
+    /// Whether later frames with the same identifier may overtake this frame.
     is_overtaken: bool,
 }
 
-/// What else a frame waits for.
+/// An additional condition for the handover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wait {
-    /// Nothing.
+    /// No condition.
     No,
-    /// The next frame of its sender.
+    /// The sender hands over its next frame.
     Next,
-    /// The end of the next frame of its sender on the bus.
+    /// The sender's next frame has been transmitted.
     Sent,
 }
 
@@ -48,12 +49,12 @@ impl DelayedFrames {
         self.0.clear();
     }
 
-    /// Drops the frames of these identifiers.
+    /// Drops the frames with these identifiers.
     pub(super) fn abort(&mut self, which: Filter) {
         self.0.retain(|delayed| !which.passes(&delayed.frame));
     }
 
-    /// Returns whether a new frame has to wait behind another one.
+    /// Returns whether a new frame has to wait behind a delayed frame.
     pub(super) fn holds_back(&self, frame: &Frame) -> bool {
         self.0.iter().any(|delayed| match delayed.wait {
             Wait::No => delayed.frame.key() == frame.key() && !delayed.is_overtaken,
@@ -62,7 +63,7 @@ impl DelayedFrames {
         })
     }
 
-    /// Keeps a frame. It waits behind earlier ones of its identifier, unless they are overtaken.
+    /// Adds a frame. It stays behind earlier frames with the same identifier unless those may be overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
         let Handed { frame, late, is_overtaken, swaps } = handed;
         let due = after(now, late);
@@ -80,18 +81,18 @@ impl DelayedFrames {
         self.0.push(Delayed { frame, due, wait, is_overtaken });
     }
 
-    /// Returns the place of the first frame that waits for the next one of its sender.
+    /// Returns the index of the first frame that waits for the next frame of its sender.
     pub(super) fn next_swapped(&self) -> Option<usize> {
         self.0.iter().position(|delayed| delayed.wait == Wait::Next)
     }
 
-    /// Lets a frame go as soon as the one that was just handed over is sent.
+    /// Schedules a frame for after the transmission of the frame that was just handed over.
     pub(super) fn let_follow(&mut self, place: usize) {
         let delayed = &mut self.0[place];
         (delayed.wait, delayed.due) = (Wait::Sent, NEVER);
     }
 
-    /// Hands the frames that are due to the controller, as far as it has room; returns whether it took any.
+    /// Hands over the due frames that the controller accepts; returns whether it accepted any.
     pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get_mut(place) {
@@ -101,7 +102,7 @@ impl DelayedFrames {
                 Wait::Sent => transmit.is_empty(),
             };
             if !is_due && delayed.wait == Wait::Sent {
-                // Whatever came later waits behind it.
+                // All later frames wait behind this frame.
                 break;
             }
             if !is_due {
@@ -123,7 +124,7 @@ impl DelayedFrames {
         has_released
     }
 
-    /// Returns when the next frame is to be handed to the controller, other than when that has room.
+    /// Returns the next scheduled handover; frames that wait for a free mailbox are not considered.
     pub(super) fn next_due(&self) -> Instant {
         self.0.iter().map(|delayed| delayed.due).min().unwrap_or(NEVER)
     }
