@@ -12,7 +12,7 @@ use crate::recording::{Logged, ReadError, Reader};
 /// The options of `decode`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecodeOptions {
-    /// The recording; `-` is stdin.
+    /// The recording; `-` reads stdin.
     pub file: PathBuf,
     /// The devices known to be on the bus.
     pub devices: Vec<NamedDevice>,

@@ -56,9 +56,9 @@
 //! }
 //! assert_eq!(world.view(valve).unwrap().position, 0x2000);
 //! ```
-//!
-//! [`World::set_plant`] breaks the valve, [`World::fault`] the communication, [`World::disturb`] and
-//! [`World::force_bus_off`] the bus; [`World::power`] cuts the supply, [`World::link`] puts an angle sensor on the boom that
+//! [`World::set_plant`] sets faults of the valve, [`World::fault`] faults of the communication. [`World::disturb`] and
+//! [`World::force_bus_off`] disturb the bus, [`World::power`] switches the supply, and [`World::link`] mounts an angle
+//! sensor on the boom that the valve moves.
 //! the valve moves.
 #![forbid(unsafe_code)]
 

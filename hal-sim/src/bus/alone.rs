@@ -22,7 +22,7 @@ impl Port {
         Some(frame)
     }
 
-    /// Returns the frame that the controller sends next.
+    /// Returns the frame that the controller will send next.
     #[must_use]
     pub fn head(&self) -> Option<&Frame> {
         self.transmit.head()
