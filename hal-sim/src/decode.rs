@@ -1,4 +1,4 @@
-//! `pve-sim decode`: a recording explained line by line, as the trace explains a running bus.
+//! `pve-sim decode`: explains a recording line by line, with the same texts as the live trace.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -12,13 +12,13 @@ use crate::recording::{Logged, ReadError, Reader};
 /// The options of `decode`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecodeOptions {
-    /// The recording; `-` is stdin.
+    /// The recording; `-` reads stdin.
     pub file: PathBuf,
     /// The devices known to be on the bus.
     pub devices: Vec<NamedDevice>,
 }
 
-/// The reason why decoding failed.
+/// A decoding failure.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {

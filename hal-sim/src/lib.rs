@@ -1,41 +1,42 @@
-//! The simulation as a library: CAN valves and angle sensors on a bus, deterministic, in virtual time.
+//! The simulation as a library: CAN valves and angle sensors on a bus. It is deterministic and runs in virtual time.
 //!
 //! # Layers
 //!
-//! At the bottom stand [`bus`] and [`memory`], the hardware of the host: controllers on one wire, and a flash with its
-//! records. [`world`] runs devices on them event by event, each through its controller and with its plant. [`devices`]
-//! sets such devices up. [`log`] and [`explain`] look at a bus from outside: what was on it, and what it means.
+//! [`bus`] and [`memory`] form the lowest layer, the simulated hardware: CAN controllers on one bus, and a flash with
+//! its record store. [`world`] runs devices on this hardware event by event, each with its controller and its plant.
+//! [`devices`] configures the devices. [`log`] and [`explain`] observe a bus: the first records its frames, the second
+//! explains them.
 //!
 //! ```text
 //! world/    devices, bus and plant in virtual time, event by event
-//! devices/  devices as a command line names them, links between them, and whether they are heard
-//! explain/  the meaning of frames, in words
-//! log/      frames and error frames with their times, as other tools write them
-//! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
-//! bus/      a CAN bus: frame lengths, arbitration, acknowledgement, error confinement; and the ports on it
-//! text      a text in one line, for messages
+//! devices/  device specifications from a command line, links between devices, and communication checks
+//! explain/  explanations of frames
+//! log/      frames and error frames with timestamps, in the formats of other tools
+//! memory/   a NOR flash in RAM, the record store on it, and its backing file
+//! bus/      a CAN bus and its ports: frame lengths, arbitration, acknowledgement, error confinement
+//! text      escaping of user input in messages
 //! ```
 //!
-//! Features add what stands above the world:
+//! Features add the layers above the world:
 //!
 //! ```text
-//! simulation  simulation/  a world, commands to it by the names of its devices, and what has happened
+//! simulation  simulation/  a world with commands to named devices, and its history of events
 //! scenario    scenario/    scenarios from TOML files
-//! recording   recording/   the bus in a file, in the formats of other tools
-//!             decode       a recording, explained
-//!             replay/      a recording of a device against its simulation
-//! describe    describe/    the products for other tools: EDS and DBC
-//! state       state/       a device's state as data, its plant, and conditions on both
-//! trace       trace/       the bus laid out for people
+//! recording   recording/   bus recordings in the file formats of other tools
+//!             decode       explains a recording
+//!             replay/      compares a recording of a device with its simulation
+//! describe    describe/    product descriptions for other tools: EDS and DBC
+//! state       state/       the state of a device and its plant as data, and conditions on both
+//! trace       trace/       human-readable lines for bus events
 //! ```
 //!
-//! Nothing here waits, prints, starts a thread or reads a clock: the caller of [`World`] lets virtual time pass. Two
-//! runs with one seed and the same calls are the same to the last bit.
+//! The library never waits, prints, starts a thread or reads a clock: the caller of [`World`] advances virtual time.
+//! Two runs with the same seed and the same calls are identical.
 //!
 //! # Firmware under test
 //!
-//! Code that is generic over [`embedded_can::nb::Can`] takes a [`Client`] of a world for its CAN controller. Time is
-//! virtual: a test of seconds takes milliseconds.
+//! Code that is generic over [`embedded_can::nb::Can`] can use a [`Client`] of a world as its CAN controller. Time is
+//! virtual: a test of several seconds runs in milliseconds.
 //!
 //! ```
 //! use embedded_can::{Frame as _, StandardId, nb::Can};
@@ -55,9 +56,9 @@
 //! }
 //! assert_eq!(world.view(valve).unwrap().position, 0x2000);
 //! ```
-//!
-//! [`World::set_plant`] breaks the valve, [`World::fault`] the communication, [`World::disturb`] and
-//! [`World::force_bus_off`] the bus; [`World::power`] cuts the supply, [`World::link`] puts an angle sensor on the boom that
+//! [`World::set_plant`] sets faults of the valve, [`World::fault`] faults of the communication. [`World::disturb`] and
+//! [`World::force_bus_off`] disturb the bus, [`World::power`] switches the supply, and [`World::link`] mounts an angle
+//! sensor on the boom that the valve moves.
 //! the valve moves.
 #![forbid(unsafe_code)]
 
@@ -85,7 +86,7 @@ pub mod text;
 pub mod trace;
 pub mod world;
 
-/// The examples of the page compile and pass.
+/// Compiles and runs the examples of `docs/rust.md`.
 #[cfg(all(doctest, feature = "simulation"))]
 #[doc = include_str!("../../docs/rust.md")]
 mod page {}

@@ -1,6 +1,6 @@
-//! User input in messages.
+//! Escaping of user input in messages.
 
-/// Returns a text in one line: its control characters are escaped.
+/// Escapes the control characters of a text, so that it fits on one line.
 #[must_use]
 pub fn in_one_line(text: &str) -> String {
     let escaped = |char: char| if char.is_control() { char.escape_default().to_string() } else { char.to_string() };

@@ -1,4 +1,4 @@
-//! The CAN controller of a device without a bus around it: its owner takes the frames out of its mailboxes.
+//! A CAN controller without a bus: the owner takes the frames out of its mailboxes.
 
 use std::sync::Arc;
 
@@ -8,13 +8,13 @@ use protocol_core::frame::Frame;
 use super::port::Port;
 
 impl Port {
-    /// Returns a device's controller that is on no bus, with empty mailboxes. It receives nothing.
+    /// Creates a device controller that is connected to no bus. Its mailboxes are empty and it receives nothing.
     #[must_use]
     pub fn alone(name: &str, rate: BitRate) -> Self {
         Self::of_device(Arc::from(name), rate)
     }
 
-    /// Sends the most urgent pending frame at this instant, as a controller on a free bus does.
+    /// Sends the most urgent pending frame immediately, as a controller on an idle bus would.
     pub fn send_head(&mut self) -> Option<Frame> {
         let frame = *self.transmit.head()?;
         self.transmit.sending();
@@ -22,7 +22,7 @@ impl Port {
         Some(frame)
     }
 
-    /// Returns the frame that the controller sends next.
+    /// Returns the frame that the controller will send next.
     #[must_use]
     pub fn head(&self) -> Option<&Frame> {
         self.transmit.head()

@@ -1,9 +1,9 @@
-//! The bits of a classic CAN frame (ISO 11898-1): how many there are on the wire, and where two frames first differ.
+//! The bits of a classic CAN frame (ISO 11898-1): the length on the wire, and the first difference between two frames.
 
 use crc::{CRC_15_CAN, Crc, Table};
 use protocol_core::frame::{Frame, Id};
 
-/// A table of sixteen bytes: the CRC of a whole frame takes one step.
+/// A 16-byte lookup table, which computes the CRC of a whole frame in one step.
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_15_CAN);
 const CRC_BITS: u32 = 15;
 
@@ -11,29 +11,29 @@ const CRC_BITS: u32 = 15;
 const TRAILER: u32 = 1 + 1 + 1 + 7;
 /// ACK delimiter and end of frame: the bits after the ACK slot.
 pub(super) const AFTER_ACK_SLOT: u32 = 1 + 7;
-/// The recessive bits between two frames.
+/// The number of recessive bits between two frames.
 pub const INTERMISSION: u32 = 3;
-/// The number of consecutive recessive bits that tell a controller that the bus is idle.
+/// The number of consecutive recessive bits after which a controller considers the bus idle.
 pub const BUS_IDLE: u32 = 11;
-/// Suspend transmission: the bits that an error-passive sender waits beyond the intermission.
+/// Suspend transmission: the bits that an error-passive sender waits after the intermission.
 pub(super) const SUSPEND: u32 = 8;
-/// The bits of an error flag.
+/// The number of bits of an error flag.
 pub(super) const ERROR_FLAG: u32 = 6;
-/// The recessive bits after an error flag.
+/// The number of recessive bits after an error flag.
 pub(super) const ERROR_DELIMITER: u32 = 8;
 /// The number of equal bits after which a stuff bit follows.
 const STUFF_AFTER: u8 = 5;
 
-/// A frame from its start to the end of the CRC sequence, before stuffing.
+/// A frame from start of frame to the end of the CRC sequence, before stuffing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBits {
-    /// The first bit on the wire is the highest of the lowest `len` bits. 0 is dominant.
+    /// The frame in the lowest `len` bits, the first bit on the wire highest. A 0 bit is dominant.
     pub(super) value: u128,
     pub(super) len: u32,
 }
 
 impl FrameBits {
-    /// Returns the bits of `frame`.
+    /// Computes the bits of `frame`.
     #[must_use]
     pub fn of(frame: &Frame) -> Self {
         let rtr = u128::from(frame.is_remote());
@@ -53,12 +53,12 @@ impl FrameBits {
             let data = u64::from_be_bytes(*frame.bytes());
             bits.push(u128::from(data.checked_shr(u64::BITS - len).unwrap_or(0)), len);
         }
-        // The CRC starts from 0, so that the zeros in front of the start of frame do not count.
+        // The initial CRC is 0: leading zeros before the start of frame do not change the result.
         bits.push(u128::from(CRC.checksum(&bits.value.to_be_bytes())), CRC_BITS);
         bits
     }
 
-    /// Returns the number of bits on the wire, stuff bits included, from start of frame to end of frame, without the
+    /// Returns the length on the wire in bits: from start of frame to end of frame with stuff bits, without
     /// intermission.
     #[must_use]
     pub fn on_wire(self) -> u32 {
@@ -71,7 +71,7 @@ impl FrameBits {
         self.on_wire() - AFTER_ACK_SLOT
     }
 
-    /// Returns the first bit in which this frame differs from `other`, counted from 0; `None` for equal frames.
+    /// Returns the first bit at which this frame differs from `other`; `None` if the frames are equal.
     #[must_use]
     pub fn first_difference(self, other: Self) -> Option<Difference> {
         let common = self.len.min(other.len);
@@ -89,8 +89,8 @@ impl FrameBits {
 
     /// Returns the number of stuff bits among the first `len` bits.
     pub(super) fn stuff_bits(self, len: u32) -> u32 {
-        // The table is indexed by whole bytes: alternating bits that end recessive fill the space before the start of
-        // frame.
+        // The table is indexed by whole bytes. Alternating bits that end recessive pad the first byte before the start
+        // of frame.
         let bits = ALTERNATING << len | self.value >> (self.len - len);
         let unused = (u128::BITS - len) as usize / 8;
         let (mut state, mut sum) = (0, 0_u16);
@@ -104,17 +104,17 @@ impl FrameBits {
     }
 }
 
-/// Dominant and recessive bits in turn, the last one recessive: no run of equal bits.
+/// Alternating dominant and recessive bits that end recessive: padding without a run of equal bits.
 const ALTERNATING: u128 = 0x5555_5555_5555_5555_5555_5555_5555_5555;
 
-/// The number of states in the table: those of [`run`], rounded up to a power of two.
+/// The number of states in the table: the states of [`run`], rounded up to a power of two.
 const STATES: usize = 16;
-/// The bits of a step that hold the state after it: the index of the next look-up.
+/// The bits of a table entry that hold the next state, which indexes the next look-up.
 const STATE: u16 = (STATES as u16 - 1) << 8;
-/// The bits of a step that hold its stuff bits.
+/// The bits of a table entry that hold the number of stuff bits.
 const COUNT: u16 = 0xFF;
 
-/// The effect of a byte on a run of equal bits, by the state before the byte and the byte.
+/// The next state and the number of stuff bits, indexed by the current state and the next byte.
 static STUFF: [u16; STATES * 256] = {
     let mut table = [0; STATES * 256];
     let mut state = 0;
@@ -129,7 +129,7 @@ static STUFF: [u16; STATES * 256] = {
     table
 };
 
-/// Returns the state in which `length` bits (1 to 4; 0 before the first bit) were equal to `last`.
+/// Returns the state after `length` bits equal to `last` (1 to 4; 0 before the first bit).
 const fn run(last: u8, length: u8) -> u8 {
     last * STUFF_AFTER + length
 }
@@ -144,7 +144,7 @@ const fn step(state: u8, byte: u8) -> u16 {
         length = if bit == last { length + 1 } else { 1 };
         last = bit;
         if length == STUFF_AFTER {
-            // The stuff bit has the other value and is itself the first of a new run.
+            // The stuff bit has the opposite value and starts a new run.
             stuffed += 1;
             last = 1 - bit;
             length = 1;
@@ -153,11 +153,11 @@ const fn step(state: u8, byte: u8) -> u16 {
     (run(last, length) as u16) << 8 | stuffed
 }
 
-/// The first bit at which two frames sent at the same time differ.
+/// The first difference between two frames that are sent simultaneously.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// The bit on the wire, counted from 0 at the start of frame.
+    /// The position on the wire with stuff bits, counted from 0 at the start of frame.
     pub bit: u32,
-    /// The frame that was asked is dominant at this bit; the other one is recessive.
+    /// Whether `self` of [`FrameBits::first_difference`] is dominant at this bit, and the other frame recessive.
     pub dominant: bool,
 }

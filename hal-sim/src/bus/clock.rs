@@ -1,4 +1,5 @@
-//! The bus's own time, finer than the world's: at 800 kbit/s a bit takes 1.25 µs, and frames follow each other exactly.
+//! Bus time in nanoseconds. The world's microseconds are too coarse: a bit takes 1.25 µs at 800 kbit/s, and
+//! back-to-back frames must follow each other exactly.
 
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Instant, NEVER};
@@ -6,7 +7,7 @@ use protocol_core::time::{Instant, NEVER};
 /// Nanoseconds since the start of the world.
 pub(super) type Nanos = u64;
 
-/// The length of a bit at each bit rate, by its table index.
+/// The bit time at each bit rate, by table index.
 const BIT: [Nanos; 9] = {
     let mut lengths = [0; 9];
     let mut number = 0;
@@ -18,17 +19,17 @@ const BIT: [Nanos; 9] = {
     lengths
 };
 
-/// Returns the time of an instant.
+/// Converts an instant to bus time.
 pub(super) const fn nanos(instant: Instant) -> Nanos {
     instant.as_ticks().saturating_mul(1000)
 }
 
-/// Returns the first instant that is not before `nanos`.
+/// Converts bus time to an instant, rounded up.
 pub(super) const fn instant(nanos: Nanos) -> Instant {
     if nanos == Nanos::MAX { NEVER } else { Instant::from_ticks(nanos.div_ceil(1000)) }
 }
 
-/// Returns the duration of `bits`.
+/// Returns the duration of `bits` bits.
 pub(super) const fn bit_times(bits: u32, rate: BitRate) -> Nanos {
     bits as Nanos * BIT[rate.table_index() as usize]
 }

@@ -1,14 +1,14 @@
-//! Fault confinement (ISO 11898-1, 12.1): the error counters of one controller and its error mode.
+//! Fault confinement (ISO 11898-1, 12.1): the error counters and the error mode of one controller.
 
 use protocol_core::controller::BusErrorMode;
 
 /// The counter value from which the controller is error-passive.
 const PASSIVE_FROM: u16 = 128;
-/// The transmit counter value from which the controller is bus-off.
+/// The transmit error counter value from which the controller is bus-off.
 const BUS_OFF_FROM: u16 = 256;
-/// The receive counter after a frame received while it was above 127; the standard allows 119 to 127.
+/// The value of a receive error counter above 127 after a successful reception; the standard allows 119 to 127.
 const RECEIVED_WHILE_PASSIVE: u16 = 119;
-/// The limit of the receive counter: higher values change no mode.
+/// The upper limit of the receive error counter: higher values would not change the mode.
 const RECEIVE_LIMIT: u16 = 255;
 /// The number of sequences of 11 recessive bits that end bus-off.
 pub(super) const RECOVERY_SEQUENCES: u32 = 128;
@@ -22,7 +22,7 @@ pub struct Confinement {
 }
 
 impl Confinement {
-    /// Returns the mode that the counters put the controller into.
+    /// Returns the error mode.
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
         self.mode
@@ -40,7 +40,7 @@ impl Confinement {
         self.receive
     }
 
-    /// Counts a frame that was sent and acknowledged.
+    /// Counts a successful transmission.
     pub(super) const fn sent(&mut self) {
         if self.transmit > 0 {
             self.transmit -= 1;
@@ -48,20 +48,20 @@ impl Confinement {
         }
     }
 
-    /// Counts a frame that was received.
+    /// Counts a successful reception.
     pub(super) const fn received(&mut self) {
         self.receive =
             if self.receive >= PASSIVE_FROM { RECEIVED_WHILE_PASSIVE } else { self.receive.saturating_sub(1) };
         self.settle();
     }
 
-    /// Counts an error in a frame that this controller sent.
+    /// Counts an error in a transmission of this controller.
     pub(super) const fn transmit_error(&mut self) {
         self.transmit += 8;
         self.settle();
     }
 
-    /// Counts a missing acknowledgement. An error-passive sender does not count it: a lone node never goes bus-off.
+    /// Counts a missing acknowledgement. An error-passive sender does not count it, so a lone node never goes bus-off.
     pub(super) fn no_acknowledgement(&mut self) {
         if self.mode == BusErrorMode::ErrorActive {
             self.transmit_error();
@@ -69,20 +69,20 @@ impl Confinement {
     }
 
     /// Counts an error in another controller's frame. `first`: this controller sent the first error flag, which it
-    /// recognises by dominant bits of the others' flags after its own.
+    /// detects by dominant bits after its own flag.
     pub(super) const fn receive_error(&mut self, first: bool) {
         let raised = self.receive + if first { 1 + 8 } else { 1 };
         self.receive = if raised < RECEIVE_LIMIT { raised } else { RECEIVE_LIMIT };
         self.settle();
     }
 
-    /// Enters bus-off, whatever the counters hold.
+    /// Enters bus-off regardless of the counters.
     pub(super) const fn force_bus_off(&mut self) {
         self.transmit = BUS_OFF_FROM;
         self.settle();
     }
 
-    /// Updates the mode from the counters. Only a recovery ends bus-off.
+    /// Updates the mode from the counters. Only [`recover`](Self::recover) ends bus-off.
     const fn settle(&mut self) {
         self.mode = if matches!(self.mode, BusErrorMode::BusOff) || self.transmit >= BUS_OFF_FROM {
             BusErrorMode::BusOff
@@ -93,7 +93,7 @@ impl Confinement {
         };
     }
 
-    /// Returns to the bus with cleared counters.
+    /// Clears the counters and returns to error-active.
     pub(super) fn recover(&mut self) {
         *self = Self::default();
     }

@@ -1,20 +1,20 @@
-//! The ports with a frame to send, in the order of arbitration: the winner is the last entry.
+//! The ports with a frame to send, in arbitration order; the last entry wins.
 
 use super::PortId;
 
-/// The place of a port among the contenders.
+/// The contention state of a port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Contends {
     /// The port has nothing to send.
     #[default]
     No,
-    /// The port may not send yet: it is joining, suspended, bus-off, or came after the bus was free.
+    /// The port may not send yet: it is joining, suspended or bus-off, or its frame came after the bus became free.
     Waiting,
-    /// The port may send as soon as the bus is free, at this arbitration key.
+    /// The port may send as soon as the bus is free, with this arbitration key.
     Ready(u32),
 }
 
-/// The arbitration rank of a port: the key first, then the port number.
+/// The arbitration rank of a port: the arbitration key, then the port number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Rank(u64);
 
@@ -35,7 +35,7 @@ impl Rank {
 /// The ports with a frame to send.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contenders {
-    /// The ports that may send: the most urgent one last; among equals, the lowest number last.
+    /// The ports that may send, the most urgent one last. Of equal keys, the lowest port number is last.
     ready: Vec<Rank>,
     /// The ports that may not send yet, unordered.
     waiting: Vec<PortId>,
@@ -56,14 +56,14 @@ impl Contenders {
         &self.waiting
     }
 
-    /// Moves a port from one place to another.
+    /// Changes the contention state of a port: not contending, waiting or ready.
     pub(super) fn place(&mut self, id: PortId, from: Contends, to: Contends) {
         match from {
             Contends::No => {}
             Contends::Waiting => self.waiting.retain(|other| *other != id),
             Contends::Ready(key) => {
                 let rank = Rank::of(key, id);
-                // Usually the winner of the bus.
+                // The port is usually the last sender.
                 if self.ready.last() == Some(&rank) {
                     self.ready.pop();
                 } else {
@@ -81,7 +81,7 @@ impl Contenders {
         }
     }
 
-    /// Makes those waiting ports ready for which `key` returns an arbitration key.
+    /// Makes each waiting port ready for which `key` returns an arbitration key.
     pub(super) fn promote(&mut self, mut key: impl FnMut(PortId) -> Option<u32>) {
         let mut place = 0;
         while let Some(id) = self.waiting.get(place).copied() {
@@ -95,7 +95,7 @@ impl Contenders {
         }
     }
 
-    /// Adds the ports that still send after the identifier: usually one.
+    /// Adds the ports that win the arbitration: usually one, several with equal keys.
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
         let Some((first, others)) = self.ready.split_last() else { return };
         into.push(first.id());
@@ -107,7 +107,7 @@ impl Contenders {
         }
     }
 
-    /// Returns the index of a contender, or its insertion point.
+    /// Returns the index of a port in `ready`, or its insertion point.
     fn place_of(&self, rank: Rank) -> usize {
         self.ready.partition_point(|other| *other > rank)
     }

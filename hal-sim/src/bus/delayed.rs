@@ -1,4 +1,4 @@
-//! The frames of a port that faults keep between its application and its CAN controller.
+//! Frames that faults hold back between the application and its CAN controller.
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
@@ -16,7 +16,7 @@ pub(super) struct DelayedFrames(Vec<Delayed>);
 struct Delayed {
     frame: Frame,
     wait: Wait,
-    /// Later frames of its identifier do not wait behind it.
+    /// Whether later frames with the same identifier may overtake this frame.
     is_overtaken: bool,
     /// The frame behind it was swapped with it.
     is_next: bool,
@@ -64,7 +64,7 @@ impl DelayedFrames {
         self.0.retain(|delayed| !which.passes(&delayed.frame) || !(is_all || delayed.wait == Wait::Room));
     }
 
-    /// Returns whether a new frame has to wait behind another one.
+    /// Returns whether a new frame has to wait behind a delayed frame.
     pub(super) fn holds_back(&self, frame: &Frame) -> bool {
         self.0.iter().any(|delayed| match delayed.wait {
             Wait::Until(_) | Wait::Room => delayed.frame.key() == frame.key() && !delayed.is_overtaken,
@@ -102,7 +102,7 @@ impl DelayedFrames {
         self.0.insert(next.min(self.0.len()), swapped);
     }
 
-    /// Hands the frames that are due to the controller, as far as it has room; returns whether it took any.
+    /// Hands over the due frames that the controller accepts; returns whether it accepted any.
     pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get(place).copied() {
@@ -133,7 +133,7 @@ impl DelayedFrames {
         has_released
     }
 
-    /// Returns when the next frame is to be handed to the controller, other than when that has room.
+    /// Returns the next scheduled handover; frames that wait for a free mailbox are not considered.
     pub(super) fn next_due(&self) -> Instant {
         let dues =
             self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent).filter_map(|delayed| match delayed.wait {

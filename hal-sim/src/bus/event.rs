@@ -1,4 +1,4 @@
-//! Bus events in the order of time: frames, error frames, changes of error modes, dropped frames.
+//! Bus events in chronological order: frames, error frames, changes of error modes, faults, dropped frames.
 
 use std::sync::Arc;
 use std::vec::Drain;
@@ -13,15 +13,15 @@ use super::fault::FaultEffect;
 /// An event on the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// The instant of the event: the end of a frame or an error frame, or the instant of a change.
+    /// The time of the event: the end of a frame or error frame, or the time of a change.
     pub at: Instant,
-    /// The device, client or controller that sent the frame, changed its mode, or dropped frames.
+    /// The device, client or controller that sent the frame, changed its mode or dropped frames.
     pub who: Arc<str>,
-    /// The kind of the event, with its data.
+    /// The kind of the event and its data.
     pub what: EventKind,
 }
 
-/// The kinds of events.
+/// The kinds of bus events.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum EventKind {
@@ -29,37 +29,37 @@ pub enum EventKind {
     Frame {
         /// The frame.
         frame: Frame,
-        /// The beginning of its start-of-frame bit.
+        /// The time of the start of frame.
         start: Instant,
     },
     /// An error frame that destroyed an attempt to send `frame`.
     ErrorFrame {
-        /// The frame that was not sent.
+        /// The frame of the failed attempt.
         frame: Frame,
-        /// The beginning of its start-of-frame bit.
+        /// The time of the start of frame.
         start: Instant,
-        /// The reason for the error frame.
+        /// The error that caused the error frame.
         error: BusError,
         /// The controller that sent the first error flag.
         signalled_by: Arc<str>,
     },
-    /// A change of a controller's error mode; from bus-off to error-active: a recovery.
+    /// A change of a controller's error mode. A change from bus-off to error-active is a recovery.
     ErrorMode {
-        /// The mode until now.
+        /// The previous mode.
         from: BusErrorMode,
-        /// The mode from now on.
+        /// The new mode.
         to: BusErrorMode,
     },
-    /// A fault happened to a frame of `who`.
+    /// A fault affected a frame of `who`.
     Fault {
         /// The name of the fault.
         fault: Arc<str>,
-        /// The frame, as its sender meant it.
+        /// The original frame.
         frame: Frame,
-        /// What was done to it.
+        /// The effect of the fault.
         effect: FaultEffect,
     },
-    /// Frames that a device dropped unsent.
+    /// A device dropped frames before transmission.
     FramesDropped {
         /// The number of frames dropped since the last such event.
         count: u32,
@@ -83,7 +83,7 @@ impl Event {
     }
 }
 
-/// The events that have not been taken yet.
+/// The recorded events that have not been taken yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Journal {
     recording: bool,
@@ -99,7 +99,7 @@ impl Journal {
         }
     }
 
-    /// Notes events, if somebody wants to know.
+    /// Records events, if recording is on.
     pub(super) fn extend(&mut self, events: impl IntoIterator<Item = Event>) {
         if self.recording {
             self.events.extend(events);
@@ -113,7 +113,7 @@ impl Journal {
         }
     }
 
-    /// Takes the events, oldest first.
+    /// Takes the recorded events, oldest first.
     pub(super) fn take(&mut self) -> Drain<'_, Event> {
         self.events.drain(..)
     }

@@ -1,8 +1,8 @@
-//! Ports with an external controller: the emulated controller of a firmware image.
+//! Ports with an external controller, such as the emulated controller of a firmware image.
 //!
-//! The bus plays the wire and reports what a controller would notice on it. Mailboxes, filters, the error counters that
-//! software reads, and the decision to recover from bus-off belong to the controller. It offers one frame at a time,
-//! its most urgent one, and repeats the offer after each event.
+//! The bus simulates the wire and reports the events that a controller would detect. The external controller owns the
+//! mailboxes, the filters, the error counters that software reads, and the decision to recover from bus-off. It offers
+//! one frame at a time, the most urgent one, and offers again after each event.
 
 use std::collections::vec_deque::Drain;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use super::wire_event::WireEvent;
 use super::{Bus, PortId};
 
 impl Bus {
-    /// Adds an external controller, not connected yet.
+    /// Adds an external controller, initially disconnected.
     pub fn add_external(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
         let id = self.add(Port::of_external(name, rate));
         self.externals.push(id);
@@ -31,7 +31,8 @@ impl Bus {
         self.ports[id.0].external.is_some()
     }
 
-    /// Connects a controller and keeps its error counters. It takes part once it has seen the bus idle.
+    /// Connects a controller and keeps its error counters. Bus integration ends once the controller has seen the bus
+    /// idle.
     pub fn attach(&mut self, id: PortId, rate: BitRate, silent: bool, now: Instant) {
         self.leave(id);
         let port = &mut self.ports[id.0];
@@ -44,7 +45,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Takes a controller off the bus. `reset` clears its error counters.
+    /// Disconnects a controller. `reset` clears its error counters.
     pub fn detach(&mut self, id: PortId, reset: bool, now: Instant) {
         self.disconnect(id, now);
         if reset {
@@ -55,7 +56,7 @@ impl Bus {
         }
     }
 
-    /// Sets the frame that a controller sends next. While its frame is on the wire, the offer stands.
+    /// Sets the frame that a controller sends next. While its frame is on the wire, the offer cannot be changed.
     pub fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();
@@ -63,22 +64,22 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Lets a bus-off controller begin to count sequences of 11 recessive bits.
+    /// Starts the recovery of a bus-off controller: it counts sequences of 11 recessive bits from now.
     pub fn start_recovery(&mut self, id: PortId, now: Instant) {
         let port = &self.ports[id.0];
         if port.mode() == BusErrorMode::BusOff && port.recovery.is_none() {
-            // A frame on the wire: its end counts as the first sequence.
+            // During a frame, its end counts as the first sequence.
             let joined_at = if port.joined_at == Nanos::MAX { 0 } else { port.joined_at };
             self.begin_recovery(id, nanos(now).max(joined_at));
         }
     }
 
-    /// Takes the wire events of a controller since the last call; `None` for a controller of this bus.
+    /// Takes the wire events of a controller since the last call; `None` if the port has no external controller.
     pub(crate) fn take_wire_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
         self.ports[id.0].external.as_mut().map(|external| external.take())
     }
 
-    /// Returns when the next controller joins and has to be told.
+    /// Returns the time of the next [`WireEvent::Joined`] to report.
     pub(super) fn next_joining(&self) -> Nanos {
         let due = |id: &PortId| {
             let port = &self.ports[id.0];
@@ -87,7 +88,7 @@ impl Bus {
         self.externals.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// Tells the controllers that have joined by `now`.
+    /// Reports [`WireEvent::Joined`] to the controllers that have joined by `now`.
     pub(super) fn tell_joined(&mut self, now: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -101,7 +102,7 @@ impl Bus {
         }
     }
 
-    /// Tells the controllers that lost the arbitration, before the frame begins.
+    /// Reports the lost arbitration to the losing controllers, before the frame begins.
     pub(super) fn tell_losers(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -111,7 +112,7 @@ impl Bus {
         }
     }
 
-    /// Tells all controllers on the bus at the start of a frame that it begins.
+    /// Reports the start of a frame to all controllers on the bus.
     pub(super) fn tell_begin(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -124,7 +125,7 @@ impl Bus {
         }
     }
 
-    /// Tells all controllers that saw a frame begin that it has ended.
+    /// Reports the end of a frame to all controllers that were told of its start.
     pub(super) fn tell_end(&mut self, end: Nanos) {
         for id in &self.externals {
             if let Some(external) = &mut self.ports[id.0].external

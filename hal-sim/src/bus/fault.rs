@@ -1,17 +1,17 @@
-//! Faults of the communication, as they are asked for: which frames, when, how often, and what happens to them.
+//! Specifications of communication faults: the affected frames, the timing, the number and the effect.
 
 use std::sync::Arc;
 
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, key, standard};
 use protocol_core::time::Duration;
 
-/// The longest list of faults.
+/// The maximum number of faults.
 pub const MAX_FAULTS: usize = 64;
 
-/// The most copies that [`FaultKind::Repeat`] sends of a frame.
+/// The maximum number of copies that [`FaultKind::Repeat`] sends of a frame.
 pub const MAX_REPEATS: u32 = 1000;
 
-/// The probability of what always happens, in millionths.
+/// The probability of a fault that affects every frame, in millionths.
 pub const ALWAYS: u32 = 1_000_000;
 
 /// The longest time of a fault.
@@ -20,39 +20,39 @@ const LONGEST_TIME: Duration = Duration::from_secs(24 * 60 * 60);
 /// The bits of the longest identifier.
 const LONGEST: u32 = 0x1FFF_FFFF;
 
-/// A fault of the communication on a bus.
+/// A communication fault on a bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// The name of the fault, one of its own among those that are active.
+    /// The name of the fault, unique among the active faults.
     pub name: Arc<str>,
-    /// What happens to the frames.
+    /// The effect on the frames.
     pub kind: FaultKind,
-    /// The frames that it can happen to.
+    /// The frames that the fault can affect.
     pub frames: FrameFilter,
-    /// The number of frames that it happens to; without it, all until the fault ends.
+    /// The maximum number of affected frames; `None` is unlimited.
     pub count: Option<u32>,
-    /// The probability that it happens to a frame, in millionths, up to [`ALWAYS`].
+    /// The probability that the fault affects a matching frame, in millionths, up to [`ALWAYS`].
     pub probability: u32,
     /// The seed of the random choices.
     pub seed: u64,
     /// The time until the fault begins.
     pub from: Duration,
-    /// The time from its begin to its end; without it, the fault stays until it is ended.
+    /// The duration of the fault; `None` until it is ended by name.
     pub lasts: Option<Duration>,
 }
 
-/// The frames that a fault can happen to: all conditions hold.
+/// A filter for the frames that a fault can affect: all conditions must hold.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FrameFilter {
-    /// The identifier; without it, any.
+    /// The identifier; `None` for any.
     pub id: Option<Id>,
-    /// The bits of the identifier that are compared; without it, all.
+    /// The identifier bits to compare; `None` for all.
     pub mask: Option<u32>,
-    /// The device or client that sends the frame; without it, any.
+    /// The name of the sending device or client; `None` for any.
     pub sender: Option<Arc<str>>,
 }
 
-/// What happens to a frame.
+/// The kind of a fault.
 ///
 /// [`Lose`](Self::Lose) acts between the controllers that received a frame and their applications,
 /// [`Destroy`](Self::Destroy) and [`Omit`](Self::Omit) on the wire, [`Insert`](Self::Insert) by a controller of its own,
@@ -61,129 +61,129 @@ pub struct FrameFilter {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultKind {
-    /// The receivers do not get the frame; it is on the bus, and acknowledged.
+    /// The frame is sent and acknowledged, but the receiving applications do not get it.
     Lose {
-        /// Who does not get it: devices and clients by name; all when empty.
+        /// The names of the affected devices and clients; empty for all.
         receivers: Vec<Arc<str>>,
     },
-    /// The frame goes to the controller later.
+    /// The frame reaches the sending controller late.
     Delay {
-        /// How much later.
+        /// The delay time.
         delay: Delay,
-        /// Later frames of the same identifier do not wait behind it.
+        /// Whether later frames with the same identifier may overtake this frame.
         overtake: bool,
     },
-    /// The frame is sent again.
+    /// The frame is sent repeatedly.
     Repeat {
         /// The number of copies, from 1 to [`MAX_REPEATS`].
         times: u32,
-        /// The time from one to the next.
+        /// The time between two copies.
         after: Duration,
     },
     /// The frame is exchanged with the next one of its sender. It follows that one at once, also if it was delayed.
     Swap {
-        /// The longest wait for the next one: without it the frame is sent then.
+        /// The maximum wait for the next frame, after which the frame is sent unswapped.
         within: Duration,
     },
-    /// The frame is sent with other content and the right checksum.
+    /// The frame is sent with changed content and a valid CRC.
     Corrupt(Corruption),
-    /// A frame that nobody sent; the frames that pass do not matter.
+    /// An additional frame is sent, independent of all other traffic.
     Insert {
-        /// The frame.
+        /// The frame to insert.
         frame: Frame,
-        /// The time from one to the next; without it, the frame is sent once.
+        /// The period; `None` sends the frame once.
         every: Option<Duration>,
     },
-    /// A bit error destroys the attempt to send the frame, which the controller repeats.
+    /// A bit error destroys the attempt to send the frame; the controller retries.
     Destroy,
-    /// An error in the last but one bit of the end of frame, which only some receivers see: they do not have the frame,
-    /// all others do, and its sender repeats it.
+    /// Some receivers see an error in the last but one bit of the end of frame. They discard the frame, all others
+    /// accept it, and the sender repeats it.
     Omit {
-        /// The receivers that see the error: devices and clients by name.
+        /// The names of the devices and clients that see the error.
         receivers: Vec<Arc<str>>,
     },
 }
 
-/// The time by which a frame is late.
+/// The delay time of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delay {
-    /// The same for every frame.
+    /// The same delay for every frame.
     Constant(Duration),
-    /// Equally likely between two bounds, both included.
+    /// A uniformly distributed delay between two bounds, both included.
     Uniform(Duration, Duration),
-    /// Until the next multiple of a period, from the begin of the fault on: frames gather, and come in bursts.
+    /// A delay until the next multiple of this period since the start of the fault: frames arrive in bursts.
     Burst(Duration),
 }
 
-/// The change of a frame's content.
+/// The changes to the content of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Corruption {
-    /// Changes of the identifier.
+    /// The changes to the identifier.
     pub id: Masks<u32>,
-    /// Changes of the data length code; a result above 8 is taken for 8, new bytes are 0.
+    /// The changes to the data length code. A result above 8 becomes 8; additional bytes are 0.
     pub dlc: Masks<u8>,
-    /// Changes of the data, whose first byte is the first one here.
+    /// The changes to the data, first byte first.
     pub data: Masks<[u8; MAX_LEN]>,
 }
 
-/// Bits that are set, then those that are cleared, then those that are toggled.
+/// Bit masks, applied in the order set, clear, toggle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Masks<T> {
     /// Bits that become 1.
     pub set: T,
     /// Bits that become 0.
     pub clear: T,
-    /// Bits that change.
+    /// Bits that are inverted.
     pub toggle: T,
 }
 
-/// What a fault did to a frame.
+/// The effect of a fault on a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultEffect {
-    /// These receivers do not get it; all when there are none.
+    /// The named receivers do not get the frame; empty for all receivers.
     Lost(Vec<Arc<str>>),
-    /// It goes to the controller so much later.
+    /// The frame reaches the sending controller later by this time.
     Delayed(Duration),
-    /// It is sent so many times more.
+    /// The frame is sent this many additional times.
     Repeated(u32),
-    /// It waits for the next one of its sender.
+    /// The frame waits for the sender's next frame.
     Swapped,
-    /// This is sent in its place.
+    /// This frame is sent instead.
     Corrupted(Frame),
-    /// It was inserted.
+    /// The frame was inserted.
     Inserted,
-    /// Its attempt is destroyed.
+    /// The attempt to send the frame is destroyed.
     Destroyed,
-    /// These receivers do not have it; all others do, and its sender repeats it.
+    /// The named receivers discard the frame; all others accept it, and the sender repeats it.
     Omitted(Vec<Arc<str>>),
 }
 
-/// Why a fault cannot be.
+/// The reason why a fault cannot be added.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FaultError {
-    /// Another active fault has this name.
+    /// Another active fault has the same name.
     #[error("a fault named '{0}' is active")]
     Taken(Arc<str>),
-    /// No more than [`MAX_FAULTS`] at a time.
+    /// [`MAX_FAULTS`] faults are already active.
     #[error("{MAX_FAULTS} faults are active: end one first")]
     TooMany,
-    /// Nobody on the bus has this name.
+    /// No device or client on the bus has this name.
     #[error("no device or client '{name}'; there are: {known}")]
     Unknown {
-        /// The name.
+        /// The unknown name.
         name: Arc<str>,
-        /// The names that there are.
+        /// The names on the bus.
         known: String,
     },
-    /// A value out of its range.
+    /// A value is out of range.
     #[error("{0}")]
     Invalid(&'static str),
 }
 
 impl Fault {
-    /// Returns a fault of all frames, from now on until it is ended.
+    /// Creates a fault that affects all frames and starts now; it lasts until it is ended.
     #[must_use]
     pub fn new(name: &str, kind: FaultKind) -> Self {
         Self {
@@ -198,10 +198,10 @@ impl Fault {
         }
     }
 
-    /// Checks the ranges.
+    /// Validates the values of the fault.
     ///
     /// # Errors
-    /// [`FaultError::Invalid`]
+    /// [`FaultError::Invalid`] if a value is out of range or contradicts another one.
     pub fn check(&self) -> Result<(), FaultError> {
         let refuse = |reason| Err(FaultError::Invalid(reason));
         if self.probability > ALWAYS {
@@ -271,18 +271,18 @@ impl Fault {
 }
 
 impl FaultKind {
-    /// Returns whether it acts between the application that sends a frame and its controller.
+    /// Returns whether the fault acts between the sending application and its controller.
     pub(super) const fn acts_at_sender(&self) -> bool {
         matches!(self, Self::Delay { .. } | Self::Repeat { .. } | Self::Swap { .. } | Self::Corrupt(_))
     }
 }
 
 impl FrameFilter {
-    /// Returns whether the fault can happen to a frame of this sender.
+    /// Returns whether the filter matches a frame of this sender.
     pub(super) fn passes(&self, sender: &str, frame: &Frame) -> bool {
         self.sender.as_deref().is_none_or(|wanted| wanted == sender)
             && self.id.is_none_or(|id| {
-                // The mask covers the number; the format has to be the same.
+                // The mask applies to the identifier's number; the format must always be equal.
                 let compared = self.mask.unwrap_or(u32::MAX) | !LONGEST;
                 (key(id) ^ frame.key()) & compared == 0
             })
@@ -290,7 +290,7 @@ impl FrameFilter {
 }
 
 impl Corruption {
-    /// Returns the frame with its changes.
+    /// Applies the changes to a frame.
     pub(super) fn apply(&self, frame: &Frame) -> Frame {
         let id = match frame.id() {
             Id::Standard(id) => standard(self.id.apply(id.as_raw().into()) as u16).into(),

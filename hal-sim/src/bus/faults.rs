@@ -1,4 +1,4 @@
-//! The faults of a bus: which of them strikes a frame, and how often each has struck.
+//! The faults of a bus: selects the affected frames and counts them.
 
 use std::sync::Arc;
 
@@ -8,17 +8,17 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use super::fault::{ALWAYS, Delay, Fault, FaultEffect, FaultError, FaultKind, MAX_FAULTS};
 use super::{Event, EventKind};
 
-/// The faults, in the order in which they were added: each acts on what the ones before it have made of a frame.
+/// The faults in the order in which they were added; each acts on the result of the previous ones.
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     list: Vec<Active>,
-    /// Whether one of them acts between applications and their controllers.
+    /// Whether a fault acts between sending applications and their controllers.
     pub(super) at_senders: bool,
-    /// Whether one of them acts between controllers and those who hear them.
+    /// Whether a fault acts between receiving controllers and their applications.
     pub(super) at_receivers: bool,
-    /// Whether one of them acts on the wire.
+    /// Whether a fault acts on the wire.
     pub(super) on_wire: bool,
-    /// When the next frame is to be inserted.
+    /// The time of the next frame to insert.
     pub(super) next_insertion: Instant,
 }
 
@@ -28,53 +28,53 @@ impl Default for Faults {
     }
 }
 
-/// A fault with what is left of it.
+/// A fault with its progress.
 #[derive(Clone, Debug)]
 struct Active {
     fault: Fault,
     begins: Instant,
     ends: Instant,
-    /// How many frames it can still happen to.
+    /// The number of frames that the fault can still affect.
     left: u32,
     struck: u64,
     random: fastrand::Rng,
-    /// The next frame that it inserts; [`NEVER`] for all other kinds.
+    /// The time of the next frame to insert; [`NEVER`] for other kinds of faults.
     next: Instant,
 }
 
 /// The state of a fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FaultState {
-    /// The fault, as it was asked for.
+    /// The fault as it was added.
     pub fault: Fault,
-    /// How many frames it has happened to.
+    /// The number of affected frames.
     pub struck: u64,
-    /// Whether its time or its number of frames is over.
+    /// Whether the duration or the number of frames is exhausted.
     pub is_over: bool,
 }
 
-/// A frame on its way from the application to the controller.
+/// A frame on the way from the application to its controller.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Handed {
     pub(super) frame: Frame,
-    /// How much later it goes to the controller.
+    /// The delay before the handover to the controller.
     pub(super) late: Duration,
-    /// Later frames of its identifier do not wait behind it.
+    /// Whether later frames with the same identifier may overtake this frame.
     pub(super) is_overtaken: bool,
-    /// It waits for the next one of its sender, so long at most.
+    /// The maximum wait for the sender's next frame, if the two are to be swapped.
     pub(super) swaps: Option<Duration>,
     /// The application has not sent it.
     pub(super) is_copy: bool,
 }
 
 impl Handed {
-    /// Returns a frame to which nothing happens.
+    /// Returns an unaffected frame.
     pub(super) const fn at_once(frame: &Frame) -> Self {
         Self { frame: *frame, late: Duration::from_ticks(0), is_overtaken: false, swaps: None, is_copy: false }
     }
 }
 
-/// The frames that come of one, and what was done to it.
+/// The frames that result from one frame, and the events of the faults that affected it.
 #[derive(Debug, Default)]
 pub(super) struct Struck {
     pub(super) frames: Vec<Handed>,
@@ -82,7 +82,7 @@ pub(super) struct Struck {
 }
 
 impl Faults {
-    /// Adds a fault, in the place of one that is over if there is no room.
+    /// Adds a fault. When the list is full, it replaces a fault that is over.
     pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         fault.check()?;
         if let Some(known) = self.list.iter().position(|active| active.fault.name == fault.name) {
@@ -109,7 +109,7 @@ impl Faults {
         Ok(())
     }
 
-    /// Ends a fault; returns whether there was one of that name.
+    /// Ends a fault by name; returns whether it existed.
     pub(super) fn end(&mut self, name: &str) -> bool {
         let before = self.list.len();
         self.list.retain(|active| *active.fault.name != *name);
@@ -167,7 +167,7 @@ impl Faults {
         Some(struck).filter(|struck| !struck.events.is_empty())
     }
 
-    /// Returns what happens to a frame between the controllers that received it and their applications.
+    /// Applies the faults between receiving controllers and their applications; returns one event per fault.
     pub(super) fn at_receivers(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Vec<Event> {
         let mut events = Vec::new();
         for active in &mut self.list {
@@ -230,7 +230,7 @@ impl Active {
         self.left == 0 || self.ends <= now || is_inserted
     }
 
-    /// Returns whether the fault happens to a frame, and counts that.
+    /// Decides whether the fault affects a frame, and counts the frame if so.
     fn strikes(&mut self, sender: &str, frame: &Frame, now: Instant) -> bool {
         let can = self.begins <= now && !self.is_over(now) && self.fault.frames.passes(sender, frame);
         if !can || self.random.u32(..ALWAYS) >= self.fault.probability {
@@ -243,8 +243,8 @@ impl Active {
         true
     }
 
-    /// Acts on the frames that have come of one so far; `None` where it does not act between application and
-    /// controller.
+    /// Applies the fault to the frames that have resulted from one frame; `None` if this kind of fault does not act
+    /// between an application and its controller.
     fn act(&mut self, frames: &mut Vec<Handed>, now: Instant) -> Option<FaultEffect> {
         Some(match &self.fault.kind {
             FaultKind::Corrupt(corruption) => {

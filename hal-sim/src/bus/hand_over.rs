@@ -1,4 +1,4 @@
-//! The way of a frame from an application to its CAN controller, with the faults between the two.
+//! The handover of frames from an application to its CAN controller, with the faults that act between them.
 
 use std::convert::Infallible;
 
@@ -12,10 +12,10 @@ use super::port::Port;
 use super::transmit::Transmit;
 use super::{Bus, PortId};
 
-/// The most frames that wait between a device and its controller; further ones stay in the device.
+/// The maximum number of delayed frames of a device; the device keeps further frames.
 const DELAYED: usize = 256;
 
-/// The CAN controller of a device, as the device uses it: with the faults between the two.
+/// The CAN controller as its device sees it, behind the communication faults.
 pub struct DeviceCan<'a> {
     bus: &'a mut Bus,
     id: PortId,
@@ -64,11 +64,11 @@ impl Controller for DeviceCan<'_> {
 }
 
 impl Bus {
-    /// Takes a frame from the application behind a port; to be followed by [`refresh`](Self::refresh). Gives back a
-    /// less urgent one that the controller has no room for.
+    /// Queues a frame of the application behind a port, and returns a less urgent frame if it displaces one. The caller
+    /// calls [`refresh`](Self::refresh) afterwards.
     ///
     /// # Errors
-    /// When the controller cannot take it now.
+    /// `WouldBlock` when the controller cannot accept the frame now.
     #[inline]
     pub(crate) fn hand_over(
         &mut self,
@@ -133,7 +133,7 @@ impl Bus {
         taken
     }
 
-    /// Hands those frames of a port to its controller that are due, as far as it has room for them.
+    /// Hands the due frames of a port to its controller, as far as the controller accepts them.
     fn release(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         port.used |= port.delayed.release(&mut port.transmit, now);
@@ -146,7 +146,7 @@ impl Bus {
         self.schedule_faults();
     }
 
-    /// Hands over what is due by now.
+    /// Hands over all delayed frames that are due by `now`.
     pub(super) fn release_due(&mut self, now: Instant) {
         for id in self.delaying.clone() {
             if self.ports[id.0].delayed.next_due() <= now {
@@ -156,14 +156,14 @@ impl Bus {
         }
     }
 
-    /// Hands over, after a frame of a port has left its controller, those that wait for room.
+    /// Hands over the frames that wait for a free mailbox, after a frame of the port has left its controller.
     pub(super) fn release_waiting(&mut self, id: PortId, now: Instant) {
         if !self.ports[id.0].delayed.is_empty() {
             self.release(id, now);
         }
     }
 
-    /// Returns when the next frame is to be handed over.
+    /// Returns the time of the next scheduled handover.
     pub(super) fn next_release(&self) -> Instant {
         self.delaying.iter().map(|id| self.ports[id.0].delayed.next_due()).min().unwrap_or(NEVER)
     }

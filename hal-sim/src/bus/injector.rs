@@ -1,17 +1,17 @@
-//! Deliberate bit errors: disturbances from outside the bus.
+//! Bit errors injected from outside the bus.
 
 use std::sync::Arc;
 
 use protocol_core::frame::{Frame, Id};
 
-/// An injector of bit errors, each of which destroys the frame for all controllers.
+/// An injector of bit errors. Each bit error destroys the frame for all controllers.
 pub trait Injector: Send {
-    /// Returns the bit to be destroyed, counted from 0, if any. The frame starts now; the port named `from` sends its
-    /// `bits` bits.
+    /// Returns the bit to destroy, counted from 0, if any. Called at the start of each frame: the port named `from`
+    /// sends `frame`, which is `bits` bits long.
     fn disturb(&mut self, from: &str, frame: &Frame, bits: u32) -> Option<u32>;
 }
 
-/// An [`Injector`] that is cloned with its bus.
+/// An [`Injector`] that can be cloned with its bus.
 pub(super) trait Injects: Injector {
     fn boxed(&self) -> Box<dyn Injects>;
 }
@@ -36,7 +36,7 @@ pub struct BitErrors {
 }
 
 impl BitErrors {
-    /// Returns an injector that flips one bit in `one_in` on average; `None` for zero.
+    /// Creates an injector that flips one bit in `one_in` on average; `None` for zero.
     #[must_use]
     pub fn one_in(one_in: u64, seed: u64) -> Option<Self> {
         Some(Self { threshold: u64::MAX.checked_div(one_in)?, random: fastrand::Rng::with_seed(seed) })
@@ -49,12 +49,12 @@ impl Injector for BitErrors {
     }
 }
 
-/// A disturbance on command: a bit error destroys each of the next attempts.
+/// A disturbance on command: a bit error destroys each of the next matching attempts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Disturbance {
-    /// The number of attempts left.
+    /// The number of attempts still to destroy.
     pub frames: u32,
-    /// The identifier of the destroyed frames; `None` for all.
+    /// The identifier of the frames to destroy; `None` for all.
     pub id: Option<Id>,
 }
 
@@ -68,7 +68,7 @@ impl Injector for Disturbance {
     }
 }
 
-/// An injector that destroys the next frames of one sender or of all.
+/// An injector that destroys the next frames of one sender or of all senders.
 #[derive(Clone, Debug)]
 pub struct DestroyNext {
     left: u32,
@@ -76,13 +76,13 @@ pub struct DestroyNext {
 }
 
 impl DestroyNext {
-    /// Returns an injector that destroys the next `count` frames of any sender.
+    /// Creates an injector that destroys the next `count` frames of any sender.
     #[must_use]
     pub const fn frames(count: u32) -> Self {
         Self { left: count, from: None }
     }
 
-    /// Returns an injector that destroys the next `count` frames of the port named `from`.
+    /// Creates an injector that destroys the next `count` frames of the port named `from`.
     #[must_use]
     pub fn frames_of(from: &str, count: u32) -> Self {
         Self { left: count, from: Some(from.into()) }

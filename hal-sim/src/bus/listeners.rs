@@ -1,4 +1,4 @@
-//! The listeners at one bit rate, by filter: a frame costs only the ports whose filters accept it.
+//! The listeners at one bit rate, indexed by filter: a frame costs only the ports whose filters accept it.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -8,38 +8,38 @@ use protocol_core::frame::Frame;
 
 use super::PortId;
 
-/// The ports that take part at one bit rate.
+/// The ports in step with the bus at one bit rate.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
     pub(super) rate: BitRate,
-    /// The members, by number.
+    /// The members, sorted by port number.
     pub(super) members: Vec<PortId>,
-    /// The number of members that acknowledge: all but the silent ones.
+    /// The number of members that acknowledge: all except silent ones.
     pub(super) audible: usize,
-    /// The number of error-active members among those: their error flags destroy a frame.
+    /// The number of error-active members that are not silent: their error flags destroy a frame.
     pub(super) active: usize,
-    /// The members whose receive error counter is above 0: a received frame changes only these.
+    /// The members with a receive error counter above 0: a received frame changes only their counters.
     pub(super) counting: Vec<PortId>,
     /// The members without filters.
     open: Vec<PortId>,
-    /// The listeners of each standard identifier by a filter for it alone: most of CANopen.
+    /// The listeners of each standard identifier, for filters that accept exactly one: the usual case in CANopen.
     standard: Vec<Vec<PortId>>,
-    /// All other filters, by the bits that they compare.
+    /// All other filters, by the identifier bits that they compare.
     masks: Vec<Mask>,
 }
 
 /// The number of standard identifiers.
 const STANDARD: usize = 1 << 11;
 
-/// The filters that compare the same bits of an identifier.
+/// The filters that compare the same identifier bits.
 #[derive(Clone, Debug)]
 struct Mask {
     bits: u32,
-    /// The listeners by the compared bits, each list by number.
+    /// The listeners by the value of the compared bits; each list is sorted by port number.
     wanted: HashMap<u32, Vec<PortId>, BuildHasherDefault<Multiply>>,
 }
 
-/// A hasher for identifiers: a multiplication.
+/// A multiplicative hasher for identifiers.
 #[derive(Default)]
 struct Multiply(u64);
 
@@ -53,7 +53,7 @@ impl Hasher for Multiply {
     }
 
     fn write_u32(&mut self, number: u32) {
-        // 2 to the power of 64 divided by the golden ratio: it spreads neighbouring values.
+        // 2^64 divided by the golden ratio, which spreads neighbouring values.
         self.0 = (self.0 ^ u64::from(number)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         self.0 ^= self.0 >> 32;
     }
@@ -62,11 +62,11 @@ impl Hasher for Multiply {
 /// The frames that a port receives.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Hears<'a> {
-    /// None: received frames are not kept.
+    /// No frames: the port discards received frames.
     Nothing,
     /// Every frame.
     Everything,
-    /// The data frames that one of the filters lets through.
+    /// Data frames that pass at least one of the filters.
     Filtered(&'a Filters),
 }
 
@@ -84,7 +84,7 @@ impl Group {
         }
     }
 
-    /// Calls `tell` with lists of the members that receive a frame, perhaps its sender among them. A member with
+    /// Calls `tell` with lists of the members that receive a frame. The sender may be among them, and a member with
     /// several matching filters can be in several lists.
     pub(super) fn hearers(&self, frame: &Frame, mut tell: impl FnMut(&[PortId])) {
         if !self.open.is_empty() {
@@ -137,7 +137,7 @@ impl Group {
         }
     }
 
-    /// Returns the listeners of a filter.
+    /// Returns the listeners of a filter, mutably.
     fn wanted(&mut self, filter: Filter) -> &mut Vec<PortId> {
         if let Some(id) = standard(filter) {
             self.standard.resize(STANDARD, Vec::new());
@@ -150,7 +150,7 @@ impl Group {
         self.masks[place].wanted.entry(filter.key & filter.mask).or_default()
     }
 
-    /// Frees the list of a filter without listeners.
+    /// Removes the list of a filter without listeners.
     fn forget(&mut self, filter: Filter) {
         if let Some(mask) = self.masks.iter_mut().find(|mask| mask.bits == filter.mask) {
             mask.wanted.remove(&(filter.key & filter.mask));
@@ -158,7 +158,7 @@ impl Group {
     }
 }
 
-/// Returns the identifier of a filter for one standard identifier.
+/// Returns the identifier of a filter that accepts exactly one standard identifier.
 fn standard(filter: Filter) -> Option<usize> {
     let id = filter.key as usize;
     (filter.mask == u32::MAX && id < STANDARD).then_some(id)
@@ -170,7 +170,7 @@ mod tests {
 
     use super::*;
 
-    /// A master may give a valve one identifier after the other, for years.
+    /// A master may assign many identifiers to a valve one after another; the lists must not grow without limit.
     #[test]
     fn what_nobody_wants_any_more_takes_no_room() {
         let mut group = Group::new(BitRate::Kbit250);

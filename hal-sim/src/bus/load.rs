@@ -2,7 +2,7 @@
 
 use super::clock::Nanos;
 
-/// The number of parts that the second is divided into.
+/// The number of parts into which the second is divided.
 const PARTS: usize = 100;
 const SECOND: Nanos = 1_000_000_000;
 const PART: Nanos = SECOND / PARTS as Nanos;
@@ -11,7 +11,7 @@ const PART: Nanos = SECOND / PARTS as Nanos;
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     busy: [Nanos; PARTS],
-    /// The number of the latest part, counted from the start of the world.
+    /// The index of the latest part, counted from the start of the world.
     latest: u64,
 }
 
@@ -22,7 +22,7 @@ impl Default for Load {
 }
 
 impl Load {
-    /// Adds `time` of a busy bus that ends at `end`.
+    /// Adds a busy time of `time` that ends at `end`.
     pub(super) fn add(&mut self, time: Nanos, end: Nanos) {
         let part = end / PART;
         for skipped in (self.latest + 1..=part).take(PARTS) {

@@ -1,7 +1,7 @@
-//! The transmit mailboxes of a device's controller, as bxCAN and its driver use them (RM0090 32.7.1).
+//! The transmit mailboxes of a device's controller, as in bxCAN and its driver (RM0090 32.7.1).
 //!
-//! bxCAN sends equal identifiers in the order of the mailboxes' numbers. To keep the order of frames, the driver
-//! accepts a further frame only if it is strictly more urgent than all waiting ones: the last one accepted goes first.
+//! bxCAN sends frames with equal identifiers in the order of the mailbox numbers, not in the order of the requests. To
+//! preserve the order, the driver accepts a further frame only if it is strictly more urgent than all pending ones.
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
@@ -9,36 +9,36 @@ use protocol_core::frame::Frame;
 /// The number of mailboxes.
 pub(super) const MAILBOXES: usize = 3;
 
-/// Three mailboxes.
+/// A set of [`MAILBOXES`] mailboxes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mailboxes {
-    /// The waiting frames, each more urgent than the one before.
+    /// The pending frames, in ascending order of urgency.
     waiting: Vec<Mailbox>,
 }
 
 #[derive(Clone, Debug)]
 struct Mailbox {
     frame: Frame,
-    /// The frame is on the wire and cannot be handed back.
+    /// Whether the frame is on the wire and cannot be displaced.
     on_wire: bool,
-    /// The frame is not repeated when its attempt fails.
+    /// Whether the frame is dropped if its attempt fails.
     aborted: bool,
 }
 
-/// No mailbox is free for the frame now.
+/// The error when no mailbox accepts the frame now.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Full;
 
 impl Mailboxes {
-    /// Returns whether they would take a frame: it is more urgent than all that wait.
+    /// Returns whether the mailboxes accept a frame: it must be more urgent than all pending frames.
     pub(super) fn takes(&self, frame: &Frame) -> bool {
         self.head().is_none_or(|head| head.arbitration() > frame.arbitration())
     }
 
-    /// Stores a frame. Returns the least urgent frame when all mailboxes are full, but never the one on the wire.
+    /// Stores a frame. When all mailboxes are full, returns the least urgent frame, but never the one on the wire.
     ///
     /// # Errors
-    /// [`Full`] when an equally or more urgent frame waits.
+    /// [`Full`] when an equally or more urgent frame is pending.
     pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
         if !self.takes(&frame) {
             return Err(Full);
@@ -62,7 +62,7 @@ impl Mailboxes {
         }
     }
 
-    /// Ends the attempt on the wire: the frame was sent, or waits for a retry.
+    /// Ends the attempt on the wire: removes the frame after success, keeps it for a retry after failure.
     pub(super) fn sent(&mut self, success: bool) {
         self.waiting.retain_mut(|mailbox| {
             let done = std::mem::take(&mut mailbox.on_wire) && (success || mailbox.aborted);
@@ -70,7 +70,7 @@ impl Mailboxes {
         });
     }
 
-    /// Drops the waiting frames with these identifiers; the frame on the wire is not repeated.
+    /// Drops the pending frames with these identifiers. A frame on the wire is not repeated.
     pub(super) fn abort(&mut self, which: Filter) {
         self.waiting.retain_mut(|mailbox| {
             let meant = which.passes(&mailbox.frame);

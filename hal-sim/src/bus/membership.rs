@@ -12,10 +12,11 @@ use super::wire_event::WireEvent;
 use super::{Bus, Event, EventKind, PortId};
 
 impl Bus {
-    /// Lets a controller join: it takes part after 11 recessive bits. A bus-off controller has to recover first.
+    /// Starts bus integration: the controller participates after 11 recessive bits. A bus-off controller must recover
+    /// first.
     pub(super) fn join(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
-        // A busy bus: the port waits for the end of the frame, whenever that is.
+        // On a busy bus, the port waits for the end of the frame.
         let busy = self.current.is_some();
         port.joined_at = if busy { Nanos::MAX } else { nanos(now) + bit_times(BUS_IDLE, port.rate) };
         port.ready_at = if port.takes_part() { port.joined_at } else { Nanos::MAX };
@@ -24,7 +25,7 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Removes a port from the list of members, or of joining ports.
+    /// Removes a port from the members of its group or from the joining ports.
     pub(super) fn leave(&mut self, id: PortId) {
         self.joining.retain(|other| *other != id);
         let port = &mut self.ports[id.0];
@@ -41,14 +42,14 @@ impl Bus {
         group.unlist(id, port.hears());
     }
 
-    /// Admits the ports that have seen enough recessive bits by a start of frame; the others wait for the end of that
-    /// frame.
+    /// Admits the joining ports that have seen 11 recessive bits before `start`. All others wait for the end of the
+    /// frame that starts now.
     pub(super) fn admit(&mut self, start: Nanos) {
         let mut place = 0;
         while let Some(id) = self.joining.get(place).copied() {
             let port = &mut self.ports[id.0];
             if port.joined_at > start {
-                // The port counts the 11 recessive bits again from the end of the frame.
+                // The port restarts its count of recessive bits at the end of the frame.
                 port.joined_at = Nanos::MAX;
                 port.ready_at = Nanos::MAX;
                 place += 1;
@@ -72,7 +73,7 @@ impl Bus {
         }
     }
 
-    /// Replaces the filters of a port.
+    /// Applies the new filters of a port.
     pub(super) fn refilter(&mut self, id: PortId) {
         let port = &mut self.ports[id.0];
         let Some(filters) = port.new_filters.take() else { return };
@@ -85,8 +86,8 @@ impl Bus {
         }
     }
 
-    /// Takes an error-passive port that lost a bit out of step: the winning frame goes on regardless of its passive
-    /// error flag, which cannot end before that frame does.
+    /// Removes an error-passive port that lost a bit from the members. Its passive error flag does not stop the winning
+    /// frame and cannot end before that frame.
     pub(super) fn fall_out_of_step(&mut self, id: PortId, at: Instant) {
         self.change(id, at, Confinement::transmit_error);
         let port = &mut self.ports[id.0];
@@ -100,7 +101,7 @@ impl Bus {
         }
     }
 
-    /// Changes the error counters of a port, and its error mode accordingly. All ports go bus-off here.
+    /// Changes the error counters of a port and updates its error mode. Every bus-off entry passes through here.
     pub(super) fn change(&mut self, id: PortId, at: Instant, change: impl FnOnce(&mut Confinement)) {
         let port = &mut self.ports[id.0];
         let from = port.mode();
@@ -125,7 +126,7 @@ impl Bus {
         }
         if to == BusErrorMode::BusOff {
             port.ready_at = Nanos::MAX;
-            // An external controller decides by itself whether it recovers.
+            // An external controller decides itself whether to recover.
             let recovers = port.external.is_none() && !port.held;
             self.leave(id);
             self.refresh(id, at);
@@ -153,8 +154,8 @@ impl Bus {
         self.recovering.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// Counts a sequence of recessive bits. The end of a frame or error frame and the intermission are 11 recessive
-    /// bits: one sequence towards recovery, and the idle time that joining controllers wait for.
+    /// Counts a sequence of 11 recessive bits: the end of a frame or error frame plus the intermission. It counts
+    /// towards bus-off recovery, and completes the integration of joining controllers.
     pub(super) fn count_idle_sequence(&mut self) {
         for place in 0..self.joining.len() {
             let id = self.joining[place];
@@ -176,7 +177,7 @@ impl Bus {
         }
     }
 
-    /// Counts the recessive bits of the idle time before `start`.
+    /// Counts the recessive bits of the idle time before `start` towards bus-off recovery.
     pub(super) fn pass_recovery_time(&mut self, start: Nanos) {
         for id in &self.recovering {
             let port = &mut self.ports[id.0];
@@ -189,7 +190,7 @@ impl Bus {
         }
     }
 
-    /// Returns recovered controllers to the bus.
+    /// Returns controllers that have completed their bus-off recovery to the bus.
     pub(super) fn recover(&mut self, now: Nanos) {
         if self.current.is_some() {
             return;
@@ -213,7 +214,7 @@ impl Bus {
     }
 }
 
-/// Returns the group of a port's bit rate.
+/// Returns the group of a port's bit rate, created if necessary.
 fn group_of<'a>(groups: &'a mut Vec<Group>, port: &Port) -> &'a mut Group {
     let place = groups.iter().position(|group| group.rate == port.rate).unwrap_or_else(|| {
         groups.push(Group::new(port.rate));

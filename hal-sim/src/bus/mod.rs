@@ -1,15 +1,15 @@
-//! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and their confinement.
+//! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and fault confinement.
 //!
 //! One frame or error frame is on the wire at a time. Its end is computed at its start (`transmission`) and applied to
-//! each port at the end (`outcome`). In between, the bus costs nothing, and a frame costs only the ports that it
-//! concerns: contenders are kept in the order of arbitration (`contenders`), listeners by bit rate and filter
+//! each port at its end (`outcome`); nothing is computed in between. A frame costs only the ports that it affects:
+//! contenders are sorted in arbitration order (`contenders`), listeners are indexed by bit rate and filter
 //! (`listeners`), and only error counters that can change are visited.
 //!
-//! A port becomes a member of its bit rate's group once it is in step, and remains one until it leaves, loses a bit or
-//! goes bus-off (`membership`). Only members receive and acknowledge.
+//! A port becomes a member of its bit rate's group once it is synchronised to the bus. It remains a member until it
+//! disconnects, loses a bit while error-passive, or goes bus-off (`membership`). Only members receive and acknowledge.
 //!
-//! Simplifications: a failed attempt ends at the bit of the first error, and all controllers see the error frame at
-//! once. Oscillator tolerance, resynchronisation and overload frames are left out.
+//! Simplifications: a failed attempt ends at the bit of the first error, and all controllers see the error frame
+//! simultaneously. Oscillator tolerance, resynchronisation and overload frames are not simulated.
 
 mod alone;
 mod bits;
@@ -80,36 +80,36 @@ use transmission::Transmission;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PortId(pub(crate) usize);
 
-/// The bus and all connected controllers.
+/// A bus and all its controllers.
 #[derive(Clone)]
 pub struct Bus {
     ports: Vec<Port>,
     /// The free port numbers of removed clients.
     vacant: Vec<PortId>,
     contenders: Contenders,
-    /// The ports that take part, by bit rate.
+    /// The members, grouped by bit rate.
     groups: Vec<Group>,
-    /// The joining ports: they wait for recessive bits.
+    /// The ports in bus integration, which wait for recessive bits.
     joining: Vec<PortId>,
     /// The ports with an external controller.
     externals: Vec<PortId>,
     /// The bus-off ports that are recovering.
     recovering: Vec<PortId>,
-    /// The frame on the wire.
+    /// The frame or error frame on the wire.
     current: Option<Transmission>,
-    /// The senders of the frame: several when they send the same frame, or have not noticed each other yet.
+    /// The senders of the current frame: several if they send the same frame or their frames have not differed yet.
     senders: Vec<PortId>,
-    /// The instant from which the next frame may start.
+    /// The earliest start of the next frame.
     free_at: Nanos,
-    /// The ports of devices with a change since the last [`swap_touched`](Self::swap_touched).
+    /// The device ports that have changed since the last [`swap_touched`](Self::swap_touched).
     touched: Vec<PortId>,
     injectors: Vec<Box<dyn Injects>>,
     /// The disturbance on command.
     disturbance: Disturbance,
     faults: Faults,
-    /// The ports with frames that a fault keeps between application and controller.
+    /// The ports with frames that a fault holds back between application and controller.
     delaying: Vec<PortId>,
-    /// When a fault next hands over or inserts a frame, or earlier.
+    /// The time of the next handover or insertion by a fault, or earlier.
     fault_due: Instant,
     load: Load,
     journal: Journal,
@@ -141,22 +141,22 @@ impl Default for Bus {
 }
 
 impl Bus {
-    /// Adds the controller of a new device, not connected yet.
+    /// Adds the controller of a new device, initially disconnected.
     pub fn add_device(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
         self.add(Port::of_device(name, rate))
     }
 
-    /// Adds a client, connected at once: its adapter has long been on the bus.
+    /// Adds a client. It is connected and integrated immediately.
     pub fn add_client_port(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
         self.add_connected(Port::of_client(name, rate), now)
     }
 
-    /// Adds a client that discards received frames, connected at once.
+    /// Adds a client that discards received frames. It is connected and integrated immediately.
     pub fn add_gateway(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
         self.add_connected(Port::of_gateway(name, rate), now)
     }
 
-    /// Removes a client. Its number becomes free.
+    /// Removes a client; its port number can be reused.
     pub fn remove(&mut self, id: PortId, now: Instant) {
         self.disconnect(id, now);
         if !self.vacant.contains(&id) {
@@ -170,12 +170,12 @@ impl Bus {
         &self.ports[id.0]
     }
 
-    /// Returns a port for the pump of its device; call [`refresh`](Self::refresh) afterwards.
+    /// Returns a port for its device's pump. The caller calls [`refresh`](Self::refresh) afterwards.
     pub(crate) fn port_mut(&mut self, id: PortId) -> &mut Port {
         &mut self.ports[id.0]
     }
 
-    /// Connects a controller. It takes part once it has seen the bus idle.
+    /// Connects a controller with cleared error counters. It participates once it has seen the bus idle.
     pub fn connect(&mut self, id: PortId, now: Instant) {
         self.leave(id);
         self.stop_recovery(id);
@@ -186,7 +186,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Takes a controller off the bus and drops its waiting and received frames. A frame that it is sending breaks off.
+    /// Disconnects a controller and drops its pending and received frames. A frame that it is sending is cut off.
     pub fn disconnect(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.leave(id);
@@ -199,7 +199,7 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Drops the waiting frames of a port.
+    /// Drops the pending frames of a port. A frame that it is sending is cut off.
     pub fn drop_pending(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.clear(id);
@@ -222,7 +222,7 @@ impl Bus {
         self.senders.contains(&id)
     }
 
-    /// Sets the bit rate of a port. A new rate restarts its controller but keeps the error counters.
+    /// Sets the bit rate of a port. A different rate restarts bus integration but keeps the error counters.
     pub fn set_bit_rate(&mut self, id: PortId, rate: BitRate, now: Instant) {
         if self.ports[id.0].rate == rate {
             return;
@@ -233,7 +233,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Forces a port bus-off, as an overrun of its transmit error counter does, or lets it recover.
+    /// Forces a port bus-off, like an overflow of its transmit error counter, or starts its recovery.
     pub fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
         self.ports[id.0].held = on;
         if on {
@@ -250,12 +250,12 @@ impl Bus {
         self.injectors.push(Box::new(injector));
     }
 
-    /// Sets the disturbance on command; it replaces an earlier one.
+    /// Sets the disturbance on command, replacing any earlier one.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.disturbance = disturbance;
     }
 
-    /// Returns the rest of the disturbance on command.
+    /// Returns the remaining disturbance on command.
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.disturbance
@@ -265,10 +265,10 @@ impl Bus {
         self.fault_due = self.faults.next_insertion.min(self.next_release());
     }
 
-    /// Adds a fault of the communication.
+    /// Adds a communication fault.
     ///
     /// # Errors
-    /// [`FaultError`]; nothing has changed then.
+    /// [`FaultError`]; the faults are unchanged.
     pub fn add_fault(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         let ports = (0..).zip(&self.ports).filter(|(number, _)| !self.vacant.contains(&PortId(*number)));
         let known: Vec<&str> = ports.map(|(_, port)| &*port.name).collect();
@@ -283,7 +283,7 @@ impl Bus {
         Ok(())
     }
 
-    /// Ends a fault; returns whether there was one of that name. Frames that it keeps are sent when they are due.
+    /// Ends a fault; returns whether it existed. Frames that it holds back are still sent when they are due.
     pub fn end_fault(&mut self, name: &str) -> bool {
         let has_ended = self.faults.end(name);
         self.schedule_faults();
@@ -296,12 +296,12 @@ impl Bus {
         self.schedule_faults();
     }
 
-    /// Returns the faults, in the order in which they were added; those that are over stay until they are ended.
+    /// Returns the faults in the order in which they were added. Expired faults remain listed until they are ended.
     pub fn faults(&self, now: Instant) -> impl Iterator<Item = FaultState> {
         self.faults.states(now)
     }
 
-    /// Returns whether a fault is to be [served](Self::serve_faults).
+    /// Returns whether [`serve_faults`](Self::serve_faults) has something to do.
     pub(crate) fn is_fault_due(&self, now: Instant) -> bool {
         self.fault_due <= now
     }
@@ -335,14 +335,14 @@ impl Bus {
         self.injectors.clear();
     }
 
-    /// [Refreshes](Self::refresh) a port that its device has used since the last refresh.
+    /// [Refreshes](Self::refresh) a port if its device has used it since the last refresh.
     pub(crate) fn refresh_used(&mut self, id: PortId, now: Instant) {
         if self.ports[id.0].used {
             self.refresh(id, now);
         }
     }
 
-    /// Updates a port's place among the contenders, and its filters.
+    /// Updates the contention state and the filters of a port.
     pub fn refresh(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         port.used = false;
@@ -365,7 +365,7 @@ impl Bus {
         }
     }
 
-    /// Returns the instant of the next event on the bus.
+    /// Returns the time of the next event on the bus.
     #[must_use]
     pub fn next_event(&self) -> Instant {
         let mut due = match &self.current {
@@ -379,7 +379,7 @@ impl Bus {
         due.min(self.fault_due)
     }
 
-    /// Starts recording events for [`take_events`](Self::take_events), or stops.
+    /// Starts or stops recording events for [`take_events`](Self::take_events).
     pub fn record_events(&mut self, on: bool) {
         self.journal.record(on);
     }
@@ -389,13 +389,13 @@ impl Bus {
         self.journal.take()
     }
 
-    /// Records that the device of a port dropped frames.
+    /// Records that the device of a port dropped `count` frames.
     pub(crate) fn note_dropped(&mut self, id: PortId, count: u32, now: Instant) {
         let who = &self.ports[id.0].name;
         self.journal.note(|| Some(Event { at: now, who: who.clone(), what: EventKind::FramesDropped { count } }));
     }
 
-    /// Returns the load of the bus in the second before `now`, in percent.
+    /// Returns the bus load in the second before `now`, in percent.
     #[must_use]
     pub fn load(&self, now: Instant) -> u8 {
         self.load.percent(nanos(now))
@@ -406,8 +406,8 @@ impl Bus {
         !self.touched.is_empty()
     }
 
-    /// Moves the devices' ports that received something, sent something or changed their error mode into the empty
-    /// `ports`, by number.
+    /// Swaps the list of changed device ports with the empty `ports` and sorts it by number. A port changes when it
+    /// receives, sends, or changes its error mode.
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
         if !ports.is_sorted_by(|one, next| one < next) {

@@ -1,4 +1,4 @@
-//! The end of a frame or an error frame: deliveries and error counters.
+//! The end of a frame or error frame: reception and error counters.
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
@@ -65,7 +65,7 @@ impl Bus {
     /// Ends the frame or error frame on the wire.
     fn end(&mut self) {
         let Some(mut transmission) = self.current.take() else { return };
-        // The only controller that acknowledged may have been switched off while the frame was on the wire.
+        // The only acknowledging controller may have disconnected while the frame was on the wire.
         if transmission.failure.is_none() && !self.is_heard(transmission.rate) {
             let signalled_by = self.senders.first().map(|id| self.ports[id.0].name.clone());
             let error = BusError::Acknowledgement;
@@ -77,7 +77,7 @@ impl Bus {
         let error = transmission.error();
         match error {
             None => self.deliver(&transmission),
-            // A sender without an acknowledgement is alone: no other controller sees the error.
+            // A sender without acknowledgement is alone, so no other controller counts the error.
             Some(BusError::Acknowledgement) => {}
             Some(_) => self.count_errors(&transmission),
         }
@@ -89,7 +89,7 @@ impl Bus {
         self.tell_end(transmission.end);
     }
 
-    /// Records the frame or error frame.
+    /// Records the end of the frame or error frame as an event.
     fn note(&mut self, transmission: &Transmission) {
         let (ports, sender) = (&self.ports, self.senders.first());
         self.journal.note(|| {
@@ -99,7 +99,7 @@ impl Bus {
             let Some(failure) = failure else {
                 return Some(Event { at, who: sender?, what: EventKind::Frame { frame, start } });
             };
-            // Nobody signals an error when the sender fell silent and nobody listened.
+            // No error flag: the sender fell silent and no other controller listened.
             let signalled_by = failure.signalled_by.clone()?;
             let what = EventKind::ErrorFrame { frame, start, error: failure.error, signalled_by };
             Some(Event { at, who: sender.or_else(|| failure.gone.clone())?, what })
@@ -130,7 +130,7 @@ impl Bus {
         groups[place].hearers(frame, |hearers| {
             for id in hearers {
                 let port = &mut ports[id.0];
-                // Several filters of the port may accept the frame.
+                // The port may be listed for several filters.
                 if std::mem::replace(&mut port.heard, *end) == *end {
                     continue;
                 }
@@ -184,12 +184,12 @@ impl Bus {
         self.groups[place].counting = counting;
     }
 
-    /// Counts an error at all controllers that saw it.
+    /// Counts an error at all controllers that detected it.
     fn count_errors(&mut self, transmission: &Transmission) {
         let by_other_rate = transmission.failure.as_ref().is_some_and(|failure| failure.by_other_rate);
         for group in 0..self.groups.len() {
             let other_rate = by_other_rate && self.groups[group].rate != transmission.rate;
-            // Receive errors never cause bus-off: the members stay the same.
+            // Receive errors never cause bus-off, so the members do not change in this loop.
             for place in 0..self.groups[group].members.len() {
                 let id = self.groups[group].members[place];
                 let accepted = |omission: &Omission| !omission.receivers.contains(&id);

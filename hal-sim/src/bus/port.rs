@@ -18,80 +18,80 @@ use super::listeners::Hears;
 use super::transmit::Transmit;
 use super::wire_event::{External, WireEvent};
 
-/// The number of received frames that a device's controller holds, as the firmware's queue does.
+/// The capacity of a device controller's receive queue, equal to the firmware's queue.
 pub const RECEIVE_QUEUE: usize = 256;
 
 /// A CAN controller on the bus.
 #[derive(Clone, Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
-    /// The port belongs to a device, which is told of events.
+    /// Whether the port belongs to a device, which is served after bus events.
     pub(super) is_device: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
     pub(super) transmit: Transmit,
-    /// Frames that a fault keeps between the application and the controller.
+    /// The frames that a fault holds back between the application and the controller.
     pub(super) delayed: DelayedFrames,
     /// Frames that the controller gave back for a more urgent one while faults were active.
     pub(super) returned: Vec<Frame>,
     pub(super) received: VecDeque<(Instant, Frame)>,
-    /// The filters of a device's controller; `None` accepts all frames.
+    /// The acceptance filters of a device's controller; `None` accepts all frames.
     pub(super) filters: Option<Box<Filters>>,
-    /// The device has changed its frames or filters since the last refresh.
+    /// Whether the device has changed its frames or filters since the last refresh.
     pub(super) used: bool,
-    /// The filters that apply from the next refresh.
+    /// The filters that take effect at the next refresh.
     pub(super) new_filters: Option<Box<Filters>>,
     /// The capacity of the receive queue.
     room: usize,
     overruns: u32,
-    /// The end of the last frame that it received or sent.
+    /// The end of the last frame that the port received or sent.
     pub(super) heard: Nanos,
-    /// The instant from which it takes part; the end of time while it waits for the end of a frame.
+    /// The end of bus integration; `Nanos::MAX` until the end of the current frame is known.
     pub(super) joined_at: Nanos,
-    /// The instant from which it sends; the end of time while it may not.
+    /// The earliest time at which the port may send; `Nanos::MAX` while it may not.
     pub(super) ready_at: Nanos,
-    /// The bus lists the port among the members at its bit rate.
+    /// Whether the bus lists the port among the members at its bit rate.
     pub(super) member: bool,
-    /// It lost a bit while error-passive, and suspends its transmission once it is in step again.
+    /// Whether the port lost a bit while error-passive, and must suspend transmission after integration.
     pub(super) suspended: bool,
-    /// The port is forced bus-off.
+    /// Whether the port is forced bus-off.
     pub(super) held: bool,
     pub(super) recovery: Option<Recovery>,
-    /// The place of the port among the contenders.
+    /// The contention state of the port.
     pub(super) contends: Contends,
     /// The state of an external controller.
     pub(super) external: Option<Box<External>>,
 }
 
-/// The progress of a recovery from bus-off.
+/// The progress of a bus-off recovery.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Recovery {
-    /// The number of sequences of 11 recessive bits left to count.
+    /// The remaining number of sequences of 11 recessive bits.
     pub(super) left: u32,
-    /// The instant from which they count on the idle bus.
+    /// The time from which sequences on the idle bus count.
     pub(super) since: Nanos,
 }
 
 impl Port {
-    /// Returns the port of a device, not connected yet.
+    /// Creates the port of a device, initially disconnected.
     pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
         port.is_device = true;
         port
     }
 
-    /// Returns the port of a client, not connected yet.
+    /// Creates the port of a client, initially disconnected.
     pub(super) fn of_client(name: Arc<str>, rate: BitRate) -> Self {
         Self::new(name, rate, Transmit::queue(), usize::MAX)
     }
 
-    /// Returns the port of a gateway, which keeps no received frame, not connected yet.
+    /// Creates the port of a gateway, which discards received frames; initially disconnected.
     pub(super) fn of_gateway(name: Arc<str>, rate: BitRate) -> Self {
         Self::new(name, rate, Transmit::queue(), 0)
     }
 
-    /// Returns the port of an external controller, not connected yet.
+    /// Creates the port of an external controller, initially disconnected.
     pub(super) fn of_external(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::offer(), usize::MAX);
         port.external = Some(Box::default());
@@ -150,13 +150,13 @@ impl Port {
         self.confinement
     }
 
-    /// Returns the number of waiting frames, the one on the wire included.
+    /// Returns the number of pending frames, including the one on the wire.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.transmit.len() + self.delayed.len()
     }
 
-    /// Returns the number of received frames lost in a full queue.
+    /// Returns the number of received frames lost because the queue was full.
     #[must_use]
     pub const fn overruns(&self) -> u32 {
         self.overruns
@@ -172,7 +172,7 @@ impl Port {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
-    /// Returns whether the port only listens.
+    /// Returns whether the port is in listen-only mode.
     pub(super) fn is_silent(&self) -> bool {
         self.external.as_ref().is_some_and(|external| external.silent)
     }
@@ -186,13 +186,13 @@ impl Port {
         }
     }
 
-    /// Returns when a recovering port is back, if the bus stays idle.
+    /// Returns the end of the bus-off recovery if the bus stays idle.
     pub(super) fn recovered_at(&self) -> Option<Nanos> {
         let recovery = self.recovery?;
         Some(recovery.since + bit_times(recovery.left * BUS_IDLE, self.rate))
     }
 
-    /// Stores a received frame.
+    /// Stores a received frame in the receive queue.
     pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
         if let Some(external) = &mut self.external {
             external.tell(at, WireEvent::Received(*frame));
@@ -203,7 +203,7 @@ impl Port {
         }
     }
 
-    /// Records an event for an external controller.
+    /// Records a wire event for an external controller.
     pub(super) fn tell(&mut self, at: Nanos, event: WireEvent) {
         if let Some(external) = &mut self.external {
             external.tell(instant(at), event);

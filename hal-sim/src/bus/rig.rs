@@ -1,4 +1,4 @@
-//! A bus without devices, for the tests: ports `a`, `b`, `c` … and the record of the wire.
+//! A bus without devices for tests, with ports `a`, `b`, `c` … and a record of all frames.
 
 use std::sync::Arc;
 
@@ -28,19 +28,19 @@ pub(super) fn bits(count: u32) -> Duration {
 /// A frame or error frame that has ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Ended {
-    /// The sender; the first of several equal ones.
+    /// The sender; if several sent the same frame, the first one.
     pub(super) from: Arc<str>,
     pub(super) frame: Frame,
     /// The error of an error frame.
     pub(super) error: Option<BusError>,
 }
 
-/// A bus with device ports `a`, `b`, `c` …, connected and ready at instant 1 ms.
+/// A bus with connected device ports `a`, `b`, `c` …; the time is 10 ms, after bus integration.
 pub(super) struct Rig {
     pub(super) bus: Bus,
     pub(super) now: Instant,
     pub(super) ended: Vec<(Instant, Ended)>,
-    /// What faults did.
+    /// The effects of faults so far.
     pub(super) effects: Vec<FaultEffect>,
 }
 

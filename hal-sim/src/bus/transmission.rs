@@ -1,4 +1,4 @@
-//! The start of a frame: the winner of the bus, and how the attempt will end.
+//! The start of a frame: arbitration, and the outcome of the attempt.
 
 use std::sync::Arc;
 
@@ -12,13 +12,13 @@ use super::injector::Injector as _;
 use super::wire_event::WireEvent;
 use super::{Bus, BusError, EventKind, FaultEffect, PortId};
 
-/// The number of bits after which a controller at another bit rate sees an error (A).
+/// The number of bits after which a controller at another bit rate detects an error (A).
 const WRONG_RATE_SEEN: u32 = 20;
 /// The number of bits after which two senders at different bit rates destroy each other's frames (A).
 const MIXED_RATES_SEEN: u32 = 6;
-/// The bits of an error frame: the first flag, the flags that answer it, and the delimiter.
+/// The bits of an error frame: the first error flag, the flags in response to it, and the delimiter.
 pub(super) const ERROR_FRAME: u32 = 2 * ERROR_FLAG + ERROR_DELIMITER;
-/// The bits of an error frame that no other controller answers.
+/// The bits of an error frame without a response from another controller.
 const LONE_ERROR_FRAME: u32 = ERROR_FLAG + ERROR_DELIMITER;
 
 /// The frame or error frame on the wire.
@@ -29,21 +29,21 @@ pub(super) struct Transmission {
     pub(super) start: Nanos,
     /// The end of the frame or error frame.
     pub(super) end: Nanos,
-    /// The first instant of the world's time that is not before the end.
+    /// The first instant of world time that is not before `end`.
     pub(super) over: Instant,
-    /// The failure of the attempt: rare, and boxed to keep the success small.
+    /// The failure of the attempt; boxed because it is rare.
     pub(super) failure: Option<Box<Failure>>,
-    /// Who sees an error in the last but one bit: rare, too.
+    /// The receivers that see an error in the last but one bit; boxed because it is rare.
     pub(super) omission: Option<Box<Omission>>,
 }
 
-/// An error in the last but one bit of the end of frame that some receivers see. All others have the frame by then: an
-/// error in the last bit is an overload condition for them (ISO 11898-1, 10.4.6).
+/// An error in the last but one bit of the end of frame that only some receivers see. All others have accepted the
+/// frame by then: for them, an error in the last bit is an overload condition (ISO 11898-1, 10.4.6).
 #[derive(Clone, Debug)]
 pub(super) struct Omission {
     pub(super) receivers: Vec<PortId>,
-    /// Whose error flag the sender sees in the last bit, and repeats the frame. Without an error-active receiver among
-    /// them nobody notices.
+    /// The receiver whose error flag makes the sender repeat the frame. `None` if no affected receiver is error-active:
+    /// then the sender does not notice the error.
     pub(super) signalled_by: Option<PortId>,
 }
 
@@ -51,11 +51,12 @@ pub(super) struct Omission {
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub(super) error: BusError,
-    /// Listeners at another bit rate than all others destroyed the frame.
+    /// Whether the frame was destroyed by listeners at another bit rate, although a receiver at its own rate
+    /// acknowledges.
     pub(super) by_other_rate: bool,
-    /// The name of the controller with the first error flag; `None` without an error flag.
+    /// The name of the controller that sent the first error flag; `None` if there was no error flag.
     pub(super) signalled_by: Option<Arc<str>>,
-    /// The name of the last sender, once all senders have fallen silent.
+    /// The name of the last sender, after all senders have fallen silent.
     pub(super) gone: Option<Arc<str>>,
 }
 
@@ -71,13 +72,13 @@ impl Transmission {
     }
 }
 
-/// The earliest error of a transmission.
+/// An error that destroys a transmission.
 struct Disruption {
     error: BusError,
-    /// The bits from the start of frame to the error flag.
+    /// The number of bits from start of frame to the error flag.
     bits: u32,
     by_other_rate: bool,
-    /// The controller with the first error flag; without a flag, the sender.
+    /// The controller that sends the first error flag; `None` stands for the sender.
     by: Option<PortId>,
 }
 
@@ -116,7 +117,7 @@ impl Bus {
         self.current = Some(transmission);
     }
 
-    /// Returns the instant of the next possible start of frame.
+    /// Returns the earliest possible start of the next frame.
     pub(super) fn next_start(&self) -> Nanos {
         if self.contenders.is_any_ready() {
             return self.free_at;
@@ -125,7 +126,7 @@ impl Bus {
         ready.min().map_or(Nanos::MAX, |ready| ready.max(self.free_at))
     }
 
-    /// Computes the end of the winners' attempt.
+    /// Computes the end and the outcome of the attempt.
     fn transmit(&mut self, start: Nanos) -> Transmission {
         let collision = if self.senders.len() > 1 { self.resolve(start) } else { None };
         let first = self.senders[0];
@@ -175,7 +176,7 @@ impl Bus {
         transmission
     }
 
-    /// Lets a fault act on an attempt; returns the bit that it destroys.
+    /// Applies the faults on the wire to an attempt; returns the bit to destroy, if any.
     #[cold]
     fn strike(&mut self, sender: PortId, transmission: &mut Transmission, on_wire: u32) -> Option<u32> {
         let Transmission { frame, rate, start, .. } = *transmission;
@@ -202,7 +203,7 @@ impl Bus {
         destroyed
     }
 
-    /// Returns the receivers of these names, as far as they take part.
+    /// Selects the receivers with these names that are members at this bit rate.
     fn omission(&self, names: &[Arc<str>], rate: BitRate) -> Omission {
         let members = self.groups.iter().filter(|group| group.rate == rate).flat_map(|group| &group.members);
         let is_meant = |id: &PortId| !self.senders.contains(id) && names.contains(&self.ports[id.0].name);
@@ -214,7 +215,7 @@ impl Bus {
         Omission { signalled_by: receivers.iter().find(is_active).copied(), receivers }
     }
 
-    /// Returns whether a controller acknowledges frames at a bit rate.
+    /// Returns whether any controller acknowledges frames at a bit rate.
     pub(super) fn is_heard(&self, rate: BitRate) -> bool {
         let listeners = self.groups.iter().find(|group| group.rate == rate).map_or(0, |group| group.audible);
         // Senders are members too.
@@ -232,9 +233,9 @@ impl Bus {
         others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
     }
 
-    /// Resolves several senders that still send after the identifier. Equal frames go out as one; different frames
-    /// collide at the first different bit, where the recessive sender sees the error. An error-passive sender cannot
-    /// signal it, and the dominant frame goes on.
+    /// Resolves several senders with equal arbitration keys. Equal frames are sent as one. Different frames collide at
+    /// the first different bit, where the recessive sender detects a bit error. An error-passive sender cannot destroy
+    /// the frame, so the dominant frame continues.
     fn resolve(&mut self, start: Nanos) -> Option<Disruption> {
         while self.senders.len() > 1 {
             let senders = &self.senders;
@@ -268,7 +269,7 @@ impl Bus {
         None
     }
 
-    /// Ends the attempt of an error-passive sender that lost a bit.
+    /// Ends the attempt of an error-passive sender after a lost bit.
     fn beaten(&mut self, id: PortId, at: Nanos) {
         let port = &mut self.ports[id.0];
         port.tell(at, WireEvent::NotSent(BusError::Bit));
@@ -283,7 +284,7 @@ impl Bus {
         FrameBits::of(self.ports[id.0].transmit.head().expect("a sender has something to send"))
     }
 
-    /// Silences a sender in the middle of its frame: the others see an error where its bits end.
+    /// Silences a sender in the middle of its frame: the other controllers detect an error where the bits end.
     pub(super) fn fall_silent(&mut self, id: PortId, now: Instant) {
         let Some(transmission) = &mut self.current else { return };
         if !self.senders.contains(&id) {

@@ -1,5 +1,4 @@
-//! The frames that a port has to send: the mailboxes of a device, the queue of a client, the offer of an external
-//! controller.
+//! The pending transmit frames of a port: device mailboxes, client queue or external controller's offer.
 
 use std::collections::VecDeque;
 
@@ -8,14 +7,14 @@ use protocol_core::frame::Frame;
 
 use super::mailboxes::{Full, Mailboxes};
 
-/// Frames that wait for the bus.
+/// The pending transmit frames of a port.
 #[derive(Clone, Debug)]
 pub(super) enum Transmit {
-    /// Mailboxes of a device's controller: the most urgent frame goes first.
+    /// The mailboxes of a device's controller: the most urgent frame is sent first.
     Mailboxes(Mailboxes),
-    /// Unlimited queue of a client: first in, first out.
+    /// The unlimited FIFO queue of a client.
     Queue(VecDeque<Frame>),
-    /// Offer of an external controller: its most urgent frame, and whether it is on the wire.
+    /// The offer of an external controller: its most urgent frame, and whether that frame is on the wire.
     Offer(Option<Frame>, bool),
 }
 
@@ -39,7 +38,7 @@ impl Transmit {
         }
     }
 
-    /// Returns whether it would take a frame.
+    /// Returns whether a frame would be accepted.
     pub(super) fn takes(&self, frame: &Frame) -> bool {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.takes(frame),
@@ -48,10 +47,10 @@ impl Transmit {
         }
     }
 
-    /// Stores a frame; may return a less urgent one.
+    /// Stores a frame; may return a displaced, less urgent one.
     ///
     /// # Errors
-    /// [`Full`] when the frame has to wait.
+    /// [`Full`] when the frame is not accepted now.
     pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.put(frame),
@@ -63,7 +62,7 @@ impl Transmit {
         }
     }
 
-    /// Returns the frame that takes part in the next arbitration.
+    /// Returns the frame for the next arbitration.
     pub(super) fn head(&self) -> Option<&Frame> {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.head(),
@@ -72,7 +71,7 @@ impl Transmit {
         }
     }
 
-    /// Marks the head as on the wire: it cannot be handed back.
+    /// Marks the head as on the wire: it cannot be displaced.
     pub(super) fn sending(&mut self) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.sending(),
@@ -81,7 +80,7 @@ impl Transmit {
         }
     }
 
-    /// Ends the attempt on the wire: the frame was sent, or waits for a retry.
+    /// Ends the attempt on the wire: removes the frame after success, otherwise keeps it for a retry.
     pub(super) fn sent(&mut self, success: bool) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.sent(success),
@@ -94,7 +93,7 @@ impl Transmit {
         }
     }
 
-    /// Drops the waiting frames with these identifiers; the frame on the wire is not repeated.
+    /// Drops the pending frames with these identifiers. A frame on the wire is not repeated.
     pub(super) fn abort(&mut self, which: Filter) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.abort(which),

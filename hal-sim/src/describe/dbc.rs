@@ -1,4 +1,4 @@
-//! The DBC of a product on ISOBUS: its messages at each possible address.
+//! The DBC of an ISOBUS product: its messages at each possible address.
 
 use std::fmt::Write as _;
 
@@ -9,7 +9,7 @@ use super::layout::{Message, Role, Signal, commanded_address, messages};
 use super::product::Product;
 use crate::Kind;
 
-/// The bit of a DBC identifier that marks 29 bits.
+/// The flag of a 29-bit identifier in a DBC.
 const EXTENDED: u32 = 1 << 31;
 
 /// The node that sends commands.
@@ -18,7 +18,7 @@ const MASTER: &str = "Master";
 /// The DBC placeholder for an unnamed node.
 const ANYBODY: &str = "Vector__XXX";
 
-/// Returns the DBC of a product, in ASCII; `None` for a kind that is not on ISOBUS.
+/// Generates the DBC of a product, in ASCII; `None` for a kind without ISOBUS.
 #[must_use]
 pub fn dbc(kind: Kind) -> Option<String> {
     if kind.protocol() != Protocol::Isobus {

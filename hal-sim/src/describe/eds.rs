@@ -1,4 +1,4 @@
-//! The electronic data sheet of a product on CANopen (CiA 306), from the table of its object dictionary.
+//! The electronic data sheet of a CANopen product (CiA 306), generated from its object dictionary.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,14 +10,14 @@ use protocol_core::device::{Capabilities, describe};
 use super::product::Product;
 use crate::Kind;
 
-/// The version of CiA 306 of the sheet.
+/// The CiA 306 version of the sheet.
 const EDS_VERSION: &str = "4.0";
 
-/// The date of the sheet's first version, month first: a constant, so that a version always writes the same sheet.
+/// The date of the sheet's first version, month first: constant, so that the output is reproducible.
 const DATE: &str = "11-22-2026";
 const TIME: &str = "12:00AM";
 
-/// The objects of CiA 301 that every device has.
+/// The mandatory objects of CiA 301.
 const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];
 
 /// The comments of the sheet, the only place for such text in CiA 306.
@@ -38,7 +38,7 @@ struct Row {
     default: Option<String>,
 }
 
-/// Returns the EDS of a product, in ASCII; `None` for a kind without an object dictionary.
+/// Generates the EDS of a product, in ASCII; `None` for a kind without an object dictionary.
 #[must_use]
 pub fn eds(kind: Kind) -> Option<String> {
     let mut objects = BTreeMap::<u16, Object>::new();
@@ -137,7 +137,7 @@ impl Object {
 }
 
 impl Row {
-    /// Writes everything but the name.
+    /// Writes all entries except the name.
     fn write(&self, out: &mut String) -> std::fmt::Result {
         let mappable = self.entry.mappable();
         writeln!(out, "ObjectType={VAR}\nDataType=0x{:04X}", type_index(self.entry.data_type()))?;
@@ -152,7 +152,7 @@ impl Row {
     }
 }
 
-/// Returns the capitalised names of an object and of its sub-index 0: a row combines both.
+/// Returns the capitalised names of an object and of its sub-index 0, which one table row combines.
 fn names(entry: &Entry) -> (&'static str, String) {
     let (object, own) = entry.name.split_once(": ").unwrap_or((entry.name, "highest sub-index"));
     let mut letters = own.chars();
@@ -160,7 +160,7 @@ fn names(entry: &Entry) -> (&'static str, String) {
     (object, first.into_iter().chain(letters).collect())
 }
 
-/// Returns whether CiA 301 or the device profile defines a record at an index; the others are arrays.
+/// Returns whether CiA 301 or the device profile defines a record at an index; all others are arrays.
 const fn is_record(index: u16) -> bool {
     matches!(index, 0x1018 | 0x1400..=0x1BFF | 0x6300 | 0x6301)
 }
@@ -188,7 +188,7 @@ const fn access_type(access: Access, mappable: Mappable) -> &'static str {
     }
 }
 
-/// Returns a default in the form of the sheet; `None` without one.
+/// Formats a default value for the sheet; `None` if there is none.
 fn default(data_type: DataType, initial: Initial<'_>) -> Option<String> {
     match initial {
         Initial::Individual => None,

@@ -19,7 +19,7 @@ pub(super) struct Message {
     pub(super) name: String,
     pub(super) id: J1939Id,
     pub(super) len: usize,
-    /// The valve sends the message; otherwise the master does.
+    /// Whether the valve sends the message; otherwise the master does.
     pub(super) from_valve: bool,
     /// The period, in milliseconds.
     pub(super) cycle_ms: Option<u16>,
@@ -54,7 +54,7 @@ pub(super) enum Role {
 }
 
 impl Signal {
-    /// Returns a signal with the raw value.
+    /// Creates a signal without scaling.
     fn raw(name: &'static str, first: u8, len: u8) -> Self {
         let max = (1_u64 << len) - 1;
         Self {
@@ -86,10 +86,10 @@ impl Signal {
     }
 }
 
-/// Returns all messages of the valve at an address, and those from a master to it.
+/// Returns all messages of the valve at an address, and the messages from a master to it.
 pub(super) fn messages(valve: Address) -> Vec<Message> {
     let address = valve.get();
-    // AVC and AVEF depend on the low four bits of the address, all others on the whole address.
+    // AVC and AVEF use only the low four bits of the address, all others the whole address.
     let number = address & 0xF;
     let global = |priority, pgn| J1939Id::global(priority, pgn, valve);
     let to_valve = |priority, pgn| J1939Id::new(priority, pgn, valve, MASTER);
@@ -193,7 +193,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
     ]
 }
 
-/// Returns the multi-packet message of a master to all valves.
+/// Returns the multi-packet message from a master to all valves.
 pub(super) fn commanded_address() -> Message {
     let signals = name().into_iter().chain([Signal::raw("NewAddress", 64, 8)]).collect();
     Message {
@@ -216,7 +216,7 @@ fn fail_safe_mode() -> Signal {
     Signal::raw("FailSafeMode", 22, 2).values([(0, "blocked"), (1, "float"), (3, "not available")])
 }
 
-/// Returns the signal of a lamp, or of its flashing (SAE J1939-73).
+/// Returns the signal of a lamp or of its flashing (SAE J1939-73).
 fn lamp(name: &'static str, first: u8) -> Signal {
     Signal::raw(name, first, 2).values([(0, "off"), (1, "on"), (3, "not available")])
 }
@@ -237,7 +237,7 @@ fn troubles() -> Vec<Signal> {
     ]
 }
 
-/// The failure modes of the valve's faults, in the words of SAE J1939-73; 0 fills a message without a fault.
+/// The failure modes of the valve's faults, in the terms of SAE J1939-73; FMI 0 fills a message without a fault.
 const FMIS: [(u32, &str); 7] = [
     (0, "none"),
     (3, "voltage above normal"),

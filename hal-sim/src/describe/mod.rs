@@ -1,4 +1,4 @@
-//! Descriptions of the products for other tools: an EDS for masters on CANopen, a DBC for analysers on ISOBUS.
+//! Product descriptions for other tools: an EDS for CANopen masters, a DBC for ISOBUS analysers.
 //!
 //! ```text
 //! eds     an electronic data sheet (CiA 306)         product   the product data in its head

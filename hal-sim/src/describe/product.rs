@@ -4,9 +4,9 @@ use crate::Kind;
 
 /// The product data.
 pub(super) struct Product {
-    /// The maker.
+    /// The manufacturer.
     pub(super) vendor: &'static str,
-    /// The product name of the maker.
+    /// The manufacturer's product name.
     pub(super) name: &'static str,
     /// The order code.
     pub(super) order_code: u32,

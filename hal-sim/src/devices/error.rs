@@ -1,4 +1,4 @@
-//! The refusals of a set of devices and links.
+//! The errors of a set of devices and links.
 
 /// The reason why devices cannot share a bus, or cannot be linked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -7,14 +7,14 @@ pub enum DevicesError {
     /// Two devices have the same name.
     #[error("the name '{0}' is given twice; give each device its own")]
     DuplicateName(String),
-    /// Two devices have the same node ID, or the same address.
+    /// Two devices have the same node ID or the same address.
     #[error("{first} and {second} both have {id_name} 0x{id:02X}; give each its own")]
     Clash {
         /// The name of the first device.
         first: String,
         /// The name of the second device.
         second: String,
-        /// The word for the identifier: node ID or address.
+        /// The term for the identifier: node ID or address.
         id_name: &'static str,
         /// The node ID or address.
         id: u8,
@@ -22,11 +22,11 @@ pub enum DevicesError {
     /// A link names a device that is not on the bus.
     #[error("no {product} '{name}' on the bus; {}", remedy(known))]
     UnknownDevice {
-        /// The product: valve or angle sensor.
+        /// The expected product: valve or angle sensor.
         product: &'static str,
         /// The name in the link.
         name: String,
-        /// The names of such devices on the bus.
+        /// The names of the devices of this product.
         known: Vec<String>,
     },
     /// Two links have the same sensor.

@@ -1,4 +1,4 @@
-//! Devices at another bit rate than the bus: one detection and one message for all interfaces.
+//! Detects devices at a bit rate different from the bus, with one rule and one message for all interfaces.
 //!
 //! Such a device cannot communicate, and frames that a test forbids do not come either: the test proves nothing.
 //! [`RateWatch`] finds a device
@@ -21,28 +21,28 @@ pub const GRACE: Duration = Duration::from_secs(1);
 
 const TICK: Duration = Duration::from_ticks(1);
 
-/// A device that runs, or ran, at another bit rate than the bus.
+/// A device whose bit rate differs, or differed, from the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotHeard {
     /// The name of the device.
     pub device: String,
     /// The instant from which the rates differed.
     pub since: Instant,
-    /// True once the two rates agree again.
+    /// Whether the two rates agree again.
     pub is_over: bool,
     /// The message with the cause and the remedy.
     pub reason: String,
 }
 
-/// The watch over the devices' bit rates.
+/// A monitor of the devices' bit rates.
 #[derive(Clone, Debug)]
 pub struct RateWatch {
     devices: Vec<Watched>,
-    /// The world's count of rate changes at the last comparison; `None` before the first one.
+    /// The world's counter of rate changes at the last comparison; `None` before the first comparison.
     looked_at: Option<u64>,
-    /// The next instant to compare the rates without a change.
+    /// The time of the next comparison if no rate changes before.
     due: Instant,
-    /// The devices found and not taken yet.
+    /// The detected devices that have not been taken yet.
     found: Vec<NotHeard>,
 }
 
@@ -50,27 +50,27 @@ pub struct RateWatch {
 struct Watched {
     node: NodeId,
     device: NamedDevice,
-    /// The memory was empty at the start: the bit rate of the setup counted.
+    /// Whether the memory was empty at the start, so that the setup determined the bit rate.
     is_new: bool,
-    /// The bit rate of the first start, until then.
+    /// The bit rate for the first start; `None` afterwards.
     first_rate: Option<BitRate>,
     was_powered: bool,
     spell: Option<Spell>,
     told: Option<NotHeard>,
 }
 
-/// A period of different bit rates.
+/// A period during which the rates differ.
 #[derive(Clone, Copy, Debug)]
 struct Spell {
     since: Instant,
-    /// The end of the grace period; [`NEVER`] while LSS switches the rate.
+    /// The end of the grace period; [`NEVER`] while LSS switches the bit rate.
     due: Instant,
     is_told: bool,
     rate: BitRate,
     bus: BitRate,
 }
 
-/// A watch without devices.
+/// Creates a monitor without devices.
 impl Default for RateWatch {
     fn default() -> Self {
         Self { devices: Vec::new(), looked_at: None, due: NEVER, found: Vec::new() }
@@ -78,7 +78,7 @@ impl Default for RateWatch {
 }
 
 impl RateWatch {
-    /// Begins to watch a device of a world that has not been switched on yet.
+    /// Starts monitoring a device that has not been powered on yet.
     pub fn watch(&mut self, node: NodeId, device: &NamedDevice, world: &World) {
         self.devices.push(Watched {
             node,
@@ -91,12 +91,12 @@ impl RateWatch {
         });
     }
 
-    /// Stops watching a device.
+    /// Stops monitoring a device.
     pub fn ignore(&mut self, node: NodeId) {
         self.devices.retain(|watched| watched.node != node);
     }
 
-    /// Compares the present bit rates. To be called after every event of the world, and when it is [due](Self::due).
+    /// Compares the current bit rates. Call it after every event of the world, and when it is [due](Self::due).
     pub fn look(&mut self, world: &mut World) {
         let (now, changes) = (world.now(), world.rate_changes());
         if self.looked_at == Some(changes) && now < self.due {
@@ -108,30 +108,30 @@ impl RateWatch {
         self.due = self.devices.iter().filter_map(due).min().map_or(NEVER, |due| if due == NEVER { now } else { due });
     }
 
-    /// Takes the devices found since the last call, each once per period.
+    /// Takes the devices detected since the last call, each once per period.
     pub fn take_found(&mut self) -> Vec<NotHeard> {
         std::mem::take(&mut self.found)
     }
 
-    /// Returns when the next comparison is due without an event, after now; [`NEVER`] if none is.
+    /// Returns the time after `now` of the next comparison without an event; [`NEVER`] if none is scheduled.
     #[must_use]
     pub fn due(&self, now: Instant) -> Instant {
         if self.due > now { self.due } else { NEVER }
     }
 
-    /// Finds the devices at another bit rate now, at the end of the run.
+    /// Detects the devices with a different bit rate at the end of the run, without a grace period.
     pub fn find_all(&mut self) {
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(|_| true)));
     }
 
-    /// Finds the devices at another bit rate at this instant, which had no comparison of its own, because the time of a
-    /// prohibition ends there. A device whose rate LSS switches is silent by rule, and not found.
+    /// Detects the devices with a different bit rate at the end of a prohibition, where no comparison was scheduled. A
+    /// device whose bit rate LSS is switching is silent by design and is not reported.
     pub fn find_at(&mut self, instant: Instant) {
         let was_deaf = |spell: &Spell| spell.due != NEVER && spell.since <= instant;
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(was_deaf)));
     }
 
-    /// Returns the devices at another bit rate now, and those found before, each once.
+    /// Returns the devices with a different bit rate now and those detected before, each once.
     #[must_use]
     pub fn all(&self) -> Vec<NotHeard> {
         let state = |device: &Watched| match &device.spell {
@@ -154,7 +154,7 @@ impl Watched {
         let rate = if is_powered { Some(world.device_rate(self.node)) } else { self.first_rate };
         let bus = world.bit_rate();
         let Some(rate) = rate.filter(|rate| *rate != bus) else {
-            // The comparison at the end of the grace period may be missing.
+            // The comparison at the end of the grace period may have been skipped.
             let told = self.find_if(|spell| now >= spell.due);
             self.spell = None;
             if let Some(told) = &mut self.told {
@@ -174,7 +174,7 @@ impl Watched {
         self.find_if(|spell| now >= spell.due)
     }
 
-    /// Returns the device, once per period, if the period fulfils `is_wanted`.
+    /// Returns the device, once per period, if the period satisfies `is_wanted`.
     fn find_if(&mut self, is_wanted: impl Fn(&Spell) -> bool) -> Option<NotHeard> {
         let spell = self.spell.as_mut().filter(|spell| !spell.is_told && is_wanted(spell))?;
         spell.is_told = true;
@@ -189,7 +189,7 @@ impl Watched {
     }
 }
 
-/// Returns the message about a device, with the remedy. The setup counts only for a new memory.
+/// Composes the message about a device, with the remedy. The setup determines the rate of a new memory only.
 fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> String {
     let kilobits = |rate: BitRate| rate.bits_per_second() / 1000;
     let other_device = (is_new && device.setup.bit_rate == Some(rate) && device.setup.kind.bit_rates().contains(&bus))
@@ -204,7 +204,7 @@ fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> St
     )
 }
 
-/// Returns a device in the form of `--device`, without a serial number and a bit rate.
+/// Formats a device as for `--device`, without serial number and bit rate.
 fn written(NamedDevice { name, setup: Setup { kind, node_id, .. }, .. }: &NamedDevice) -> String {
     let mut text = kind.name().to_owned();
     match *node_id {

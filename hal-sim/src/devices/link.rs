@@ -14,7 +14,7 @@ const RATE_MAX: i32 = 3_600_000;
 
 const ANGLES: RangeInclusive<u32> = 0..=TURN_CDEG - 1;
 
-/// A link as requested.
+/// A requested link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkSpec(NamedLink);
 
@@ -61,7 +61,7 @@ fn angle(text: &str) -> Result<u32, String> {
     })
 }
 
-/// Returns the links between these devices.
+/// Validates the requested links against these devices.
 ///
 /// # Errors
 /// [`DevicesError::UnknownDevice`] or [`DevicesError::LinkedTwice`].

@@ -1,4 +1,4 @@
-//! The devices on a bus and the links between them: their text form, and their addition to a world.
+//! The devices on a bus and the links between them: their text form, and how they are added to a world.
 //!
 //! ```text
 //! spec   one device: KIND[@ID][,key=value…]
@@ -33,14 +33,14 @@ use crate::world::{Link, NodeId, World};
 pub struct NamedDevice {
     /// The name, unique on the bus.
     pub name: String,
-    /// The kind, and the content of a new memory.
+    /// The kind, and the initial content of a new memory.
     pub setup: Setup,
-    /// The spool times; for valves.
+    /// The spool times (valves only).
     pub spool_times: SpoolTimes,
 }
 
 impl NamedDevice {
-    /// Returns a device of a kind, or with a setup, with the default spool times.
+    /// Creates a device from a kind or a setup, with the default spool times.
     #[must_use]
     pub fn new(name: &str, setup: impl Into<Setup>) -> Self {
         Self { name: name.to_owned(), setup: setup.into(), spool_times: SpoolTimes::default() }
@@ -69,19 +69,19 @@ pub struct NamedLink {
     pub link: Link,
 }
 
-/// Links devices of a world.
+/// Links the devices of a world.
 pub fn link_in(world: &mut World, links: &[NamedLink]) {
     for NamedLink { valve, sensor, link } in links {
         if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
-            // The names have been checked: a valve and a sensor without a link.
+            // The names are already checked: a valve, and a sensor without a link.
             let linked = world.link(valve, sensor, *link);
             debug_assert_eq!(linked, Ok(()));
         }
     }
 }
 
-/// Returns the devices, each with a name and a serial number. Default names are the kind, then kind-2, kind-3 …, as far
-/// as they are free.
+/// Assigns a name and a serial number to each device. Default names are the kind, then kind-2, kind-3 …, skipping used
+/// names.
 ///
 /// # Errors
 /// [`DevicesError::DuplicateName`].
@@ -112,8 +112,8 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
     Ok(devices)
 }
 
-/// Assigns the next free serial number to each device without one, from the kind's default on. Explicit numbers take
-/// precedence.
+/// Assigns the next free serial number to each device without one, starting at the kind's default. Explicit numbers
+/// take precedence.
 fn number(devices: &mut [NamedDevice]) {
     let mut taken: Vec<_> =
         devices.iter().filter_map(|device| Some(device.setup.kind.known_by(device.setup.serial?))).collect();
@@ -126,8 +126,8 @@ fn number(devices: &mut [NamedDevice]) {
     }
 }
 
-/// Assigns the bit rate of the bus to each device without one, if it supports it, and returns that rate: the requested
-/// one, or that of the first device.
+/// Assigns the bit rate of the bus to each device without one that supports it, and returns that rate: the requested
+/// rate, or else the first device's.
 pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitRate {
     let of_first = |first: &NamedDevice| first.setup.bit_rate.or(first.setup.kind.bit_rates().first().copied());
     let bus = bus.or_else(|| devices.first().and_then(of_first)).unwrap_or(BitRate::Kbit250);
@@ -137,10 +137,10 @@ pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitR
     bus
 }
 
-/// Refuses devices with the same node ID, or the same address.
+/// Rejects devices with the same node ID or the same address.
 ///
 /// # Errors
-/// [`DevicesError::Clash`] for the first two.
+/// [`DevicesError::Clash`] for the first conflicting pair.
 pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), DevicesError> {
     for (position, device) in devices.iter().enumerate() {
         let Some(id) = device.setup.node_id else { continue };

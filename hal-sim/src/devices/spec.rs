@@ -8,32 +8,32 @@ use protocol_core::device::Setup;
 
 use crate::Kind;
 
-/// The keys of a device.
+/// The keys of a device specification.
 const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank";
 
-/// The longest name of a device, in characters.
+/// The maximum length of a device name, in characters.
 const NAME_MAX: usize = 32;
 
-/// A device as requested.
+/// A requested device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceSpec {
-    /// The kind, and the content of a new memory.
+    /// The kind, and the initial content of a new memory.
     pub setup: Setup,
-    /// The requested name; `None` for a default one.
+    /// The requested name; `None` for a default name.
     pub name: Option<String>,
-    /// The spool times; for valves.
+    /// The spool times (valves only).
     pub spool_times: SpoolTimes,
 }
 
 impl DeviceSpec {
-    /// Returns a device of this kind in factory state.
+    /// Creates a device of this kind in factory state.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
         Self { setup: kind.into(), name: None, spool_times: SpoolTimes::DEFAULT }
     }
 }
 
-/// The name of the control interface in traces: no device may have it.
+/// The name of the control interface in traces; devices must not use it.
 pub const CONTROL: &str = "http";
 
 impl FromStr for DeviceSpec {
@@ -103,7 +103,7 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
     })
 }
 
-/// Returns a bit rate that the kind supports, from a text in bit/s, or as in `250k`.
+/// Parses a bit rate that the kind supports: in bit/s, or like `250k`.
 fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     let rates = kind.bit_rates();
     bit_rate(text).filter(|rate| rates.contains(rate)).ok_or_else(|| {
@@ -114,7 +114,7 @@ fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     })
 }
 
-/// Returns a bit rate of CiA 301 from a text: in bit/s, or as in `250k` and `1M`.
+/// Parses a bit rate of CiA 301: in bit/s, or like `250k` and `1M`.
 #[must_use]
 pub fn bit_rate(text: &str) -> Option<BitRate> {
     let (digits, unit) = match text.char_indices().next_back() {
@@ -126,7 +126,7 @@ pub fn bit_rate(text: &str) -> Option<BitRate> {
     bits.and_then(BitRate::from_bits_per_second)
 }
 
-/// Returns a spool time, in milliseconds.
+/// Parses a spool time in milliseconds.
 fn spool_time(text: &str) -> Result<u16, String> {
     let range = SpoolTimes::RANGE_MS;
     text.parse().ok().filter(|time| range.contains(time)).ok_or_else(|| {
@@ -155,7 +155,7 @@ fn device_name(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// Returns whether a name is reserved by Windows in every folder, with any extension: `con.nvm` is the console.
+/// Returns whether Windows reserves a name in every folder, with any extension: `con.nvm` is the console.
 fn is_reserved_by_windows(name: &str) -> bool {
     let (word, number) = name.split_at(name.len().min(3));
     match word {
@@ -165,7 +165,7 @@ fn is_reserved_by_windows(name: &str) -> bool {
     }
 }
 
-/// Parses a number, decimal or in hex after `0x`, without a sign or blanks.
+/// Parses an unsigned number, decimal or hexadecimal after `0x`, without sign or blanks.
 fn number(text: &str) -> Option<u32> {
     let (digits, radix) = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(hex) => (hex, 16),

@@ -1,5 +1,5 @@
-//! The lines of `candump`: of its log, `(1700000000.000000) vcan0 18A#0102`, written and read; and of its screen,
-//! `(1700000000.000000)  vcan0  18A   [2]  01 02`, read.
+//! The line formats of `candump`. The log format `(1700000000.000000) vcan0 18A#0102` is written and read; the screen
+//! format `(1700000000.000000)  vcan0  18A   [2]  01 02` is only read.
 
 use std::fmt::Write;
 
@@ -7,11 +7,11 @@ use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 
 use super::{Entry, ErrorFrame, Timestamp, write_hex};
 
-/// Linux's mark of an error frame in an identifier.
+/// The error-frame flag in a Linux CAN identifier.
 pub const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// Writes a frame without the end of the line. A 29-bit identifier has eight digits; a remote frame has `R` and a
-/// non-zero length instead of data.
+/// Writes a frame without line end. A 29-bit identifier has eight digits; a remote frame has `R` and a non-zero length
+/// instead of data.
 pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
     // Writing to a string cannot fail.
     let _ = match frame.id() {
@@ -27,14 +27,14 @@ pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
     write_hex(out, frame.data());
 }
 
-/// Writes an error frame, without the end of the line: the class with its mark, and the eight bytes of detail.
+/// Writes an error frame without line end: the class with the error-frame flag, and the eight bytes of details.
 pub fn write_error(out: &mut String, at: Timestamp, bus: &str, error: impl Into<ErrorFrame>) {
     let ErrorFrame { class, data } = error.into();
     let data = u64::from_be_bytes(data);
     let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class);
 }
 
-/// Writes an entry of either kind, without the end of the line.
+/// Writes a frame or an error frame without line end.
 pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     match entry {
         Entry::Frame(frame) => write_frame(out, at, bus, frame),
@@ -42,19 +42,19 @@ pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     }
 }
 
-/// The reason why a line has no frame.
+/// The reason why a line contains no entry.
 pub type Reason = &'static str;
 
-/// The refusal of a CAN FD frame, in each format.
+/// The reason for rejecting a CAN FD frame, in each format.
 pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not support";
 
 pub(crate) const NO_LINE: Reason = "not a line of candump";
 
-/// Reads a line of a log or of the screen: its time, if any, the name of the bus, and the entry. After the frame of a
-/// log, the direction may follow, `R` or `T`, or two blanks and the explanation of `pve-sim`.
+/// Parses a line of the log or screen format into the time, if any, the bus name, and the entry. In the log format, the
+/// direction `R` or `T` may follow the frame, or two blanks and the explanation of `pve-sim`.
 ///
 /// # Errors
-/// The reason why the line has no entry.
+/// The reason why the line contains no entry.
 pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let line = line.trim();
     let (at, rest) = match line.strip_prefix('(').map(|rest| rest.split_once(')')) {
@@ -70,7 +70,7 @@ pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
         }
         return Ok((at, bus, logged(id, data)?));
     }
-    // With -x, direction and two flags stand before the identifier.
+    // With -x, the direction and two flags precede the identifier.
     let (id, rest) = match token {
         "RX" | "TX" => {
             let (_, rest) = word(rest);
@@ -82,19 +82,19 @@ pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     shown(id, rest).map(|entry| (at, bus, entry))
 }
 
-/// Returns the first word of a text, and the text after it.
+/// Splits a text into its first word and the rest.
 fn word(text: &str) -> (&str, &str) {
     let text = text.trim_start();
     text.split_at(text.find(' ').unwrap_or(text.len()))
 }
 
-/// An identifier, or the class of an error frame.
+/// An identifier or the class of an error frame.
 enum Number {
     Of(Id),
     Error(u32),
 }
 
-/// Returns an identifier in three or eight digits.
+/// Parses an identifier of three or eight digits.
 fn number(digits: &str) -> Result<Number, Reason> {
     const LENGTH: Reason = "an identifier that has neither three nor eight digits";
     if digits.is_empty() || !is_hex(digits) {
@@ -110,18 +110,18 @@ fn number(digits: &str) -> Result<Number, Reason> {
     id.map(Number::Of).ok_or("an identifier above the maximum")
 }
 
-/// Returns whether a text consists of hex digits: number parsers also accept a sign.
+/// Returns whether a text consists of hex digits only, because number parsers also accept a sign.
 fn is_hex(text: &str) -> bool {
     text.bytes().all(|digit| digit.is_ascii_hexdigit())
 }
 
-/// Parses the part of a log's line after the name of the bus.
+/// Parses a log line after the bus name.
 fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     let id = number(id)?;
     if data.starts_with('#') {
         return Err(FD);
     }
-    // Newer versions append a length code above 8, which means 8.
+    // Newer versions append a length code above 8, which stands for 8 bytes.
     let data = data.split_once('_').map_or(data, |(data, _)| data);
     if let Some(length) = data.strip_prefix(['R', 'r']) {
         return remote(id, if length.is_empty() { "0" } else { length });
@@ -132,7 +132,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
 }
 
-/// Parses the part of a screen's line from the length on.
+/// Parses a screen line from the length on.
 fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let (length, rest) = word(rest);
     let length = length.strip_prefix('[').and_then(|length| length.strip_suffix(']')).ok_or(NO_LINE)?;

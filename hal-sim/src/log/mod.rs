@@ -13,7 +13,7 @@ pub use candump::{write_error, write_frame};
 pub use record::{Entry, ErrorFrame, Record};
 pub use timestamp::{ParseTimestampError, Timestamp};
 
-/// Bytes in hex, two digits each, without blanks.
+/// Writes bytes in hex, two digits each, without blanks.
 pub fn write_hex(out: &mut String, bytes: &[u8]) {
     const DIGITS: [char; 16] = ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'A', 'B', 'C', 'D', 'E', 'F'];
     for byte in bytes {
@@ -22,7 +22,7 @@ pub fn write_hex(out: &mut String, bytes: &[u8]) {
     }
 }
 
-/// The classes of error frames of Linux (`linux/can/error.h`), which logs and gateways share.
+/// The classes of Linux error frames (`linux/can/error.h`), used by logs and gateways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorClass {
     /// No controller acknowledged a frame.
@@ -33,16 +33,16 @@ pub enum ErrorClass {
     ErrorPassive,
     /// A controller is error-active again.
     ErrorActive,
-    /// A controller has left the bus.
+    /// A controller went bus-off.
     BusOff,
-    /// A controller was bus-off and takes part again.
+    /// A controller recovered from bus-off.
     Restarted,
-    /// A device dropped frames unsent.
+    /// A device dropped frames before transmission.
     TransmitOverflow,
 }
 
 impl ErrorClass {
-    /// Returns the class in the numbering of Linux.
+    /// Returns the Linux code of the class.
     #[must_use]
     pub const fn code(self) -> u32 {
         match self {
@@ -54,11 +54,11 @@ impl ErrorClass {
         }
     }
 
-    /// Returns the data bytes of the error frame; byte 1 has the state of the controller.
+    /// Returns the data bytes of the error frame; byte 1 holds the controller state.
     #[must_use]
     pub const fn data(self) -> [u8; 8] {
         let controller = match self {
-            // one bit each for the receive and the transmit counter
+            // one bit each for the receive and the transmit error counter
             Self::ErrorPassive => 0x30,
             Self::ErrorActive => 0x40,
             Self::TransmitOverflow => 0x02,

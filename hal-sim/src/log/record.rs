@@ -1,4 +1,4 @@
-//! The records of a log: frames and error frames with their times.
+//! Log records: frames and error frames with their times.
 
 use protocol_core::frame::Frame;
 
@@ -13,7 +13,7 @@ pub struct Record {
     pub entry: Entry,
 }
 
-/// An entry on the bus.
+/// A frame or an error frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
     /// A frame.
@@ -22,17 +22,17 @@ pub enum Entry {
     Error(ErrorFrame),
 }
 
-/// An error frame in the classes of Linux (`linux/can/error.h`).
+/// An error frame with Linux error classes (`linux/can/error.h`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorFrame {
-    /// The classes, one bit each: 29 bits. 0 in formats without classes.
+    /// The classes, one bit each in 29 bits; 0 for formats without classes.
     pub class: u32,
     /// The details.
     pub data: [u8; 8],
 }
 
 impl ErrorFrame {
-    /// An error frame of a format without classes.
+    /// An error frame from a format without classes.
     pub const UNTOLD: Self = Self { class: 0, data: [0; 8] };
 }
 

@@ -11,7 +11,7 @@ use protocol_core::time::Instant;
 pub struct Timestamp(u64);
 
 impl Timestamp {
-    /// Returns the time from microseconds since 1970.
+    /// Creates a time from microseconds since 1970.
     #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
         Self(micros)
@@ -23,14 +23,14 @@ impl Timestamp {
         self.0
     }
 
-    /// Returns the present wall time; a clock before 1970 counts as 1970.
+    /// Returns the current wall-clock time; a clock before 1970 yields 1970.
     #[must_use]
     pub fn now() -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self(u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
     }
 
-    /// Returns the time of a virtual instant, for a world that started at this time.
+    /// Converts a virtual instant to a time, for a world that started at `self`.
     #[must_use]
     pub const fn at(self, instant: Instant) -> Self {
         Self(self.0.saturating_add(instant.as_micros()))
@@ -43,7 +43,7 @@ impl fmt::Display for Timestamp {
     }
 }
 
-/// Parses the format of [`Display`](fmt::Display); digits beyond the microseconds are truncated.
+/// Parses the format of [`Display`](fmt::Display) and truncates digits beyond microseconds.
 impl FromStr for Timestamp {
     type Err = ParseTimestampError;
 
@@ -60,7 +60,7 @@ impl FromStr for Timestamp {
     }
 }
 
-/// The error of a text that is not a time in seconds, or beyond 584,000 years.
+/// The error for a text that is not a time in seconds, or is later than 584,000 years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a time in seconds")]
 pub struct ParseTimestampError;

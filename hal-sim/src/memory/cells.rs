@@ -1,20 +1,20 @@
-//! The cells of a flash, stored up to the last written one: hundreds of devices on one host use little of theirs.
+//! The cells of a flash, stored only up to the last written one to save RAM on hosts with hundreds of devices.
 
-/// The bytes of a sector, the unit of erasing. Sectors 12 and 13 of the board's STM32F429.
+/// The size of a sector, the unit of erasing, in bytes: sectors 12 and 13 of the board's STM32F429.
 pub const SECTOR: usize = 16 * 1024;
-/// The bytes of the whole flash.
+/// The size of the whole flash, in bytes.
 pub const SIZE: usize = 2 * SECTOR;
 /// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The cells of each sector up to the last written one; the rest is erased and not stored.
+/// The cells of each sector up to the last written one; all further cells are erased.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     sectors: [Vec<u8>; SIZE / SECTOR],
 }
 
 impl Cells {
-    /// Returns the cells of an image of the whole flash.
+    /// Creates the cells from an image of the whole flash.
     pub(super) fn of(image: &[u8]) -> Self {
         let mut cells = Self::default();
         for (sector, content) in cells.sectors.iter_mut().zip(image.chunks(SECTOR)) {
@@ -24,7 +24,7 @@ impl Cells {
         cells
     }
 
-    /// Copies the cells from `start` on.
+    /// Copies the cells from offset `start` into `bytes`.
     pub(super) fn read(&self, start: usize, bytes: &mut [u8]) {
         let mut done = 0;
         while done < bytes.len() {
@@ -39,7 +39,7 @@ impl Cells {
         }
     }
 
-    /// Returns cells of one sector, to be changed.
+    /// Returns cells within one sector, mutably.
     pub(super) fn change(&mut self, start: usize, len: usize) -> &mut [u8] {
         let (sector, place) = (&mut self.sectors[start / SECTOR], start % SECTOR);
         if sector.len() < place + len {

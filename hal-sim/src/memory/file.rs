@@ -1,35 +1,35 @@
-//! The file behind a memory: a trait, because this library uses no file system.
+//! The file behind a memory, as a trait: this library does not access the file system.
 
 use std::error::Error;
 use std::fmt::Debug;
 
 use super::Flash;
 
-/// The reason why a file cannot be written or put aside, in one line with the file's name.
+/// The reason why a file cannot be written or put aside: one line that includes the file name.
 pub type MemoryFileError = Box<dyn Error + Send + Sync>;
 
 /// A file with the image of a flash.
 pub trait MemoryFile: Debug + Send {
-    /// Replaces the image; it is on disk when this returns.
+    /// Replaces the image. The image is on disk when this returns.
     ///
     /// # Errors
-    /// When the file cannot be written. It still holds the earlier image.
+    /// If the file cannot be written. It then still holds the previous image.
     fn write(&self, image: &[u8]) -> Result<(), MemoryFileError>;
 
-    /// Puts the content aside for the user; the next write creates the file anew. Returns a line for the user.
+    /// Moves unusable content aside; the next write creates a new file. Returns one line of information for the user.
     ///
     /// # Errors
-    /// When the file cannot be put aside. It is unchanged.
+    /// If the file cannot be moved. It is then unchanged.
     fn put_aside(&self) -> Result<String, MemoryFileError>;
 }
 
 /// The content of a file when it was opened.
 #[derive(Debug)]
 pub enum Content {
-    /// There was no file.
+    /// The file did not exist.
     New,
     /// The image of a flash.
     Image(Flash),
-    /// Not the image of a flash.
+    /// The content is not a flash image.
     Damaged,
 }

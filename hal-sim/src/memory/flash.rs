@@ -1,4 +1,4 @@
-//! A NOR flash in RAM with the geometry of the board's, and with its failures.
+//! A NOR flash in RAM with the geometry of the board's flash, including its failures.
 
 use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -6,7 +6,7 @@ use embedded_storage::nor_flash::{
 
 use super::cells::{Cells, ERASED, SECTOR, SIZE};
 
-/// The bytes of a word, the unit of writing.
+/// The size of a word, the unit of writing, in bytes.
 pub const WORD: usize = 4;
 
 /// A NOR flash in RAM: two sectors, words of four bytes; writing only clears bits.
@@ -18,29 +18,29 @@ pub struct Flash {
     erases: u64,
     faults: Faults,
     torn_erase: TornErase,
-    /// The noise of torn writes and erases.
+    /// The random source for torn writes and erases.
     noise: fastrand::Rng,
 }
 
-/// The result of an erase torn by a power cut or a failure. A real flash may leave each cell anywhere between its old
-/// value and erased; these are the extremes (A).
+/// The result of an erase that a power cut or a failure interrupts. In a real flash, each cell may end anywhere between
+/// its old value and erased; these variants are the extremes (A).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TornErase {
-    /// The front of the sector is erased, then follows a word of noise; the rest is unchanged.
+    /// The front of the sector is erased, followed by one random word; the rest is unchanged.
     #[default]
     Front,
-    /// The same from the end of the sector.
+    /// The back of the sector is erased, preceded by one random word; the rest is unchanged.
     Back,
-    /// All bits are 0: an erase programs them first.
+    /// All bits are 0, because an erase first programs all bits.
     Zeros,
-    /// Every bit is random.
+    /// All bits are random.
     Noise,
-    /// Every 0 bit is random: the erase had hardly begun.
+    /// Some 0 bits are erased at random: the erase had hardly begun.
     Faded,
 }
 
 impl TornErase {
-    /// All variants.
+    /// All torn-erase results.
     pub const ALL: [Self; 5] = [Self::Front, Self::Back, Self::Zeros, Self::Noise, Self::Faded];
 
     fn tear(self, sector: &mut [u8], noise: &mut fastrand::Rng) {
@@ -60,7 +60,7 @@ impl TornErase {
             };
         }
         if self == Self::Faded {
-            // Between one bit in 2 and one in 256 is erased.
+            // The probability that a bit is erased is between 1/2 and 1/256.
             let halvings = noise.u32(1..=8);
             for cell in sector {
                 *cell |= (0..halvings).fold(ERASED, |bits, _| bits & noise.u8(..));
@@ -74,11 +74,11 @@ impl TornErase {
 struct Faults {
     /// Writes and erases fail without a change.
     write_fails: bool,
-    /// The number of word writes and erases before a power cut.
+    /// The number of word writes and erases left before a power cut.
     power_for: Option<u64>,
-    /// The number of word writes and erases before a single failure.
+    /// The number of word writes and erases left before a single failure.
     fails_after: Option<u64>,
-    /// The power was cut.
+    /// Whether the power is cut.
     dead: bool,
 }
 
@@ -117,13 +117,13 @@ impl Default for Flash {
 }
 
 impl Flash {
-    /// Returns an erased flash.
+    /// Creates an erased flash.
     #[must_use]
     pub fn new() -> Self {
         Self::of(Cells::default())
     }
 
-    /// Returns a flash with this image; `None` for a wrong size.
+    /// Creates a flash from an image; `None` if the size is wrong.
     #[must_use]
     pub fn from_image(image: Vec<u8>) -> Option<Self> {
         (image.len() == SIZE).then(|| Self::of(Cells::of(&image)))
@@ -152,19 +152,19 @@ impl Flash {
         self.cells = cells;
     }
 
-    /// Returns the number of reads since the flash was made.
+    /// Returns the number of reads since the flash was created.
     #[must_use]
     pub const fn reads(&self) -> u64 {
         self.reads
     }
 
-    /// Returns the number of written words since the flash was made.
+    /// Returns the number of words written since the flash was created.
     #[must_use]
     pub const fn word_writes(&self) -> u64 {
         self.word_writes
     }
 
-    /// Returns the number of erased sectors since the flash was made.
+    /// Returns the number of sectors erased since the flash was created.
     #[must_use]
     pub const fn erases(&self) -> u64 {
         self.erases
@@ -176,7 +176,7 @@ impl Flash {
         self.image().chunks_exact(WORD).filter(|word| *word != [ERASED; WORD]).count()
     }
 
-    /// Lets writes and erases fail, or succeed again.
+    /// Sets whether writes and erases fail.
     pub const fn set_write_fails(&mut self, fails: bool) {
         self.faults.write_fails = fails;
     }
@@ -187,14 +187,14 @@ impl Flash {
         self.faults.write_fails
     }
 
-    /// Cuts the power after `operations` more word writes and sector erases: the next one is torn, and all fail until
-    /// [`restore_power`](Self::restore_power).
+    /// Plans a power cut after `operations` further word writes and sector erases. The next operation is torn, and all
+    /// operations fail until [`restore_power`](Self::restore_power).
     pub const fn cut_power_after(&mut self, operations: u64) {
         self.faults.power_for = Some(operations);
     }
 
-    /// Fails one operation after `operations` more word writes and sector erases: that one is torn, and later ones
-    /// succeed.
+    /// Plans a single failure after `operations` further word writes and sector erases. That operation is torn; later
+    /// ones succeed.
     pub const fn fail_once_after(&mut self, operations: u64) {
         self.faults.fails_after = Some(operations);
     }
@@ -210,7 +210,7 @@ impl Flash {
         self.faults.dead = false;
     }
 
-    /// Returns whether a planned power cut has happened.
+    /// Returns whether a planned power cut has occurred.
     #[must_use]
     pub const fn is_dead(&self) -> bool {
         self.faults.dead
@@ -221,19 +221,19 @@ impl Flash {
         !self.faults.dead && !self.faults.write_fails
     }
 
-    /// Seeds the noise of torn operations.
+    /// Seeds the random source for torn operations.
     pub fn seed_noise(&mut self, seed: u64) {
         self.noise = fastrand::Rng::with_seed(seed);
     }
 
-    /// Flips a bit, counted from 0; ignores a number beyond the end.
+    /// Flips the bit with this number, counted from 0; no effect beyond the end.
     pub fn flip_bit(&mut self, bit: usize) {
         if bit / 8 < SIZE {
             self.cells.change(bit / 8, 1)[0] ^= 1 << (bit % 8);
         }
     }
 
-    /// Overwrites the whole flash, as a programmer would.
+    /// Overwrites the whole flash, like a programmer.
     pub fn fill(&mut self, content: impl FnMut(usize) -> u8) {
         self.cells = Cells::of(&(0..SIZE).map(content).collect::<Vec<u8>>());
     }
@@ -248,7 +248,7 @@ impl Flash {
         }
     }
 
-    /// Returns the outcome of one more operation.
+    /// Counts one operation and returns its outcome.
     fn attempt(&mut self) -> Result<Attempt, FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
@@ -267,7 +267,7 @@ impl Flash {
     }
 }
 
-/// Returns whether a counted fault strikes at this operation; it strikes once.
+/// Counts an operation down; returns whether the counted fault occurs now. It occurs only once.
 fn count_down(left: &mut Option<u64>) -> bool {
     match left {
         None => false,
@@ -330,7 +330,7 @@ impl NorFlash for Flash {
         Ok(())
     }
 
-    /// Writes words. A torn write clears some bits of its word.
+    /// Writes words. A torn write clears only some bits of its word.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
@@ -348,5 +348,5 @@ impl NorFlash for Flash {
     }
 }
 
-/// The STM32F4's flash has no error correction: another write to a word clears more bits.
+/// The STM32F4's flash has no error correction, so a word can be written again to clear more bits.
 impl MultiwriteNorFlash for Flash {}

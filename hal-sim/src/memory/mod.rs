@@ -1,4 +1,4 @@
-//! The non-volatile memory of one device: a flash with a record store, in RAM alone or kept in a file.
+//! The non-volatile memory of one device: a flash with a record store, in RAM or backed by a file.
 
 mod cells;
 mod file;
@@ -23,7 +23,7 @@ pub use flash::{Flash, FlashError, TornErase, WORD};
 
 use nvm::{BUFFER, Contents, Records, Unreadable};
 
-/// The filler of an unreadable flash: no record store writes it.
+/// The fill byte of a spoilt flash; the record store never produces such content.
 const SPOILT: u8 = 0xA5;
 
 /// The non-volatile memory of one device.
@@ -31,16 +31,16 @@ const SPOILT: u8 = 0xA5;
 pub struct Memory {
     flash: Flash,
     file: Option<Box<dyn MemoryFile>>,
-    /// The content was unreadable and was put aside: the next image reports it.
+    /// Whether unreadable content was put aside; the next image reports the damage.
     damaged: bool,
-    /// The next read of the image will find the flash unreadable.
+    /// Whether the next read of the image simulates an unreadable flash.
     spoilt: bool,
-    /// The unreadable content before it was erased; with a file, it is in a file.
+    /// The unreadable content before the erase; a memory with a file puts it aside in a file instead.
     put_aside: Option<Vec<u8>>,
     warnings: Vec<String>,
 }
 
-/// The clone of a memory with a file is in RAM, with the content of the file.
+/// A clone of a file-backed memory is in RAM and starts with the same content.
 impl Clone for Memory {
     fn clone(&self) -> Self {
         let Self { flash, file: _, damaged, spoilt, put_aside, warnings } = self;
@@ -56,47 +56,47 @@ impl Clone for Memory {
 }
 
 impl Memory {
-    /// Returns a new memory that is lost with the process.
+    /// Creates an empty memory without a file.
     #[must_use]
     pub fn in_ram() -> Self {
         Self::default()
     }
 
-    /// Returns a memory with this flash.
+    /// Creates a memory in RAM from this flash.
     #[must_use]
     pub fn with_flash(flash: Flash) -> Self {
         Self { flash, ..Self::default() }
     }
 
-    /// Returns the memory in a file; a new memory for a new file.
+    /// Creates a memory backed by a file, from the content of the file.
     ///
-    /// Damaged content is put aside, and the memory starts empty and damaged: see
+    /// Damaged content is put aside; the memory then starts empty and marked as damaged: see
     /// [`take_warnings`](Self::take_warnings).
     ///
     /// # Errors
-    /// When the file cannot be written or put aside. It is unchanged.
+    /// If the file cannot be written or put aside. It is then unchanged.
     pub fn kept_in(file: Box<dyn MemoryFile>, content: Content) -> Result<Self, MemoryFileError> {
         let mut memory = Self { file: Some(file), ..Self::default() };
         match content {
             Content::New => {}
-            // Reads a copy: opening the store may complete an operation that a power cut interrupted.
+            // Opens a copy, because opening the store may complete an operation that a power cut interrupted.
             Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
             Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
         }
-        // A folder without write permission fails here.
+        // Fails now if the folder is not writable.
         memory.persist()?;
         Ok(memory)
     }
 
-    /// Reads all records, as a device does when it starts.
+    /// Reads all records, as at the start of a device.
     ///
-    /// An unreadable memory is put aside and erased, so that it can be written again; the next image is marked as
-    /// damaged, once.
+    /// An unreadable memory is put aside and erased, so that it can be written again. Only the next image is marked as
+    /// damaged.
     pub fn read_image(&mut self) -> Image {
         if std::mem::take(&mut self.spoilt) {
             self.flash.fill(|_| SPOILT);
         }
-        // Opening the store may complete an interrupted operation, which must not change the content to be put aside.
+        // Opening the store may complete an interrupted operation; the content to put aside must stay unchanged.
         let found = self.flash.clone();
         let mut image = read(&mut self.flash).unwrap_or_else(|Unreadable| {
             self.give_up(&found);
@@ -108,7 +108,7 @@ impl Memory {
         image
     }
 
-    /// Returns the image of a start now, without any change.
+    /// Returns the image that a start would read now, without changing the memory.
     #[must_use]
     pub fn peek_image(&self) -> Image {
         let mut flash = self.flash.clone();
@@ -125,8 +125,8 @@ impl Memory {
     /// Writes a record.
     ///
     /// # Errors
-    /// [`StoreError`] when the flash or the file cannot be written. Neither holds the record then: the next write or
-    /// start would otherwise restore it.
+    /// [`StoreError`] if the flash or the file cannot be written. Neither then holds the record: otherwise the next
+    /// write or start would restore it.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let kept = self.file.as_ref().map(|_| self.flash.cells().clone());
         let stored = store(&mut self.flash, key, record);
@@ -134,7 +134,7 @@ impl Memory {
             self.warnings.push(error.to_string());
             if let Some(cells) = kept {
                 self.flash.set_cells(cells);
-                // The folder may already hold the new file even if its sync failed.
+                // Even if the sync failed, the folder may already hold the new file; restore the old content.
                 let _ = self.persist();
             }
             return Err(StoreError);
@@ -142,21 +142,21 @@ impl Memory {
         stored
     }
 
-    /// Writes a record up to a power cut, after the part `numerator / denominator` of its words.
+    /// Starts to write a record, and cuts the power after `numerator / denominator` of its words.
     pub fn store_cut(&mut self, key: RecordKey, record: &Record, numerator: u64, denominator: u64) {
         let mut trial = self.flash.clone();
         let before = trial.word_writes() + trial.erases();
-        // The trial run only counts operations; its result does not matter.
+        // The trial run only counts operations; its result is irrelevant.
         let _ = store(&mut trial, key, record);
         let operations = trial.word_writes() + trial.erases() - before;
         let reached = u128::from(operations) * u128::from(numerator) / u128::from(denominator.max(1));
         self.flash.cut_power_after(u64::try_from(reached).unwrap_or(u64::MAX));
-        // The device is without power, and does not see the result.
+        // The device has no power and cannot see the result.
         let _ = self.store(key, record);
         self.flash.restore_power();
     }
 
-    /// Restores the power: a flash with a torn write works again.
+    /// Restores the power: writes succeed again after a power cut.
     pub fn power_up(&mut self) {
         if self.flash.is_dead() {
             self.flash.restore_power();
@@ -169,12 +169,12 @@ impl Memory {
         &self.flash
     }
 
-    /// Returns the flash, to inject faults.
+    /// Returns the flash, for fault injection.
     pub const fn flash_mut(&mut self) -> &mut Flash {
         &mut self.flash
     }
 
-    /// Lets writes fail, or succeed again.
+    /// Sets whether writes fail.
     pub const fn set_write_fails(&mut self, fails: bool) {
         self.flash.set_write_fails(fails);
     }
@@ -185,29 +185,29 @@ impl Memory {
         self.flash.write_fails()
     }
 
-    /// Makes the memory unreadable for the next [`read_image`](Self::read_image), or readable again.
+    /// Sets whether the next [`read_image`](Self::read_image) finds the memory unreadable.
     pub const fn set_spoilt(&mut self, spoilt: bool) {
         self.spoilt = spoilt;
     }
 
-    /// Returns whether the next [`read_image`](Self::read_image) will find the memory unreadable.
+    /// Returns whether the next [`read_image`](Self::read_image) finds the memory unreadable.
     #[must_use]
     pub const fn is_spoilt(&self) -> bool {
         self.spoilt
     }
 
-    /// Takes the warnings for the user, a line each.
+    /// Takes the warnings for the user, one line each.
     pub fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Returns the unreadable flash image that was erased, of a memory without a file.
+    /// Returns the image of an unreadable flash that was erased; `None` for a file-backed memory.
     #[must_use]
     pub fn put_aside(&self) -> Option<&[u8]> {
         self.put_aside.as_deref()
     }
 
-    /// Puts the content of an unreadable flash aside and erases it. A flash that cannot be erased stays as it is.
+    /// Puts the content of an unreadable flash aside and erases the flash. If the erase fails, the content stays.
     fn give_up(&mut self, found: &Flash) {
         self.damaged = true;
         if !self.flash.can_be_written() {

@@ -1,5 +1,5 @@
-//! The reported errors of the bus: the first error frame of each destroyed frame, and each change of an error mode. A
-//! controller repeats a destroyed frame thousands of times a second.
+//! Reports bus errors: the first error frame of each destroyed frame, and each change of an error mode. Repeated error
+//! frames are not reported, because a controller retries thousands of times per second.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,24 +13,24 @@ use crate::explain::explain_error;
 use crate::log::ErrorClass;
 use crate::world::{Event, EventKind};
 
-/// The pause after which an error frame is reported as a new one.
+/// The pause after which a further error frame is reported again.
 const OVER: Duration = Duration::from_secs(1);
 
-/// The errors of the bus, and the reported ones among them.
+/// A filter that selects the bus errors to report.
 #[derive(Clone, Debug, Default)]
 pub struct Errors {
     /// The number of error frames since the first reported one.
     count: u64,
     /// The instant of the last error frame.
     last: Option<Instant>,
-    /// The frame of each sender that is being destroyed, with its last error frame.
+    /// The frame that each sender is failing to send, with the time of its last error frame.
     failing: HashMap<Arc<str>, (Frame, Instant)>,
-    /// The controllers that are not error-active: their modes with the beginnings.
+    /// The controllers that are not error-active, with their modes and the time of entry.
     troubled: HashMap<Arc<str>, (BusErrorMode, Instant)>,
 }
 
 impl Errors {
-    /// Records an event; returns the class and the text of an error to be reported.
+    /// Records an event; returns the class and the text if the event is an error to report.
     pub fn note(&mut self, event: &Event) -> Option<(ErrorClass, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
@@ -61,7 +61,7 @@ impl Errors {
         (!told).then(|| (class(error), explain_error(error, frame, &event.who)))
     }
 
-    /// The text has the duration of the previous mode, not its beginning: traces count from the start or by the clock.
+    /// Describes a mode change with the duration of the previous mode, because traces may use different time origins.
     fn change(&mut self, event: &Event, to: BusErrorMode) -> (ErrorClass, String) {
         let before = match to {
             BusErrorMode::ErrorActive => self.troubled.remove(&event.who),
@@ -81,7 +81,7 @@ impl Errors {
     }
 }
 
-/// Returns the class of an error frame in logs and for clients.
+/// Returns the class of an error frame for logs and clients.
 const fn class(error: BusError) -> ErrorClass {
     match error {
         BusError::Acknowledgement => ErrorClass::NoAcknowledge,

@@ -1,4 +1,4 @@
-//! The trace for people: aligned columns, arrows, colours, and repeated cyclic frames as a count.
+//! The human-readable trace: aligned columns, arrows, colours, and counts in place of repeated cyclic frames.
 //!
 //! ```text
 //!    300.768 ms  ->  220: 0F 00 00 20               master → pvea-canopen: RPDO …   a client sent it
@@ -17,22 +17,22 @@ use protocol_core::time::{Duration, Instant, since};
 use crate::explain::{Mark, is_cyclic};
 use crate::log::write_hex;
 
-/// The period beyond which an unchanged frame counts as new.
+/// The pause after which an unchanged frame is printed as new.
 const CYCLE: Duration = Duration::from_secs(2);
 
-/// The longest time without a report of repeats.
+/// The maximum time between two reports of repeats.
 const REMINDER: Duration = Duration::from_secs(5);
 
-/// The delay after which a cycle counts as ended.
+/// The lateness of a frame after which its cycle has ended.
 const LATE: Duration = Duration::from_millis(20);
 
-/// The time from which times are written as h:mm:ss.mmm, in milliseconds.
+/// The time from which times are printed as h:mm:ss.mmm, in milliseconds.
 const MINUTE: u64 = 60_000;
 
-/// The columns before the frame: time, unit, arrow.
+/// The width of the columns before the frame: time, unit, arrow.
 const MARGIN: usize = 19;
 
-/// The number of columns below which the bytes of a frame are written without blanks.
+/// The number of terminal columns below which data bytes are printed without blanks.
 const ROOMY: usize = 100;
 
 /// The width below which meanings are not wrapped.
@@ -48,11 +48,11 @@ const MINOR: Style = Style::new().dimmed();
 /// The layout of a trace.
 pub struct Layout {
     color: bool,
-    /// Repeated frames are shown.
+    /// Whether repeated frames are printed.
     verbose: bool,
-    /// The columns of the terminal, if known.
+    /// The number of terminal columns, if known.
     columns: Option<usize>,
-    /// 29-bit identifiers need space.
+    /// Whether space is reserved for 29-bit identifiers.
     extended: bool,
     /// The last printed frame of each sender and identifier.
     latest: HashMap<(Arc<str>, Id), Latest>,
@@ -61,7 +61,7 @@ pub struct Layout {
 /// A printed frame and its repeats.
 struct Latest {
     frame: Frame,
-    /// The instant of the last repeat.
+    /// The time of the last repeat.
     at: Instant,
     /// The number of unreported repeats, and the time of the frame before them.
     again: u32,
@@ -69,13 +69,13 @@ struct Latest {
 }
 
 impl Layout {
-    /// Returns a layout, in colour or not, that shows every frame or counts repeated ones.
+    /// Creates a layout. `color` enables colours; `verbose` prints every frame instead of counting repeats.
     #[must_use]
     pub fn new(color: bool, verbose: bool) -> Self {
         Self { color, verbose, columns: None, extended: false, latest: HashMap::new() }
     }
 
-    /// Sets the number of columns; `None`: lines are not wrapped.
+    /// Sets the number of terminal columns; `None` disables wrapping.
     pub fn fit(&mut self, columns: Option<usize>) {
         self.columns = columns;
     }
@@ -85,7 +85,7 @@ impl Layout {
         self.extended = true;
     }
 
-    /// Writes a frame, or counts it as a repeat. `from_device`: a device sent it.
+    /// Writes a frame or counts it as a repeat. `from_device`: the sender is a device.
     pub fn frame(
         &mut self,
         out: &mut String,
@@ -112,7 +112,7 @@ impl Layout {
         self.text(out, style, &text);
     }
 
-    /// Writes the line of an error.
+    /// Writes an error line.
     pub fn error(&mut self, out: &mut String, at: Instant, text: &str) {
         self.tell_ended(out, at);
         self.time(out, at);
@@ -163,7 +163,7 @@ impl Layout {
                 (latest.again, latest.told) = (0, latest.at);
             }
         }
-        // The order of the map is random.
+        // The iteration order of the map is random.
         told.sort_by_key(|(at, frame, _)| (*at, frame.arbitration()));
         for (_, frame, text) in told {
             let blank = " ".repeat(MARGIN);
@@ -186,7 +186,7 @@ impl Layout {
         out.push_str("  ");
     }
 
-    /// Returns a frame padded to the width of the widest one.
+    /// Formats a frame, padded to the width of the widest frame.
     fn columns_of(&self, frame: &Frame) -> String {
         let mut text = frame.to_string();
         if !self.is_roomy() && !frame.is_remote() {
@@ -197,7 +197,7 @@ impl Layout {
         format!("{text:<width$}", width = self.frame_width())
     }
 
-    /// Returns the width of a frame of eight bytes: identifier, colon, blank, bytes.
+    /// Returns the width of a frame with eight bytes: identifier, colon, blank, bytes.
     fn frame_width(&self) -> usize {
         let bytes = if self.is_roomy() { 23 } else { 16 };
         let id = if self.extended { 8 } else { 3 };
@@ -208,7 +208,7 @@ impl Layout {
         self.columns.is_none_or(|columns| columns >= ROOMY)
     }
 
-    /// Writes the end of a line: a text, wrapped if it is too long.
+    /// Writes a text up to the end of the line, wrapped if it is too long.
     fn text(&self, out: &mut String, style: Style, text: &str) {
         let indent = MARGIN + self.frame_width() + 2;
         let width = self.columns.map_or(usize::MAX, |columns| columns.saturating_sub(indent).max(NARROWEST));
@@ -240,7 +240,7 @@ impl Latest {
     }
 }
 
-/// Returns a text in lines with at most this many characters, wrapped between words.
+/// Splits a text between words into lines of at most `width` characters.
 fn broken(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     let mut length = 0;

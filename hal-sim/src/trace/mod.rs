@@ -1,4 +1,4 @@
-//! Traces: events on the bus, laid out for people.
+//! Human-readable traces of bus events.
 //!
 //! ```text
 //! layout     the columns of a trace         errors     the reported error frames and error modes

@@ -2,14 +2,14 @@
 
 use protocol_core::time::{Instant, NEVER};
 
-/// The due times of all devices, as a tournament: of two neighbours, the one due earlier advances; of equals, the one
-/// with the lower number. A new due time replays only the rounds of its device.
+/// The due times of all devices, as a tournament tree: the earlier due time wins; of equal times, the lower device
+/// number. A new due time replays only the matches of its device.
 #[derive(Clone, Debug)]
 pub(super) struct Agenda {
     /// The due time of each device, by number.
     due: Vec<Instant>,
-    /// The winners as in a heap: of the final at 1, of the matches before it at 2 and 3, and so on. The devices
-    /// themselves fill the last places, with [`NOBODY`] in empty ones.
+    /// The winner of each match, indexed as in a heap: the final at 1, its two predecessors at 2 and 3, and so on. The
+    /// last places hold the devices themselves, or [`NOBODY`].
     winners: Vec<usize>,
     /// The due time of the winner.
     next: Instant,
@@ -24,7 +24,7 @@ impl Default for Agenda {
 }
 
 impl Agenda {
-    /// Adds a device that is not due.
+    /// Adds a device without a due time.
     pub(super) fn add(&mut self) {
         self.due.push(NEVER);
         let places = self.due.len().next_power_of_two();
@@ -49,7 +49,7 @@ impl Agenda {
         self.next
     }
 
-    /// Returns the next device due by `now`.
+    /// Returns the next device that is due by `now`.
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
         if self.next <= now { self.winners.get(1).copied() } else { None }
     }
@@ -60,7 +60,7 @@ impl Agenda {
         self.play(node);
     }
 
-    /// Replays the matches of a device.
+    /// Replays the matches of a device after a change of its due time.
     fn play(&mut self, node: usize) {
         let mut place = (self.winners.len() / 2 + node) / 2;
         while place > 0 {

@@ -8,15 +8,15 @@ use protocol_core::frame::Frame;
 
 use super::{ClientPortId, World};
 
-/// A client of a world's bus, made by [`World::client`].
+/// A client of a world's bus, created by [`World::client`].
 ///
-/// Virtual time passes only in calls of the [`World`]. A transmitted frame goes to the bus at the beginning of the next
-/// [`World::run_for`], [`World::run_until`] or [`World::step`], at the world's present instant; received frames are
+/// Virtual time passes only during calls of the [`World`]. Transmitted frames reach the bus at the start of the next
+/// [`World::run_for`], [`World::run_until`] or [`World::step`], at the current virtual time. Received frames are
 /// available when that call returns. `transmit` accepts every frame. `nb::block!` on `receive` never returns: run the
 /// world, then receive again.
 ///
-/// A dropped client leaves the bus, and its waiting frames are lost. A client stays with its original world when that
-/// is cloned: see [`World::take_client`].
+/// A dropped client leaves the bus and loses its pending frames. A cloned world does not take over the client: see
+/// [`World::take_client`].
 #[derive(Debug)]
 pub struct Client(Shared);
 
@@ -57,7 +57,7 @@ impl Drop for Client {
     }
 }
 
-/// The frames between a client and its world.
+/// The frame queues between a client and its world.
 #[derive(Clone, Debug, Default)]
 struct Queues {
     sent: VecDeque<Frame>,
@@ -66,7 +66,7 @@ struct Queues {
     world_gone: bool,
 }
 
-/// The queues, shared by both ends.
+/// The queues, shared by the client and its world.
 #[derive(Debug, Default)]
 struct Shared(Arc<Mutex<Queues>>);
 
@@ -80,12 +80,12 @@ impl Shared {
 pub(super) struct Connection {
     port: ClientPortId,
     queues: Shared,
-    /// The client belongs to the world that this one was cloned from, and [`World::take_client`] has not replaced it
-    /// yet.
+    /// Whether this connection is a clone whose client still belongs to the original world: [`World::take_client`] has
+    /// not replaced it yet.
     untaken: bool,
 }
 
-/// The clone has queues of its own, with the same frames.
+/// The clone gets its own queues with the same frames.
 impl Clone for Connection {
     fn clone(&self) -> Self {
         let queues = Shared(Arc::new(Mutex::new(self.queues.lock().clone())));
@@ -100,8 +100,8 @@ impl Drop for Connection {
 }
 
 impl World {
-    /// Adds a client that the caller owns, as firmware owns its CAN controller. It sends in the order of its calls,
-    /// receives all frames but its own, and acknowledges.
+    /// Adds a client that the caller owns, as firmware owns its CAN controller. It sends frames in FIFO order, receives
+    /// all frames except its own, and acknowledges.
     pub fn client(&mut self, name: &str) -> Client {
         let mut connection = Connection { port: self.add_client_port(name), queues: Shared::default(), untaken: true };
         let client = connection.take();
@@ -109,8 +109,8 @@ impl World {
         client
     }
 
-    /// Takes the named client of a cloned world, with the frames that the original had sent and not yet received. Until
-    /// then it is on the bus and receives. Returns `None` for an unknown client, or one that is taken already.
+    /// Takes the named client of a cloned world, with the frames that the original had not transferred yet. Before this
+    /// call, the client is already on the bus and receives. Returns `None` if the client is unknown or already taken.
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
         let is_it = |connection: &&mut Connection| {
             let is_there = connection.untaken && !connection.queues.lock().client_gone;

@@ -1,4 +1,4 @@
-//! External controllers on the bus of this world: see [`WireEvent`].
+//! External controllers on the bus of a world: see [`WireEvent`].
 
 use std::collections::vec_deque::Drain;
 
@@ -14,25 +14,25 @@ use crate::bus::{Port, PortId, WireEvent};
 pub struct ControllerId(PortId);
 
 impl World {
-    /// Adds an external controller, off the bus.
+    /// Adds an external controller, initially disconnected.
     pub fn add_controller(&mut self, name: &str) -> ControllerId {
         let port = self.bus.add_external(name.into(), self.bit_rate);
         self.own(port, None);
         ControllerId(port)
     }
 
-    /// Connects the controller at a bit rate; it takes part after 11 recessive bits. A silent controller receives but
+    /// Connects the controller at a bit rate; it participates after 11 recessive bits. A silent controller receives but
     /// never drives the bus.
     pub fn attach(&mut self, controller: ControllerId, rate: BitRate, silent: bool) {
         self.bus.attach(controller.0, rate, silent, self.now);
     }
 
-    /// Takes the controller off the bus; its error counters stay.
+    /// Disconnects the controller; it keeps its error counters.
     pub fn detach(&mut self, controller: ControllerId) {
         self.bus.detach(controller.0, false, self.now);
     }
 
-    /// Takes the controller off the bus and clears its error counters: its chip was reset or lost its supply.
+    /// Disconnects the controller and clears its error counters, as after a chip reset or a power loss.
     pub fn reset_controller(&mut self, controller: ControllerId) {
         self.bus.detach(controller.0, true, self.now);
     }
@@ -42,7 +42,7 @@ impl World {
         self.bus.offer(controller.0, frame, self.now);
     }
 
-    /// Lets a bus-off controller begin to count 128 sequences of 11 recessive bits.
+    /// Starts the recovery of a bus-off controller: it counts 128 sequences of 11 recessive bits.
     pub fn start_recovery(&mut self, controller: ControllerId) {
         self.bus.start_recovery(controller.0, self.now);
     }

@@ -1,8 +1,8 @@
-//! Links: the shaft of a sensor follows the integral of a valve's spool position.
+//! Links: a sensor's shaft angle follows the integral of a valve's spool position.
 //!
-//! The flow is linear in the spool's position, and the spool moves along straight lines in time, so the integral is a
-//! sum of trapezoids in integers. It is updated when the shaft is read or the valve changes, and does not depend on the
-//! number of updates.
+//! The flow is proportional to the spool position, and the spool position is piecewise linear in time. The integral is
+//! therefore a sum of trapezoids, computed in integers. It is updated when the shaft is read or the valve changes; the
+//! number of updates does not affect the result.
 
 use protocol_core::actuator::Valve;
 use protocol_core::device::Inputs;
@@ -12,19 +12,19 @@ use protocol_core::time::{Duration, Instant, after, since};
 use super::node::Power;
 use super::{NodeId, World};
 
-/// A link: how a sensor's shaft follows a valve.
+/// The parameters of a link between a valve and a sensor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// The speed at full stroke towards the B-port, in 1/100 degree per second; negative when the angle falls.
     pub rate: i32,
     /// The lower end stop, inclusive, in 1/100 degree.
     pub min: u32,
-    /// The upper end stop, inclusive, in 1/100 degree: at least the lower one, and below a turn.
+    /// The upper end stop, inclusive, in 1/100 degree: not below the lower end stop, and less than one turn.
     pub max: u32,
 }
 
 impl Default for Link {
-    /// Returns 30 degrees a second, from 0 to 90 degrees (A, SPEC 9).
+    /// Returns 30 degrees per second, from 0 to 90 degrees (A, SPEC 9).
     fn default() -> Self {
         Self { rate: 3_000, min: 0, max: 9_000 }
     }
@@ -40,36 +40,37 @@ pub enum LinkError {
     /// The second device is not an angle sensor.
     #[error("not an angle sensor")]
     NoSensor,
-    /// The shaft already follows a valve.
+    /// The sensor's shaft already follows a valve.
     #[error("the sensor is linked already")]
     Linked,
-    /// The end stops are out of order, or not below a turn.
+    /// The end stops are in the wrong order, or the upper one is not less than one turn.
     #[error("invalid end stops; accepted: 0 to 35999 in 1/100 degree, the lower one first")]
     Stops,
 }
 
-/// 1/100 degree in the unit of the integral: twice the steps of the full stroke times microseconds, because a trapezoid
-/// has a factor of one half.
+/// 1/100 degree in units of the integral: twice the steps of the full stroke times microseconds. The factor of two
+/// avoids the one half of the trapezoid formula.
 const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
 
-/// A link in use.
+/// An active link.
 #[derive(Clone, Debug)]
 pub(super) struct Coupling {
     valve: NodeId,
     sensor: NodeId,
     link: Link,
-    /// The angle at `reckoned`, in units of 1/[`CDEG`] of 1/100 degree.
+    /// The angle at `reckoned`, in units of 1/[`CDEG`] of a 1/100 degree.
     angle: i128,
     reckoned: Instant,
 }
 
 impl World {
-    /// Links the shaft of a sensor to a valve. A shaft beyond an end stop moves to it; a turning shaft stops.
+    /// Links a sensor's shaft to a valve. A shaft outside the end stops moves to the nearest one; a rotating shaft
+    /// stops.
     ///
     /// # Errors
-    /// [`LinkError`] for devices that cannot be linked, and for wrong end stops.
+    /// [`LinkError`] if the devices cannot be linked or the end stops are invalid.
     pub fn link(&mut self, valve: NodeId, sensor: NodeId, link: Link) -> Result<(), LinkError> {
         if self.inputs(valve).valve().is_none() {
             return Err(LinkError::NoValve);
@@ -94,7 +95,7 @@ impl World {
         self.coupling_of(sensor).is_some()
     }
 
-    /// Returns the present angle of a device's shaft, in 1/100 degree; `None` for a device without a shaft.
+    /// Returns the current shaft angle of a device, in 1/100 degree; `None` for a device without a shaft.
     #[must_use]
     pub fn angle_cdeg(&self, node: NodeId) -> Option<u32> {
         let shaft = self.nodes[node.0].inputs.shaft()?;
@@ -107,7 +108,7 @@ impl World {
         self.couplings.iter().find(|coupling| coupling.sensor == sensor)
     }
 
-    /// Updates the links of a device to now: before a valve changes, and before a sensor reads its shaft.
+    /// Updates the links of a device to the current time, before a valve changes or a sensor reads its shaft.
     pub(super) fn follow_links(&mut self, node: NodeId) {
         if !self.couplings.is_empty() {
             self.follow_links_of(node);
@@ -137,14 +138,14 @@ impl World {
         }
     }
 
-    /// Sets the angle of a link from outside; the link continues from there.
+    /// Sets the angle of a link; the link continues from this angle.
     pub(super) fn turn_link(&mut self, sensor: NodeId, angle_cdeg: u32) {
         if let Some(coupling) = self.couplings.iter_mut().find(|coupling| coupling.sensor == sensor) {
             coupling.angle = i128::from(angle_cdeg) * CDEG;
         }
     }
 
-    /// Returns the senses with the angle of the link, which must be up to date.
+    /// Returns the inputs with the angle of the link, which must be up to date.
     pub(super) fn as_linked(&self, sensor: NodeId, mut inputs: Inputs) -> Inputs {
         if let Some(coupling) = self.couplings.iter().find(|coupling| coupling.sensor == sensor)
             && let Some(shaft) = inputs.shaft_mut()
@@ -155,7 +156,7 @@ impl World {
         inputs
     }
 
-    /// Returns the valve of a powered device. Without power its spool counts as neutral (A), as at its next start.
+    /// Returns the valve of a powered device. An unpowered valve counts as neutral (A), as at its next start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
         match &self.nodes[node.0].power {
             Power::On(device) => device.valve(),
@@ -165,8 +166,8 @@ impl World {
 }
 
 impl Coupling {
-    /// Returns the angle at an instant from the last update on, in 1/100 degree, if the valve does not change until
-    /// then.
+    /// Returns the angle at an instant at or after the last update, in 1/100 degree, if the valve does not change
+    /// before.
     pub(super) fn angle_at(&self, world: &World, at: Instant) -> u32 {
         self.angle_cdeg(self.reckon(world.valve(self.valve), at))
     }
@@ -191,8 +192,8 @@ impl Coupling {
                 at = end;
                 continue;
             }
-            // The flow changes sign where the spool passes neutral: three parts, up to the microsecond of the passage,
-            // that microsecond, and the rest.
+            // The flow changes sign where the spool passes neutral. The interval is split into three parts: before the
+            // microsecond of the passage, that microsecond, and the rest.
             let micros = i128::from(since(end, at).as_micros());
             let end = if from * to < 0 {
                 let passes = Duration::from_micros(u64::try_from(from * micros / (from - to)).unwrap_or(0));
@@ -207,7 +208,7 @@ impl Coupling {
         angle
     }
 
-    /// Returns the angle after some flow. An end stop holds the shaft; a shaft beyond a stop goes no further.
+    /// Adds a flow to an angle. The end stops limit the angle; a shaft outside a stop moves no further outwards.
     fn moved(&self, angle: i128, flow: i128) -> i128 {
         let (min, max) = (i128::from(self.link.min) * CDEG, i128::from(self.link.max) * CDEG);
         let turned = flow * i128::from(self.link.rate);

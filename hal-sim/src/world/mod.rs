@@ -1,8 +1,7 @@
 //! The world: devices, their plant and their memory on one bus, in virtual time, event by event.
 //!
-//! The order within one instant is fixed: first the frames that end on the bus and their receivers, then the due
-//! devices, both by number, and finally the start of the next frame. A run therefore depends only on the calls and the
-//! seed.
+//! The order within one instant is fixed: first the frames that end on the bus with their receivers, then the due
+//! devices, both by number, and finally the start of the next frame. A run depends only on the calls and the seed.
 
 mod agenda;
 mod client;
@@ -54,16 +53,16 @@ pub struct NodeId(usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientPortId(PortId);
 
-/// Devices, their plant and their memory on one bus, in virtual time.
+/// A bus and its devices with plants and memories, in virtual time.
 ///
-/// The clone of a world continues as the original would: the same calls have the same results at the same instants. Two
-/// things stay with the original: the file behind a memory, because the clone keeps its memory in RAM; and each
-/// [`Client`], which [`take_client`](Self::take_client) replaces in the clone.
+/// A clone continues exactly as the original would: the same calls have the same results at the same times. Two things
+/// stay with the original: the file behind a memory, because the clone keeps its memory in RAM, and each [`Client`],
+/// which [`take_client`](Self::take_client) replaces in the clone.
 #[derive(Clone)]
 pub struct World {
     now: Instant,
     bit_rate: BitRate,
-    /// The number of changes of the bit rate, of the bus or of a device, power-ups and restarts included.
+    /// A counter of bit rate changes of the bus and the devices, including power-ups and restarts.
     rate_changes: u64,
     bus: Bus,
     nodes: Vec<Node>,
@@ -73,16 +72,16 @@ pub struct World {
     /// The owner of each port, by the port's number; `None` for a client's port.
     owners: Vec<Option<NodeId>>,
     random: fastrand::Rng,
-    /// A buffer for the ports that are being served, kept for its capacity.
+    /// A reusable buffer for the ports being served.
     touched: Vec<PortId>,
     /// The clients owned by the caller.
     clients: Vec<Connection>,
-    /// The controllers that send inserted frames, by the names of their faults.
+    /// The controllers that send inserted frames, by fault name.
     inserters: Vec<(Arc<str>, ClientPortId)>,
 }
 
 impl World {
-    /// Returns an empty world at instant 0.
+    /// Creates an empty world at virtual time 0.
     #[must_use]
     pub fn new(bit_rate: BitRate, seed: u64) -> Self {
         Self {
@@ -101,19 +100,19 @@ impl World {
         }
     }
 
-    /// Returns the virtual time.
+    /// Returns the current virtual time.
     #[must_use]
     pub const fn now(&self) -> Instant {
         self.now
     }
 
-    /// Adds a healthy, unpowered device with a new memory: a kind in factory state, or a [`Setup`].
+    /// Adds a healthy, unpowered device with a new memory. `setup` is a kind in factory state, or a [`Setup`].
     pub fn add(&mut self, name: &str, setup: impl Into<Setup>) -> NodeId {
         self.add_with(name, setup, Memory::in_ram())
     }
 
-    /// Adds a healthy, unpowered device with this memory. The content of the memory takes precedence over the setup. A
-    /// setup without a bit rate takes that of the bus if the product supports it.
+    /// Adds a healthy, unpowered device with this memory, whose content takes precedence over the setup. A setup
+    /// without a bit rate uses the bit rate of the bus if the product supports it.
     pub fn add_with(&mut self, name: &str, setup: impl Into<Setup>, memory: Memory) -> NodeId {
         let setup: Setup = setup.into();
         let bit_rate = setup.bit_rate.or(Some(self.bit_rate).filter(|rate| setup.kind.bit_rates().contains(rate)));
@@ -124,7 +123,7 @@ impl World {
         node
     }
 
-    /// Adds an unpowered device of any make. `factory` builds it from its memory at each power-up.
+    /// Adds an unpowered device of any type. `factory` creates the device from its memory at each power-up.
     pub fn add_device(
         &mut self,
         name: &str,
@@ -161,7 +160,7 @@ impl World {
         &self.nodes[node.0].name
     }
 
-    /// Returns the device of that name.
+    /// Returns the device with this name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<NodeId> {
         self.devices().find(|node| self.name(*node) == name)
@@ -191,15 +190,15 @@ impl World {
         self.device(node).map(Device::outputs)
     }
 
-    /// Returns what a device senses. The bus mode is that of its controller; the angle of a linked shaft is the one
-    /// that the device sampled last.
+    /// Returns the inputs of a device. The bus mode is the error mode of its controller. The angle of a linked shaft is
+    /// the device's last sample.
     #[must_use]
     pub fn inputs(&self, node: NodeId) -> &Inputs {
         &self.nodes[node.0].inputs
     }
 
-    /// Sets what a device senses. The bus mode is ignored: see [`force_bus_off`](Self::force_bus_off); so is the angle
-    /// of a linked shaft: see [`set_plant`](Self::set_plant).
+    /// Sets the inputs of a device. Two inputs are ignored: the bus mode, see [`force_bus_off`](Self::force_bus_off),
+    /// and the angle of a linked shaft, see [`set_plant`](Self::set_plant).
     pub fn set_inputs(&mut self, node: NodeId, inputs: Inputs) {
         self.follow_links(node);
         let now = self.now;
@@ -218,12 +217,12 @@ impl World {
         &self.nodes[node.0].memory
     }
 
-    /// Returns the memory of a device, to inject faults into.
+    /// Returns the memory of a device, for fault injection.
     pub fn memory_mut(&mut self, node: NodeId) -> &mut Memory {
         &mut self.nodes[node.0].memory
     }
 
-    /// Returns the CAN controller of a device: error counters and waiting frames.
+    /// Returns the CAN controller of a device, with its error counters and pending frames.
     #[must_use]
     pub fn port(&self, node: NodeId) -> &Port {
         self.bus.port(self.nodes[node.0].port)
@@ -246,8 +245,8 @@ impl World {
         self.nodes[node.0].forced_bus_off
     }
 
-    /// Adds a client that sends in the order of its calls, receives all frames but its own, and acknowledges. Received
-    /// frames are kept without a limit until they are [taken](Self::take_received).
+    /// Adds a client that sends frames in FIFO order, receives all frames except its own, and acknowledges. Received
+    /// frames are kept without limit until they are [taken](Self::take_received).
     pub fn add_client_port(&mut self, name: &str) -> ClientPortId {
         let port = self.bus.add_client_port(name.into(), self.bit_rate, self.now);
         self.own(port, None);
@@ -255,8 +254,8 @@ impl World {
     }
 
     /// Adds a gateway: a client that discards received frames. A second controller, which never sends, acknowledges all
-    /// frames of the gateway, even when a device sends the same frame at the same moment; and it keeps a lone device
-    /// from going error-passive.
+    /// frames of the gateway, even when a device sends the same frame simultaneously. It also keeps a lone device from
+    /// becoming error-passive.
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}, listening");
         let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
@@ -265,7 +264,7 @@ impl World {
         ClientPortId(port)
     }
 
-    /// Removes a client and its waiting frames. Its [`ClientPortId`] may be reused.
+    /// Removes a client and drops its pending frames. Its [`ClientPortId`] may be reused.
     pub fn remove_client_port(&mut self, port: ClientPortId) {
         self.bus.remove(port.0, self.now);
     }
@@ -277,12 +276,12 @@ impl World {
         self.bus.refresh(port.0, self.now);
     }
 
-    /// Withdraws the waiting frames of a client; a frame on the wire breaks off.
+    /// Drops the pending frames of a client. A frame on the wire is cut off.
     pub fn withdraw(&mut self, port: ClientPortId) {
         self.bus.drop_pending(port.0, self.now);
     }
 
-    /// Returns the number of waiting frames of a client, the one on the wire included.
+    /// Returns the number of pending frames of a client, including the one on the wire.
     #[must_use]
     pub fn pending(&self, port: ClientPortId) -> usize {
         self.bus.port(port.0).pending()
@@ -294,7 +293,7 @@ impl World {
         self.bus.is_sending(port.0)
     }
 
-    /// Takes the frames that a client has received, oldest first, each with the end of the frame.
+    /// Takes the frames that a client has received, oldest first, each with its end time.
     pub fn take_received(&mut self, port: ClientPortId) -> std::collections::vec_deque::Drain<'_, (Instant, Frame)> {
         self.bus.port_mut(port.0).take_received()
     }
@@ -305,13 +304,13 @@ impl World {
         self.bus.port(port.0)
     }
 
-    /// Returns the bit rate of the bus: that of its clients, and the initial one of a new device's controller.
+    /// Returns the bit rate of the bus, which applies to its clients and to the controllers of new devices.
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.bit_rate
     }
 
-    /// Changes the bit rate of the bus and of all its clients, as a master that changes its rate.
+    /// Changes the bit rate of the bus and of all its clients, as a master would.
     pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         self.rate_changes += 1;
@@ -322,7 +321,7 @@ impl World {
         }
     }
 
-    /// Returns the bit rate of a device; without power, that of its next start.
+    /// Returns the bit rate of a device; for an unpowered device, the rate at its next start.
     pub(crate) fn device_rate(&self, node: NodeId) -> BitRate {
         let Node { factory, memory, power, .. } = &self.nodes[node.0];
         match power {
@@ -331,12 +330,12 @@ impl World {
         }
     }
 
-    /// Returns whether a device is switching its bit rate, and therefore silent.
+    /// Returns whether a device is silent because it is switching its bit rate.
     pub(crate) fn is_switching_bit_rate(&self, node: NodeId) -> bool {
         matches!(&self.nodes[node.0].power, Power::On(device) if device.is_switching_bit_rate())
     }
 
-    /// Returns the number of changes of the bit rate, of the bus or of a device, power-ups and restarts included.
+    /// Returns the counter of bit rate changes of the bus and the devices, including power-ups and restarts.
     pub(crate) const fn rate_changes(&self) -> u64 {
         self.rate_changes
     }
@@ -358,26 +357,26 @@ impl World {
         self.bus.inject(injector);
     }
 
-    /// Destroys the next attempts to send a frame; replaces an earlier such disturbance.
+    /// Destroys the next attempts to send a frame, replacing any earlier disturbance.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.bus.disturb(disturbance);
     }
 
-    /// Returns the rest of the last [`disturb`](Self::disturb).
+    /// Returns the remainder of the last [`disturb`](Self::disturb).
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.bus.disturbance()
     }
 
-    /// Adds a fault of the communication, which begins now or later.
+    /// Adds a communication fault, which starts now or later.
     ///
     /// # Errors
-    /// [`FaultError`]; nothing has changed then.
+    /// [`FaultError`]; the faults are unchanged.
     pub fn fault(&mut self, fault: Fault) -> Result<(), FaultError> {
         self.bus.add_fault(fault, self.now)
     }
 
-    /// Ends a fault; returns whether there was one of that name. Frames that it keeps are sent when they are due.
+    /// Ends a fault; returns whether it existed. Frames that it holds back are still sent when they are due.
     pub fn end_fault(&mut self, name: &str) -> bool {
         let has_ended = self.bus.end_fault(name);
         self.end_insertions();
@@ -399,7 +398,7 @@ impl World {
         self.dismiss_inserters();
     }
 
-    /// The faults, in the order in which they were added; those that are over stay until they are ended.
+    /// Returns the faults in the order in which they were added. Expired faults remain listed until they are ended.
     pub fn faults(&self) -> impl Iterator<Item = FaultState> {
         self.bus.faults(self.now)
     }
@@ -409,8 +408,8 @@ impl World {
         self.bus.clear_injectors();
     }
 
-    /// Starts recording events for [`take_events`](Self::take_events), or stops. A new world records nothing: events
-    /// that nobody takes would fill the memory.
+    /// Starts or stops recording events for [`take_events`](Self::take_events). Recording is off in a new world,
+    /// because events that nobody takes would fill the memory.
     pub fn record_events(&mut self, on: bool) {
         self.bus.record_events(on);
     }
@@ -426,7 +425,7 @@ impl World {
         }
     }
 
-    /// Returns a random time up to `limit`, reproducible by the seed.
+    /// Returns a random duration up to `limit`, reproducible from the seed.
     fn jitter(&mut self, limit: Duration) -> Duration {
         Duration::from_ticks(self.random.u64(..=limit.as_ticks()))
     }

@@ -11,9 +11,9 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use crate::bus::{DeviceCan, PortId};
 use crate::memory::Memory;
 
-/// The time to write a record (A).
+/// The duration of a record write (A).
 pub const WRITE_TIME: Duration = Duration::from_millis(10);
-/// The time to write the fault log: the lower limit of the real device's time to clear its counters (A).
+/// The duration of a fault log write: the real device's minimum time to clear its counters (A).
 pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
 
 /// A [`Device`] that can be moved to another thread, cloned with its world, and viewed.
@@ -21,8 +21,8 @@ pub trait SimDevice: Device + Viewable + Any + Send {
     /// Returns a clone.
     fn boxed(&self) -> Box<dyn SimDevice>;
 
-    /// Pumps the device through its controller, see [`pump`]. One dynamic call covers a whole pass of the pump, whose
-    /// steps are then static calls.
+    /// Pumps the device through its controller, see [`pump`]. The whole pass is one dynamic call, so that its steps are
+    /// static calls.
     fn pump(&mut self, can: &mut DeviceCan<'_>, now: Instant) -> Option<Effect>;
 }
 
@@ -42,7 +42,7 @@ impl Clone for Box<dyn SimDevice> {
     }
 }
 
-/// Boxes the product itself, so that the pump calls it statically.
+/// Boxes the concrete product, so that the pump calls it statically.
 impl From<AnyDevice> for Box<dyn SimDevice> {
     fn from(device: AnyDevice) -> Self {
         match device {
@@ -53,8 +53,8 @@ impl From<AnyDevice> for Box<dyn SimDevice> {
     }
 }
 
-/// Builds a device from the content of its memory, the cause of the start and its instant. The result depends on
-/// nothing else, so that clones of a world agree.
+/// Creates a device from its memory image, start cause and start time. The result must not depend on anything else:
+/// otherwise clones of a world would diverge.
 pub type Factory = Arc<dyn Fn(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + Sync>;
 
 /// A device with its hardware.
@@ -66,10 +66,10 @@ pub(super) struct Node {
     pub(super) memory: Memory,
     pub(super) inputs: Inputs,
     pub(super) power: Power,
-    /// The record that is being written.
+    /// The write in progress.
     pub(super) write: Option<Write>,
     pub(super) forced_bus_off: bool,
-    /// The device's count of dropped frames at the last service.
+    /// The device's counter of dropped frames at its last service.
     pub(super) frames_dropped: u32,
 }
 
@@ -77,7 +77,7 @@ pub(super) struct Node {
 #[derive(Clone)]
 pub(super) enum Power {
     Off,
-    /// The device starts at this instant, for this reason.
+    /// The device starts at this time, with this cause.
     Coming(Instant, StartCause),
     On(Box<dyn SimDevice>),
 }
@@ -87,16 +87,16 @@ pub(super) enum Power {
 pub struct Write {
     /// The key of the record.
     pub key: RecordKey,
-    /// The bytes of the record, sealed.
+    /// The sealed bytes of the record.
     pub record: Record,
-    /// The beginning of the write.
+    /// The start of the write.
     pub began: Instant,
-    /// The end of the write, after which the memory holds the record unless the write fails.
+    /// The end of the write. From then on, the memory holds the record unless the write fails.
     pub done: Instant,
 }
 
 impl Write {
-    /// Begins to write a record; the duration is usually [`write_time`].
+    /// Starts a record write; `takes` is usually [`write_time`].
     #[must_use]
     pub fn begin(key: RecordKey, record: Record, now: Instant, takes: Duration) -> Self {
         Self { key, record, began: now, done: after(now, takes) }
@@ -104,7 +104,7 @@ impl Write {
 }
 
 impl Node {
-    /// Returns the device's next due time, bus events aside.
+    /// Returns the next due time of the device, excluding bus events.
     pub(super) fn due(&self) -> Instant {
         match &self.power {
             Power::Off => NEVER,
@@ -119,7 +119,7 @@ pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>) -> Instant {
     device.deadline().min(write.map_or(NEVER, |write| write.done))
 }
 
-/// Returns the time to write the record under `key`.
+/// Returns the duration of a write of the record under `key`.
 #[must_use]
 pub const fn write_time(key: RecordKey) -> Duration {
     match key {

@@ -1,4 +1,4 @@
-//! The plant of a device: all that acts on it besides the bus, in the words and units of the control interface.
+//! The plant of a device: all influences except the bus, in the terms and units of the control interface.
 
 /// A change of a device's plant.
 pub use protocol_core::device::plant::Change as Plant;
@@ -10,13 +10,13 @@ use super::{NodeId, World};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlantError {
-    /// The device is another product, without this word.
+    /// The word does not exist in this product.
     #[error("{0}: not a plant word of this kind of device")]
     OtherProduct(Plant),
     /// The value is out of range.
     #[error("{0}: out of range, {values}", values = .0.word().values)]
     OutOfRange(Plant),
-    /// The shaft follows a valve, by a link.
+    /// A link controls the shaft.
     #[error("{0}: the shaft is linked to a valve")]
     Linked(Plant),
 }
@@ -46,7 +46,7 @@ impl World {
                 Inapplicable::OutOfRange => PlantError::OutOfRange(plant),
             })?;
         }
-        // The senses of a linked shaft are set by its link.
+        // A linked shaft is set through its link, not through the inputs.
         for plant in plants {
             if let Plant::AngleCdeg(angle) = *plant {
                 self.turn_link(node, angle);
@@ -65,7 +65,7 @@ impl World {
         Ok(())
     }
 
-    /// Returns the plant of a device, one change for each word that it has.
+    /// Returns the plant of a device as one change per supported word.
     pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Plant> + use<> {
         let mut inputs = *self.inputs(node);
         if let (Some(shaft), Some(angle)) = (inputs.shaft_mut(), self.angle_cdeg(node)) {

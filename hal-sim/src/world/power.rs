@@ -1,4 +1,4 @@
-//! Power on and off, and the effects of a start or restart on a device's hardware.
+//! Power-on, power-off, and the effects of a start or restart on the hardware of a device.
 
 use protocol_core::device::{Restart, StartCause};
 use protocol_core::time::{Duration, after, since};
@@ -6,11 +6,11 @@ use protocol_core::time::{Duration, after, since};
 use super::node::{Node, Power};
 use super::{NodeId, World};
 
-/// The window within which devices on one supply start (A).
+/// The time window in which devices on a common supply start (A).
 pub const SUPPLY_JITTER: Duration = Duration::from_millis(5);
 
 impl World {
-    /// Switches on a device that is off, or cuts its power at this instant: a write in progress is torn.
+    /// Powers on a device that is off, or cuts its power now: a write in progress is torn.
     pub fn power(&mut self, node: NodeId, on: bool) {
         if on {
             self.power_with(node, StartCause::PowerOn);
@@ -19,7 +19,7 @@ impl World {
         }
     }
 
-    /// Switches on a device for a given cause; a running device starts anew, as after a reset of its processor.
+    /// Powers on a device with a given start cause. A running device restarts, as after a processor reset.
     pub fn power_with(&mut self, node: NodeId, cause: StartCause) {
         if self.is_powered(node) {
             if cause == StartCause::PowerOn {
@@ -30,8 +30,8 @@ impl World {
         self.boot(node, cause);
     }
 
-    /// Switches on all devices that are off, each at a random moment within `jitter`: [`SUPPLY_JITTER`] as on real
-    /// machines, zero for all at once.
+    /// Powers on all devices that are off, each after a random delay up to `jitter`: [`SUPPLY_JITTER`] as on real
+    /// machines, or zero for a simultaneous start.
     pub fn power_all(&mut self, jitter: Duration) {
         for node in self.devices() {
             if let Power::Off = self.nodes[node.0].power {
@@ -56,7 +56,7 @@ impl World {
         node.memory.power_up();
         let image = node.memory.read_image();
         if node.memory.flash().is_dead() {
-            // A planned power cut struck while the memory completed an interrupted operation.
+            // A planned power cut occurred while the memory completed an interrupted operation.
             self.cut_power(id);
             return;
         }
@@ -93,7 +93,7 @@ impl World {
         self.agenda.set(id.0, node.due());
     }
 
-    /// Carries out an [`Effect::Restart`](protocol_core::device::Effect::Restart) of a device.
+    /// Executes an [`Effect::Restart`](protocol_core::device::Effect::Restart) of a device.
     pub(super) fn restart(&mut self, id: NodeId, scope: Restart) {
         let now = self.now;
         let Node { port, memory, power, .. } = &mut self.nodes[id.0];

@@ -1,4 +1,4 @@
-//! The passing of time: events and their consequences.
+//! The advance of virtual time, and the processing of events.
 
 use std::sync::Arc;
 
@@ -12,19 +12,19 @@ use crate::bus::DeviceCan;
 use super::node::{Node, Power, Write, due, write_time};
 use super::{ClientPortId, NodeId, World};
 
-/// The time limit of an orderly shutdown for the bus to take the devices' frames before they store (A).
+/// The maximum time in an orderly shutdown for the devices to send their pending frames before they store (A).
 pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
 
 const TICK: Duration = Duration::from_ticks(1);
 
 impl World {
-    /// Returns the instant of the next event, now or later; [`NEVER`] without one.
+    /// Returns the time of the next event, now or later; [`NEVER`] if there is none.
     #[must_use]
     pub fn next_event(&self) -> Instant {
         self.bus.next_event().min(self.agenda.next()).max(self.now)
     }
 
-    /// Advances to the next event and processes all that is due then; does nothing without a next event.
+    /// Advances to the next event and processes everything due at that time; no effect without a next event.
     pub fn step(&mut self) {
         self.take_from_clients();
         let next = self.next_event();
@@ -34,7 +34,7 @@ impl World {
         self.give_to_clients();
     }
 
-    /// Advances by `time` and processes all events on the way.
+    /// Advances by `time` and processes all events up to and including the end.
     pub fn run_for(&mut self, time: Duration) {
         self.run_until(after(self.now, time));
     }
@@ -53,7 +53,7 @@ impl World {
         self.give_to_clients();
     }
 
-    /// Advances to `end` and processes all events before it. Frames [sent](Self::send) then take part in the
+    /// Advances to `end` and processes all events before it. Frames [sent](Self::send) afterwards participate in the
     /// arbitration at `end`.
     pub fn run_before(&mut self, end: Instant) {
         while self.next_event() < end {
@@ -62,10 +62,9 @@ impl World {
         self.now = self.now.max(end);
     }
 
-    /// Lets all devices store their pending records, and runs until they have: for an orderly shutdown.
+    /// Runs until all devices have stored their pending records: for an orderly shutdown.
     ///
-    /// A device stores only after all its frames are on the bus. If the bus does not take them, they are dropped after
-    /// [`FLUSH_PATIENCE`].
+    /// A device stores only after all its frames are sent. Frames still pending after [`FLUSH_PATIENCE`] are dropped.
     pub fn flush_all(&mut self) {
         let now = self.now;
         for id in self.devices() {
@@ -84,7 +83,7 @@ impl World {
         }
     }
 
-    /// Advances to an instant and processes all that is due then.
+    /// Advances to an instant and processes everything due at that time.
     fn happen(&mut self, now: Instant) {
         self.now = now;
         self.bus.finish(now);
@@ -102,7 +101,7 @@ impl World {
         self.service_touched();
     }
 
-    /// Lets faults hand over and insert frames, the latter from a controller of each fault.
+    /// Hands over delayed frames and sends inserted frames. Each inserting fault has its own controller.
     #[cold]
     fn serve_faults(&mut self) {
         let is_busy = |(_, port): &&(Arc<str>, ClientPortId)| self.pending(*port) > 0;
@@ -148,7 +147,7 @@ impl World {
         self.touched = touched;
     }
 
-    /// Processes what is due for a device, bus events aside.
+    /// Processes the due work of a device, excluding bus events.
     fn poll_device(&mut self, id: NodeId) {
         let now = self.now;
         if let Power::Coming(_, cause) = self.nodes[id.0].power {
@@ -166,7 +165,7 @@ impl World {
         if let Some(Write { key, record, .. }) = write.take_if(|write| write.done <= by) {
             let result = memory.store(key, &record);
             if memory.flash().is_dead() {
-                // A power cut planned for this word of the memory.
+                // A power cut was planned for this word of the memory.
                 self.cut_power(id);
             } else if let Power::On(device) = power {
                 device.stored(key, result, now);
@@ -174,7 +173,7 @@ impl World {
         }
     }
 
-    /// Serves a device: pumps its frames, carries out its effects, records the outcome.
+    /// Serves a device: pumps its frames, executes its effects, updates its due time.
     pub(super) fn service(&mut self, id: NodeId) {
         self.follow_links(id);
         while let Some(effect) = self.pump(id) {
@@ -207,7 +206,7 @@ impl World {
         *frames_dropped = dropped;
         bus.refresh_used(port_id, now);
         let due = due(&**device, write.as_ref());
-        // A device that is due at once again gets the next tick; otherwise time would stand still.
+        // A device that is due again immediately is served at the next tick; otherwise time would not advance.
         agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
         None
     }
@@ -221,7 +220,7 @@ impl World {
     }
 
     fn begin_write(&mut self, id: NodeId, key: RecordKey, record: Record) {
-        // The core requests one write at a time; if it ever requested two, the first must not be lost.
+        // The core requests one write at a time. If it ever requested a second one, the first must not be lost.
         self.finish_write(id, NEVER);
         self.nodes[id.0].write = Some(Write::begin(key, record, self.now, write_time(key)));
     }
@@ -232,7 +231,7 @@ impl World {
         !matches!(node.power, Power::On(_)) || (node.write.is_none() && self.bus.port(node.port).pending() == 0)
     }
 
-    /// Lets a device store its pending records, and drops its waiting frames.
+    /// Makes a device store its pending records, and drops its pending frames.
     fn settle(&mut self, id: NodeId) {
         while !self.is_settled(id) {
             self.bus.drop_pending(self.nodes[id.0].port, self.now);

@@ -1,4 +1,4 @@
-//! The view of a device at the world's instant, and the next change of its position.
+//! The view of a device at the current virtual time, and predictions of its position.
 
 use std::ops::RangeInclusive;
 
@@ -10,7 +10,7 @@ use protocol_core::wire::pdo_mapping::MappingEntry;
 use super::node::Power;
 use super::{NodeId, World};
 
-/// The longest step between two looks at a linked shaft: a spool that passes neutral reverses the shaft, but within
+/// The maximum time between two samples of a linked shaft. A spool that passes neutral reverses the shaft, but within
 /// this time the shaft cannot reach another position and return.
 const LINKED_STEP: Duration = Duration::from_micros(64);
 
@@ -19,7 +19,7 @@ const SECOND: Duration = Duration::from_secs(1);
 const MINUTE: Duration = Duration::from_secs(60);
 
 impl World {
-    /// Returns the view of a device now; `None` without power.
+    /// Returns the current view of a device; `None` without power.
     pub fn view(&mut self, node: NodeId) -> Option<View> {
         self.follow_links(node);
         match &self.nodes[node.0].power {
@@ -38,19 +38,19 @@ impl World {
         }
     }
 
-    /// Returns whether the spool of a valve floats: its objects then hold float instead of a position (SPEC 2).
+    /// Returns whether the spool of a valve floats: its objects then report float instead of a position (SPEC 2).
     #[must_use]
     pub fn floats(&self, node: NodeId) -> bool {
         self.valve(node).is_some_and(|valve| valve.float_reached(self.now))
     }
 
-    /// Returns the next instant at which the position of a device can differ from the present one, if nothing else
-    /// happens; `limit` if it stays the same until then.
+    /// Returns the next time at which the position of a device can change without further events; `limit` if it stays
+    /// unchanged until then.
     #[must_use]
     pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
         let now = self.now;
         let linked = self.coupling_of(node).is_some();
-        // Between two bends the spool moves in one direction and passes each position once.
+        // Between two bends, the spool moves in one direction and passes each position once.
         let limit = self.valve(node).map_or(limit, |valve| valve.bends(now).min(limit));
         let here = self.position_at(node, now);
         let (mut same, mut step) = (now, Duration::from_ticks(1));
@@ -69,9 +69,9 @@ impl World {
         limit
     }
 
-    /// Returns an instant until which the position of a device, now outside a range, stays outside, if nothing else
-    /// happens: for a shaft that turns by itself, near the last such instant; for a linked shaft, the time of the
-    /// fastest valve; for a spool, now.
+    /// Returns a time until which the position of a device, now outside a range, stays outside without further events.
+    /// For an unlinked rotating shaft, it is close to the latest such time; for a linked shaft, it assumes the fastest
+    /// valve; for a spool, it is now.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
         let Some(shaft) = self.inputs(node).shaft() else { return self.now };
@@ -81,7 +81,7 @@ impl World {
         if min > max {
             return NEVER;
         }
-        // The shorter way round. The last step takes no time when the shaft is at its edge.
+        // The shorter way round. The last step takes no time if the shaft is at the edge of that step.
         let turn = i64::from(STEPS);
         let steps = (min - position).rem_euclid(turn).min((position - max).rem_euclid(turn));
         let whole_steps = u64::try_from(steps - 1).unwrap_or(0);
@@ -98,7 +98,7 @@ impl World {
         micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
-    /// Returns the first instant of another position: after `same`, at `other` at the latest.
+    /// Finds the first time of another position by bisection: later than `same`, no later than `other`.
     fn first_other(&self, node: NodeId, here: i64, mut same: Instant, mut other: Instant) -> Instant {
         while since(other, same) > Duration::from_ticks(1) {
             let middle = after(same, Duration::from_ticks(since(other, same).as_ticks() / 2));
@@ -111,8 +111,8 @@ impl World {
         other
     }
 
-    /// Returns the position of a spool, or the raw position of a shaft, at an instant from now on, if nothing else
-    /// happens.
+    /// Returns the position of a spool, or the raw position of a shaft, at a time not before now, without further
+    /// events.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
         let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
         match (self.coupling_of(node), self.inputs(node).shaft(), self.valve(node)) {
