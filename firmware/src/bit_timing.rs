@@ -39,9 +39,9 @@ impl BitTiming {
         CLOCK / (self.prescaler * self.quanta())
     }
 
-    /// Returns the synchronisation jump width, in time quanta: two, or as many as there are behind the sample point.
+    /// Returns the synchronisation jump width in time quanta: 2, limited to phase segment 2.
     ///
-    /// With 16 quanta a bit, two allow nodes to differ by 0.48 % from the nominal frequency, one by 0.31 %.
+    /// At 16 quanta per bit, a width of 2 tolerates a clock error of ±0.48 % per node, a width of 1 ±0.31 %.
     #[must_use]
     pub const fn jump_width(self) -> u32 {
         if self.segment_2 < 2 { self.segment_2 } else { 2 }

@@ -1,9 +1,9 @@
-//! A filter as a bank of the CAN controller holds it: one of 32 bits with a mask (RM0090 32.7.4).
+//! Encodes an acceptance filter as one bxCAN filter bank: 32-bit scale, mask mode (RM0090 32.7.4).
 
 use protocol_core::controller::{FILTERS, Filter, Filters};
 use protocol_core::frame::{extended, key, standard};
 
-/// The number of banks of CAN 1 while none is assigned to CAN 2.
+/// The number of banks of CAN 1 after a reset (RM0090, CAN2SB).
 pub const BANKS: usize = 14;
 
 const _: () = assert!(FILTERS <= BANKS);
@@ -12,9 +12,9 @@ const _: () = assert!(FILTERS <= BANKS);
 const STID: u32 = 21;
 /// The lowest bit of an extended identifier.
 const EXID: u32 = 3;
-/// Tells an extended identifier.
+/// Marks an extended identifier.
 const IDE: u32 = 1 << 2;
-/// Tells a remote frame.
+/// Marks a remote frame.
 const RTR: u32 = 1 << 1;
 
 /// The registers of a bank.

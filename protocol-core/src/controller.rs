@@ -69,7 +69,7 @@ pub enum BusErrorMode {
     BusOff,
 }
 
-/// The bit rates of CiA 301, without 5 kbit/s and below, as the numbers by which LSS table 0 knows them (CiA 305).
+/// The bit rates of CiA 301; discriminants are the indices of LSS bit timing table 0 (CiA 305).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum BitRate {
@@ -92,7 +92,7 @@ pub enum BitRate {
 }
 
 impl BitRate {
-    /// All of them, fastest first.
+    /// All bit rates, fastest first.
     pub const ALL: [Self; 8] = [
         Self::Kbit1000,
         Self::Kbit800,
@@ -125,7 +125,7 @@ impl BitRate {
         self as u8
     }
 
-    /// Returns the bit rate of an index in LSS bit timing table 0; 5 (reserved) and above 8 there are none.
+    /// Returns the bit rate at an index of LSS bit timing table 0; `None` for 5 (reserved) and above 8.
     #[must_use]
     pub fn from_table_index(index: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.table_index() == index)

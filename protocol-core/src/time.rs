@@ -1,12 +1,12 @@
 //! Time as the core sees it: a parameter, never a clock.
 //!
 //! [`Instant`] and [`Duration`] are embassy-time's, at its 1 MHz tick, used as types only. Their operators panic on
-//! overflow; the helpers here do not, so that no instant makes the device panic. A clock ends before 2^63 ticks, after
-//! 292,000 years: the instants from there on are for timers, up to [`NEVER`].
+//! overflow; the helpers here do not, so that no instant makes the device panic. Clocks stay below 2^63 ticks (292,000
+//! years). Later instants, up to [`NEVER`], occur only as timer deadlines.
 
 pub use embassy_time::{Duration, Instant};
 
-/// The instant that never comes: what a timer that is off is due at.
+/// The instant that never comes: the deadline of a timer that is off.
 pub const NEVER: Instant = Instant::MAX;
 
 /// Returns `duration` after `instant`; [`NEVER`] when that lies beyond the end of time.

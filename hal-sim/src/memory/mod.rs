@@ -142,7 +142,7 @@ impl Memory {
         stored
     }
 
-    /// Starts to write a record, and cuts the power after `numerator / denominator` of its words.
+    /// Starts to write a record, and cuts the power after `numerator / denominator` of its flash operations.
     pub fn store_cut(&mut self, key: RecordKey, record: &Record, numerator: u64, denominator: u64) {
         let mut trial = self.flash.clone();
         let before = trial.word_writes() + trial.erases();

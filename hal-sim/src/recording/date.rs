@@ -1,4 +1,4 @@
-//! The date format of ASC: `Tue Nov 14 10:13:20.042 pm 2023`, in UTC.
+//! The date format of ASC, in UTC: writes `Tue Nov 14 22:13:20.042 2023`, and also reads `10:13:20.042 pm`.
 
 use std::fmt;
 

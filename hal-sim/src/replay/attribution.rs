@@ -1,5 +1,5 @@
-//! The attribution of recorded frames to replayed devices: by the identifiers of their node IDs and addresses, and
-//! those that their stand-ins have sent.
+//! Attributes recorded frames to replayed devices, by the identifiers derived from node IDs and addresses and by the
+//! identifiers that their stand-ins have sent.
 
 use std::collections::BTreeSet;
 

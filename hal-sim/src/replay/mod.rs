@@ -134,7 +134,7 @@ pub enum ReplayError {
         /// The device.
         name: String,
     },
-    /// Even the last round sent frames to the stand-ins that they send themselves.
+    /// After the last round, the replay still sent frames whose identifiers belong to a stand-in.
     #[error("{}: identifiers of a stand-in, still sent as other nodes' frames after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
@@ -191,7 +191,7 @@ struct Player<'a> {
     matchers: BTreeMap<u32, FrameMatcher>,
     /// The places of the stand-ins that have sent a frame.
     heard: BTreeSet<usize>,
-    /// The instant of the last pairing.
+    /// The time at which recorded and sent frames were last matched.
     paired: Instant,
     outcome: Outcome,
 }

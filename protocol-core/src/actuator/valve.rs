@@ -76,9 +76,9 @@ impl Default for ValveInputs {
 pub enum Drive {
     /// Nothing: solenoids off.
     Off,
-    /// Hand operation: solenoids off, the faults of the spool's position are not looked for.
+    /// Hand operation: solenoids off; spool-position faults are not monitored.
     Hand,
-    /// Emergency stop: solenoids off, the faults of the spool's position are not looked for.
+    /// Emergency stop: solenoids off; spool-position faults are not monitored.
     EmergencyStop,
     /// Follow the set-point; a neutral one is *blocked*.
     Regulate(SetPoint),

@@ -29,7 +29,7 @@ pub enum Requester {
     Device,
     /// LSS store.
     Lss,
-    /// An SDO client. The value is the product's.
+    /// An SDO client. The product defines the meaning of the value.
     Sdo,
     /// UDS. The value is a node ID or address.
     Uds,

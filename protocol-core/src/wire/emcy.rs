@@ -18,14 +18,14 @@ pub struct Emcy {
 }
 
 impl Emcy {
-    /// Returns the message in eight bytes.
+    /// Decodes the message from eight data bytes.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Self {
         let &[low, high, register, ref manufacturer @ ..] = bytes;
         Self { code: u16::from_le_bytes([low, high]), register, manufacturer: *manufacturer }
     }
 
-    /// Returns the message as it goes over the bus.
+    /// Encodes the message as eight data bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [low, high] = self.code.to_le_bytes();

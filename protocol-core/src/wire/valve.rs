@@ -68,7 +68,7 @@ pub enum Command {
     EmergencyStop,
 }
 
-/// Why an AVC is ignored as a whole.
+/// The reason an entire AVC is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ignored {
     /// Not eight bytes.

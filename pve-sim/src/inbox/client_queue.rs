@@ -32,7 +32,7 @@ pub struct ClientEnd {
     pub permits: Permits,
 }
 
-/// The permits of a client, and its dismissal.
+/// The send permits of a client, and the signal that disconnects it.
 #[derive(Clone, Debug)]
 pub struct Permits {
     dismissed: Arc<Notify>,

@@ -47,7 +47,7 @@ pub(super) struct Trace {
     log: Option<Log>,
     /// The log has failed before the end of the run.
     log_is_cut: bool,
-    /// The layout for people; `None`: lines as in `candump -L`.
+    /// The human-readable layout; `None` prints `candump -L` lines.
     layout: Option<Layout>,
     /// The current line, kept for its capacity.
     line: String,

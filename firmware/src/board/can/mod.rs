@@ -122,7 +122,8 @@ impl Can1 {
         Self { config, received }
     }
 
-    /// Drops the frames that wait to be sent, and asks to take no part in the bus from the end of the current frame.
+    /// Drops the pending transmit frames and requests initialisation mode, which the controller enters after the
+    /// current frame.
     pub(super) fn leave(&mut self) {
         self.abort(Filter::ALL);
         // `bxcan` would spin to the end of the frame.

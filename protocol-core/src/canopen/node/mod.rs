@@ -169,7 +169,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Enters operational by itself, where 0x1F80 says so, when boot-up and EMCYs are on the bus.
+    /// Enters operational without an NMT command once boot-up and all pending EMCYs are sent, if 0x1F80 allows it.
     #[inline]
     pub(crate) fn start_itself(&mut self, product: &mut P, now: Instant) {
         if self.starts_itself && self.pending.has_told_start() {

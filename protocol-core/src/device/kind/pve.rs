@@ -20,7 +20,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
+    /// All PVE kinds.
     pub const ALL: [Self; 4] = [Self::PveaCanopen, Self::PveoCanopen, Self::PveaIsobus, Self::PveoIsobus];
 
     /// Returns the name used everywhere.

@@ -16,7 +16,7 @@ pub(super) struct Found<'a> {
 }
 
 impl<'a> Found<'a> {
-    /// Looks at what every valve keeps.
+    /// Reads the records common to all valves, with defaults for missing ones.
     pub(super) fn look(setup: &Setup, memory: &'a dyn Memory) -> Self {
         let kind = setup.kind;
         let mut found = Self {

@@ -45,7 +45,7 @@ pub enum DeviceMode {
 }
 
 impl DeviceMode {
-    /// Returns the mode of a value of 0x6042; `None` for others than 1 and 2.
+    /// Decodes a value of 0x6042; `None` unless it is 1 or 2.
     #[must_use]
     pub const fn new(raw: u8) -> Option<Self> {
         match raw {

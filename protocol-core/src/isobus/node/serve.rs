@@ -20,7 +20,7 @@ pub enum Indication {
     Nothing,
     /// The frame is one of the product's command group.
     Command,
-    /// The frame is one of the product's protocol beside J1939.
+    /// The frame belongs to the product's non-J1939 protocol, such as UDS.
     OtherProtocol,
     /// DM3 asks to clear the previously active trouble codes; [`Node::acknowledge`] answers.
     ClearPreviouslyActive(Request),

@@ -59,12 +59,12 @@ const HEADERS: [(HeaderName, &str); 4] = [
     (header::CACHE_CONTROL, "no-cache"),
 ];
 
-/// The page.
+/// Serves the panel page.
 pub(super) async fn page() -> Response {
     PAGE.into_response()
 }
 
-/// A file of the page.
+/// Serves a file of the panel.
 pub(super) async fn file(Name(name): Name) -> Response {
     match FILES.iter().find(|file| file.name == name) {
         Some(file) => file.into_response(),
