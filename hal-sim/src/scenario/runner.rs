@@ -423,7 +423,11 @@ impl Trace {
 fn name(command: &Command) -> String {
     match command {
         Command::Send(frame, _) => format!("send {frame}"),
+        Command::Plant(..) => "plant".to_owned(),
         Command::Power(..) => "power".to_owned(),
-        _ => "plant".to_owned(),
+        Command::BitRate(_) => "bus".to_owned(),
+        Command::Disturb(_) => "disturb".to_owned(),
+        Command::Stop(_) => "stop".to_owned(),
+        Command::Wait(..) | Command::Advance(_) => "wait".to_owned(),
     }
 }
