@@ -26,10 +26,10 @@ pub struct Flash {
 /// its old value and erased; these variants are the extremes (A).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TornErase {
-    /// The front of the sector is erased, followed by one random word; the rest is unchanged.
+    /// The front of the sector is erased, followed by one partly erased word; the rest is unchanged.
     #[default]
     Front,
-    /// The back of the sector is erased, preceded by one random word; the rest is unchanged.
+    /// The back of the sector is erased, preceded by one partly erased word; the rest is unchanged.
     Back,
     /// All bits are 0, because an erase first programs all bits.
     Zeros,
