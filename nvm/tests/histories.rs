@@ -17,6 +17,8 @@ struct Flash<const W: usize> {
     torn: Vec<bool>,
     /// Whether torn words cannot be read.
     corrects_errors: bool,
+    /// A byte that no erase changes from 0.
+    stuck: Option<usize>,
     /// The word writes and erases until the power is cut.
     power_for: Option<u64>,
     /// Those until one fails, and the flash works again.
@@ -32,6 +34,7 @@ impl<const W: usize> Flash<W> {
             written: vec![false; words],
             torn: vec![false; words],
             corrects_errors,
+            stuck: None,
             power_for: None,
             fails_after: None,
             random: fastrand::Rng::with_seed(seed),
@@ -107,6 +110,9 @@ impl<const W: usize> NorFlash for Flash<W> {
             };
             self.written[at / W] = !is_done;
             self.torn[at / W] = !is_done && self.corrects_errors && self.random.bool();
+        }
+        if let Some(stuck) = self.stuck {
+            self.cells[stuck] = 0;
         }
         if is_done { Ok(()) } else { Err(NorFlashErrorKind::Other) }
     }
@@ -233,6 +239,35 @@ fn a_cut_between_two_words_leaves_the_old_content() {
             cut_flash.cells[cut * 4..].fill(ERASED);
             let found = held(&mut cut_flash).0[RecordKey::LocalLayer.position()].clone();
             assert!(found.as_ref() == Some(&old) || found.as_ref() == Some(&new), "{length} bytes, cut at word {cut}");
+        }
+    }
+}
+
+#[test]
+fn noise_can_be_cleared() {
+    for sector in 0..2 {
+        let mut flash = Flash::<4>::new(false, 1);
+        flash.cells[sector * SECTOR..][..SECTOR].fill(0);
+        let mut buffer = [0; BUFFER];
+        let mut records = Records::new(&mut flash, &mut buffer);
+        assert!(records.read(&mut Contents::empty()).is_err(), "it makes no sense");
+        records.clear().expect("it does not fail");
+        assert_eq!(records.read(&mut Contents::empty()), Ok(()));
+    }
+}
+
+/// A word that stays written after an erase costs its place, and no store.
+#[test]
+fn a_stuck_word_stops_no_move() {
+    for stuck in (SECTOR..2 * SECTOR).step_by(136) {
+        let mut flash = Flash::<4>::new(false, 1);
+        flash.stuck = Some(stuck);
+        for round in 0..60_u8 {
+            let key = RecordKey::ALL[usize::from(round) % 6];
+            let record = seal(1, &[round; 100]).expect("a record");
+            let mut buffer = [0; BUFFER];
+            Records::new(&mut flash, &mut buffer).store(key, &record).expect("there is room");
+            assert_eq!(held(&mut flash).0[key.position()].as_deref(), Some(&*record), "byte {stuck}, round {round}");
         }
     }
 }
