@@ -57,6 +57,7 @@ impl Typing {
         let (screen, modes, devices) = (self.screen.clone(), Arc::clone(&self.modes), Arc::from(devices));
         let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
             let typed = edit(&screen, &modes, &world, &devices);
+            restore(&modes);
             if typed == Typed::Interrupt {
                 // As the terminal would: to all processes of the job.
                 system::interrupt();
@@ -70,12 +71,17 @@ impl Typing {
 
 impl Drop for Typing {
     fn drop(&mut self) {
-        if self.screen.close() {
-            self.modes.lock().unwrap_or_else(PoisonError::into_inner).restore();
+        let has_line = self.screen.close();
+        restore(&self.modes);
+        if has_line {
             // Off the line that was being typed.
             screen::print(b"\n");
         }
     }
+}
+
+fn restore(modes: &Modes) {
+    modes.lock().unwrap_or_else(PoisonError::into_inner).restore();
 }
 
 /// Executes lines until typing ends; returns the reason.
@@ -86,6 +92,7 @@ fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[Name
         // the screen may wait for an editor until that is dropped.
         system::wait_for_foreground();
         if let Some(found) = system::Modes::of_the_terminal() {
+            found.without_suspend_key();
             *modes.lock().unwrap_or_else(PoisonError::into_inner) = found;
         }
         let Some(mut editor) = Editor::new(screen, devices, &history) else { return Typed::End };
@@ -101,6 +108,7 @@ fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[Name
         }
         history = editor.editor.history().into_iter().cloned().collect();
         drop(editor);
+        restore(modes);
         system::suspend();
     }
 }
@@ -161,7 +169,7 @@ impl Editor {
     }
 
     fn line(&mut self, screen: &Screen) -> Typed {
-        // Between two lines the terminal itself handles Ctrl-Z.
+        // Another process may have stopped the job between two lines.
         system::wait_for_foreground();
         if !screen.begin_line() {
             return Typed::End;

@@ -12,7 +12,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::fstat;
 use rustix::io::Errno;
 use rustix::process::{Resource, Signal, getpgrp, getrlimit, kill_current_process_group};
-use rustix::termios::{OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
+use rustix::termios::{OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 use tokio::runtime::Builder;
 use tokio::signal::unix::{self, SignalKind, signal};
 use tokio::time::timeout;
@@ -139,14 +139,29 @@ impl Modes {
         tcgetattr(io::stdin()).ok().filter(|_| is_one).map(Self)
     }
 
+    /// Makes Ctrl-Z a character for the line editor, also between two lines: the terminal would stop the job anywhere,
+    /// and continued in the background, its next access to the terminal would stop it again.
+    pub(in crate::run) fn without_suspend_key(&self) {
+        let mut modes = self.0.clone();
+        modes.special_codes[SpecialCodeIndex::VSUSP] = NO_KEY;
+        set(&modes);
+    }
+
     /// Restores the modes, unless the terminal belongs to another job.
     pub(in crate::run) fn restore(&self) {
-        if !is_in_background() {
-            // At once: a terminal with blocked output would never drain.
-            let _ = tcsetattr(io::stdin(), OptionalActions::Now, &self.0);
-        }
+        set(&self.0);
     }
 }
+
+fn set(modes: &Termios) {
+    if !is_in_background() {
+        // At once: a terminal with blocked output would never drain.
+        let _ = tcsetattr(io::stdin(), OptionalActions::Now, modes);
+    }
+}
+
+/// The value of a special character that no key sends, `_POSIX_VDISABLE`.
+const NO_KEY: u8 = if cfg!(target_os = "linux") { 0 } else { 0xFF };
 
 /// Returns the limit of open files; `None` without a limit.
 pub(in crate::run) fn max_open_files() -> Option<u64> {

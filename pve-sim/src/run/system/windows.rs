@@ -76,6 +76,10 @@ impl Modes {
         Some(Self)
     }
 
+    /// Does nothing: no key stops a job.
+    #[expect(clippy::unused_self, reason = "the one of Unix has them")]
+    pub(in crate::run) const fn without_suspend_key(&self) {}
+
     /// Does nothing: the shell sets its own modes.
     #[expect(clippy::unused_self, reason = "the one of Unix has them")]
     pub(in crate::run) const fn restore(&self) {}
