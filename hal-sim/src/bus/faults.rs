@@ -85,6 +85,9 @@ impl Faults {
     /// Adds a fault. When the list is full, it replaces a fault that is over.
     pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         fault.check()?;
+        if fault.name.is_empty() {
+            return Err(FaultError::Invalid("a fault needs a name"));
+        }
         if let Some(known) = self.list.iter().position(|active| active.fault.name == fault.name) {
             if !self.list[known].is_over(now) {
                 return Err(FaultError::Taken(fault.name));

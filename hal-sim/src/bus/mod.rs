@@ -21,6 +21,7 @@ mod error;
 mod event;
 mod external;
 mod fault;
+mod fault_text;
 mod faults;
 mod hand_over;
 mod injector;

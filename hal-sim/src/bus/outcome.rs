@@ -1,7 +1,6 @@
 //! The end of a frame or error frame: reception and error counters.
 
 use protocol_core::controller::BusErrorMode;
-use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use super::bits::{ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPEND};
@@ -49,7 +48,8 @@ impl Bus {
             self.current = Some(transmission);
             return true;
         };
-        self.deliver(&transmission);
+        let is_lost = self.faults.at_receivers && self.lose(&transmission);
+        self.deliver(&transmission, is_lost);
         transmission.failure = Some(Box::new(Failure {
             error: BusError::Bit,
             by_other_rate: false,
@@ -73,10 +73,11 @@ impl Bus {
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
-        self.note(&transmission);
         let error = transmission.error();
+        let is_lost = error.is_none() && self.faults.at_receivers && self.lose(&transmission);
+        self.note(&transmission);
         match error {
-            None => self.deliver(&transmission),
+            None => self.deliver(&transmission, is_lost),
             // A sender without acknowledgement is alone, so no other controller counts the error.
             Some(BusError::Acknowledgement) => {}
             Some(_) => self.count_errors(&transmission),
@@ -106,13 +107,13 @@ impl Bus {
         });
     }
 
-    fn deliver(&mut self, transmission: &Transmission) {
+    /// Delivers a frame to all receivers, or to none if it is lost for all.
+    fn deliver(&mut self, transmission: &Transmission, is_lost: bool) {
         let Transmission { frame, rate, end, over: at, omission, .. } = transmission;
         let Some(place) = self.groups.iter().position(|group| group.rate == *rate) else { return };
         if !self.groups[place].counting.is_empty() {
             self.count_received(place, *at, omission.as_deref());
         }
-        let is_lost = self.faults.at_receivers && self.lose(frame, *end, *at);
         let Self { ports, senders, .. } = self;
         for id in senders {
             ports[id.0].heard = *end;
@@ -154,17 +155,17 @@ impl Bus {
     }
 
     /// Lets faults lose a frame between the controllers that received it and their applications; returns whether it is
-    /// lost for all.
+    /// lost for all. The event of the fault precedes that of the frame.
     #[cold]
-    fn lose(&mut self, frame: &Frame, end: Nanos, at: Instant) -> bool {
+    fn lose(&mut self, transmission: &Transmission) -> bool {
         let Some(sender) = self.senders.first() else { return false };
-        let struck = self.faults.at_receivers(&self.ports[sender.0].name, frame, at);
+        let struck = self.faults.at_receivers(&self.ports[sender.0].name, &transmission.frame, transmission.over);
         let mut is_lost = false;
         for event in &struck {
             let EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } = &event.what else { continue };
             is_lost |= receivers.is_empty();
             for port in self.ports.iter_mut().filter(|port| receivers.contains(&port.name)) {
-                port.heard = end;
+                port.heard = transmission.end;
             }
         }
         self.journal.extend(struck);

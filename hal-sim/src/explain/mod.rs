@@ -42,7 +42,7 @@ use self::block::Blocks;
 use self::recorded::Evidence;
 use self::uds::Writes;
 use crate::Kind;
-use crate::bus::BusError;
+use crate::bus::{BusError, FaultEffect};
 
 /// A device in the explanations.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -137,6 +137,15 @@ pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
         BusError::Stuff => "stuff error in",
     };
     format!("error frame: {why} {frame} of {from}")
+}
+
+/// Returns what a communication fault did to `frame`.
+#[must_use]
+pub fn explain_fault(fault: &str, frame: &Frame, effect: &FaultEffect, from: &str) -> String {
+    match effect {
+        FaultEffect::Inserted => format!("fault {fault}: {frame} inserted"),
+        effect => format!("fault {fault}: {frame} of {from} {effect}"),
+    }
 }
 
 /// The context of an explanation.

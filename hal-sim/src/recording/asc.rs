@@ -41,6 +41,12 @@ pub(super) fn write(out: &mut impl Write, origin: Timestamp, Record { at, entry 
     writeln!(out)
 }
 
+/// Writes a comment.
+pub(super) fn write_comment(out: &mut impl Write, origin: Timestamp, at: Timestamp, text: &str) -> io::Result<()> {
+    let micros = at.as_micros().saturating_sub(origin.as_micros());
+    writeln!(out, "// {}.{:06} {text}", micros / 1_000_000, micros % 1_000_000)
+}
+
 /// Writes the end of a file.
 pub(super) fn write_end(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "End TriggerBlock")

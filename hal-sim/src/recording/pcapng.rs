@@ -26,6 +26,10 @@ const SECTION_HEADER: u32 = 0x0A0D_0D0A;
 const INTERFACE_DESCRIPTION: u32 = 1;
 const ENHANCED_PACKET: u32 = 6;
 
+/// Options of a block.
+const END_OF_OPTIONS: u16 = 0;
+const COMMENT: u16 = 1;
+
 /// The size limit of a block: far above that of any capture of CAN.
 const BLOCK_MAX: usize = 1 << 16;
 
@@ -42,17 +46,21 @@ pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
     // The capture length is unlimited.
     interface.extend(0_u32.to_le_bytes());
     // The options: the name, times in 10^-6 s, end.
-    for (code, value) in [(2_u16, bus.as_bytes()), (9, &[6]), (0, &[])] {
-        let length = u16::try_from(value.len()).unwrap_or_default();
-        interface.extend([code, length].map(u16::to_le_bytes).as_flattened());
-        interface.extend(value.get(..length.into()).unwrap_or_default());
-        interface.resize(interface.len().next_multiple_of(4), 0);
+    for (code, value) in [(2_u16, bus.as_bytes()), (9, &[6]), (END_OF_OPTIONS, &[])] {
+        write_option(&mut interface, code, value);
     }
     write_block(out, INTERFACE_DESCRIPTION, &interface)
 }
 
-/// Writes an entry.
-pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record) -> io::Result<()> {
+fn write_option(block: &mut Vec<u8>, code: u16, value: &[u8]) {
+    let length = u16::try_from(value.len()).unwrap_or_default();
+    block.extend([code, length].map(u16::to_le_bytes).as_flattened());
+    block.extend(value.get(..length.into()).unwrap_or_default());
+    block.resize(block.len().next_multiple_of(4), 0);
+}
+
+/// Writes an entry with its comments.
+pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record, comments: Vec<String>) -> io::Result<()> {
     let (id, length, data) = match entry {
         Entry::Frame(frame) => {
             let remote = if frame.is_remote() { REMOTE_FLAG } else { 0 };
@@ -74,6 +82,13 @@ pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record) -> io::
     body.extend(id.to_be_bytes());
     body.extend([length, 0, 0, 0]);
     body.extend(data);
+    body.resize(body.len().next_multiple_of(4), 0);
+    for comment in &comments {
+        write_option(&mut body, COMMENT, comment.as_bytes());
+    }
+    if !comments.is_empty() {
+        write_option(&mut body, END_OF_OPTIONS, &[]);
+    }
     write_block(out, ENHANCED_PACKET, &body)
 }
 

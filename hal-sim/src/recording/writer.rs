@@ -23,7 +23,8 @@ enum Style {
     Candump,
     /// The origin of the times.
     Asc(Timestamp),
-    Pcapng,
+    /// The comments of the next packet.
+    Pcapng(Vec<String>),
 }
 
 impl<W: Write> Writer<W> {
@@ -37,7 +38,7 @@ impl<W: Write> Writer<W> {
             Format::Asc => Style::Asc(asc::write_head(&mut out, start)?),
             Format::Pcapng => {
                 pcapng::write_head(&mut out, bus)?;
-                Style::Pcapng
+                Style::Pcapng(Vec::new())
             }
         };
         Ok(Self { out, bus: bus.to_owned(), style, line: String::new() })
@@ -48,7 +49,7 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// The errors of `out`.
     pub fn write(&mut self, record: &Record) -> io::Result<()> {
-        match self.style {
+        match &mut self.style {
             Style::Candump => {
                 self.line.clear();
                 write_entry(&mut self.line, record.at, &self.bus, &record.entry);
@@ -56,8 +57,24 @@ impl<W: Write> Writer<W> {
                 let _ = self.line.write_char('\n');
                 self.out.write_all(self.line.as_bytes())
             }
-            Style::Asc(origin) => asc::write(&mut self.out, origin, record),
-            Style::Pcapng => pcapng::write(&mut self.out, record),
+            Style::Asc(origin) => asc::write(&mut self.out, *origin, record),
+            Style::Pcapng(comments) => pcapng::write(&mut self.out, record, std::mem::take(comments)),
+        }
+    }
+
+    /// Adds a comment at a time, where the format has comments: tools for the logs of candump refuse lines without a
+    /// frame.
+    ///
+    /// # Errors
+    /// The errors of `out`.
+    pub fn comment(&mut self, at: Timestamp, text: &str) -> io::Result<()> {
+        match &mut self.style {
+            Style::Candump => Ok(()),
+            Style::Asc(origin) => asc::write_comment(&mut self.out, *origin, at, text),
+            Style::Pcapng(comments) => {
+                comments.push(text.to_owned());
+                Ok(())
+            }
         }
     }
 

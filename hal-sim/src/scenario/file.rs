@@ -4,13 +4,14 @@ use protocol_core::time::Duration;
 use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
-use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::{AnyOf, Object, Schema, Type};
-use utoipa::{PartialSchema, ToSchema};
+use utoipa::ToSchema;
 
 use super::ReadError;
 use crate::state::schema::{Place, Schemas};
-use crate::state::{BitsPerSecond, BusChange, Disturb, Identifier, PlantChange, PowerChange, StateCondition};
+use crate::state::{
+    BitsPerSecond, BusChange, Disturb, FaultRequest, Identifier, IdentifierOrAll, PlantChange, PowerChange,
+    StateCondition,
+};
 
 /// A scenario: devices on a bus, and the actions and expectations of a test, step by step in virtual time.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -114,7 +115,7 @@ pub(super) struct StepTable {
     /// Stops the cyclic frame with an identifier, as in "220", which has to be active; or "all". In a strict scenario,
     /// also an expected cyclic frame.
     #[serde(default)]
-    #[schema(value_type = Option<Stop>)]
+    #[schema(value_type = Option<IdentifierOrAll>)]
     pub(super) stop: Option<Identifier>,
     /// Changes the plant of the device.
     #[serde(default)]
@@ -132,6 +133,13 @@ pub(super) struct StepTable {
     #[serde(default)]
     #[schema(value_type = Option<Disturb>)]
     pub(super) disturb: Option<toml::Table>,
+    /// Adds a communication fault. The scenario fails if it affects no frame.
+    #[serde(default)]
+    #[schema(value_type = Option<FaultRequest>)]
+    pub(super) fault: Option<toml::Table>,
+    /// Ends a communication fault by its name, or "all".
+    #[serde(default)]
+    pub(super) end: Option<String>,
     /// Expects a frame of a device, several frames in order, or a state of the device.
     #[serde(default)]
     pub(super) expect: Option<Expected>,
@@ -164,18 +172,6 @@ pub(super) enum Expected {
     #[schema(value_type = StateCondition)]
     State(toml::Table),
 }
-
-/// The schema of `stop`: an identifier, or all.
-pub(super) struct Stop;
-
-impl PartialSchema for Stop {
-    fn schema() -> RefOr<Schema> {
-        let all = Object::builder().schema_type(Type::String).enum_values(Some(["all"]));
-        AnyOf::builder().item(Identifier::schema()).item(all).into()
-    }
-}
-
-impl ToSchema for Stop {}
 
 /// The default time limit of an expectation.
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);

@@ -10,7 +10,7 @@ use super::strict::Claims;
 use super::target::Target;
 use crate::devices::NotHeard;
 use crate::simulation::{Command, Executed, Heard, Refusal, Reply, Simulation, Ticket};
-use crate::state::Pattern;
+use crate::state::{FaultRecord, Pattern};
 use crate::trace::Layout;
 
 /// Runs a scenario on a target whose devices are powered, with a full trace if `traced`. Calls `watch` after every step
@@ -31,6 +31,7 @@ pub(super) fn run(
         ended: Vec::new(),
         guards: Vec::new(),
         failures: Vec::new(),
+        faults: Vec::new(),
         shown: 0,
     };
     if runner.refuse_states() {
@@ -51,6 +52,8 @@ pub(super) fn run(
         runner.settle(last);
     }
     runner.end_guards();
+    let left: Vec<FaultRecord> = runner.target.simulation().faults().collect();
+    runner.end_faults(&left);
     runner.target.simulation_mut().rates_mut().find_all();
     runner.fail_unheard();
     runner.outcome()
@@ -70,6 +73,8 @@ struct Runner<'a, B> {
     ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
     failures: Vec<Failure>,
+    /// The communication faults that have not ended, by name, with their steps.
+    faults: Vec<(String, &'a Step)>,
     /// The number of the first event that no failure has shown.
     shown: u64,
 }
@@ -152,6 +157,11 @@ impl<'a, B: Target> Runner<'a, B> {
     fn act(&mut self, step: &'a Step, act: &Command) {
         // Frames of the devices during the action count for the step's expectation.
         let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
+        if let Command::Fault(_) = act {
+            // A new fault may replace one that is over.
+            let over: Vec<FaultRecord> = self.target.simulation().faults().filter(|record| record.is_over).collect();
+            self.end_faults(&over);
+        }
         let claims = self.claims.take_if(|_| expects);
         let done = self.run(act);
         self.claims = claims.or(self.claims.take());
@@ -159,7 +169,22 @@ impl<'a, B: Target> Runner<'a, B> {
             (Err(_), _, Some(claims)) if claims.are_broken() => {}
             (Err(refusal), ..) => self.fail(Failure::undone(step, &name(act), &refusal.to_string())),
             (Ok(_), Command::Stop(which), Some(claims)) => claims.end(*which),
+            (Ok(Reply::Fault(record)), ..) => self.faults.push((record.name, step)),
+            (Ok(Reply::Faults(ended)), ..) => self.end_faults(&ended),
             _ => {}
+        }
+    }
+
+    /// Fails the steps of ended faults that affected no frame: nothing was tested. A probability of 0 is intended.
+    fn end_faults(&mut self, ended: &[FaultRecord]) {
+        for record in ended {
+            let Some(place) = self.faults.iter().position(|(name, _)| *name == record.name) else { continue };
+            let (_, step) = self.faults.swap_remove(place);
+            let is_off = matches!(&step.act, Some(Command::Fault(fault)) if fault.probability == 0);
+            if record.struck == 0 && !is_off {
+                let reason = "it affected no frame: nothing was tested";
+                self.fail(Failure::undone(step, &format!("fault {}", record.fault), reason));
+            }
         }
     }
 
@@ -427,6 +452,8 @@ fn name(command: &Command) -> String {
         Command::Power(..) => "power".to_owned(),
         Command::BitRate(_) => "bus".to_owned(),
         Command::Disturb(_) => "disturb".to_owned(),
+        Command::Fault(fault) => format!("fault {fault}"),
+        Command::EndFaults(_) => "end".to_owned(),
         Command::Stop(_) => "stop".to_owned(),
         Command::Wait(..) | Command::Advance(_) => "wait".to_owned(),
     }

@@ -9,8 +9,10 @@ use super::file::{self, Expected, PATIENCE, StepTable};
 use super::step::{Begin, Expect, Never, Step, Wanted, What};
 use crate::bus::Disturbance;
 use crate::devices::NamedDevice;
-use crate::simulation::{Command, Simulation};
-use crate::state::{self, BusChange, Disturb, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition};
+use crate::simulation::{Command, Refusal, Simulation};
+use crate::state::{
+    self, BusChange, Disturb, FaultRequest, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition,
+};
 
 /// The word for null.
 const NONE: &str = "\"none\"";
@@ -71,6 +73,12 @@ impl Trial {
         }
         if let Some(change) = table.disturb {
             act = Some(Command::Disturb(disturbance(change).map_err(within("disturb"))?));
+        }
+        if let Some(change) = table.fault {
+            act = Some(self.fault(change).map_err(within("fault"))?);
+        }
+        if let Some(name) = table.end {
+            act = Some(self.end(name)?);
         }
         Ok(Step { line, note: table.note, begin, act, expect, never })
     }
@@ -167,7 +175,8 @@ impl Trial {
             return Ok(None);
         };
         let Some(place) = self.cyclic.iter().position(|cyclic| *cyclic == id) else {
-            let cyclic = self.cyclic.iter().map(|id| format!("\"{}\"", digits(*id))).chain(["\"all\"".to_owned()]);
+            let cyclic =
+                self.cyclic.iter().map(|id| format!("\"{}\"", state::digits(*id))).chain(["\"all\"".to_owned()]);
             let accepted = cyclic.collect::<Vec<_>>().join(", ");
             return Err(format!("stop: there is no cyclic frame {which}; accepted: {accepted}"));
         };
@@ -181,6 +190,23 @@ impl Trial {
         }
         let command = Command::Plant(device.name.clone(), file::table(change)?);
         self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
+        Ok(command)
+    }
+
+    fn fault(&mut self, change: toml::Table) -> Result<Command, String> {
+        let request: FaultRequest = file::table(change)?;
+        let command = Command::Fault(request.fault().map_err(|Invalid(reason)| reason)?);
+        match self.simulation.execute(command.clone()) {
+            // Earlier faults may be over by then.
+            Ok(_) | Err(Refusal::Conflict(_)) => Ok(command),
+            Err(refusal) => Err(refusal.to_string()),
+        }
+    }
+
+    /// Ends a fault, which has to exist.
+    fn end(&mut self, name: String) -> Result<Command, String> {
+        let command = Command::EndFaults(Some(name).filter(|name| name != "all"));
+        self.simulation.execute(command.clone()).map_err(|refusal| format!("end: {refusal}"))?;
         Ok(command)
     }
 
@@ -237,14 +263,6 @@ impl Trial {
     }
 }
 
-/// Returns an identifier as scenarios write it: three digits, or eight.
-fn digits(id: Id) -> String {
-    match id {
-        Id::Standard(id) => format!("{:03X}", id.as_raw()),
-        Id::Extended(id) => format!("{:08X}", id.as_raw()),
-    }
-}
-
 fn within(key: &'static str) -> impl FnOnce(String) -> String {
     move |reason| format!("{key}: {reason}")
 }
@@ -285,11 +303,14 @@ fn refuse_two_acts(table: &StepTable) -> Result<(), String> {
         ("power", table.power.is_some()),
         ("bus", table.bus.is_some()),
         ("disturb", table.disturb.is_some()),
+        ("fault", table.fault.is_some()),
+        ("end", table.end.is_some()),
     ];
     let mut given = acts.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key);
     match (given.next(), given.next()) {
         (Some(one), Some(other)) => {
-            Err(format!("{one} and {other} in one step; accepted: one of send, stop, plant, power, bus, disturb"))
+            let keys = acts.map(|(key, _)| key).join(", ");
+            Err(format!("{one} and {other} in one step; accepted: one of {keys}"))
         }
         _ => Ok(()),
     }

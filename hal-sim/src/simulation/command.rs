@@ -8,8 +8,8 @@ use utoipa::ToSchema;
 
 use super::bus::BusState;
 use super::history::FrameRecord;
-use crate::bus::Disturbance;
-use crate::state::{Condition, DeviceState, PlantChange, Power};
+use crate::bus::{Disturbance, Fault, FaultError};
+use crate::state::{Condition, DeviceState, FaultRecord, PlantChange, Power};
 use crate::world::PlantError;
 
 /// A command to a simulation. It takes effect at the simulation's present instant.
@@ -24,6 +24,11 @@ pub enum Command {
     BitRate(BitRate),
     /// Destroys the next frames; replaces an earlier disturbance. Returns [`Reply::Bus`].
     Disturb(Disturbance),
+    /// Adds a communication fault. One without a name is named by its kind and its identifier, with a number if that name
+    /// is taken. Returns [`Reply::Fault`].
+    Fault(Fault),
+    /// Ends the named communication fault, or all. Returns [`Reply::Faults`] with the ended ones.
+    EndFaults(Option<String>),
     /// Sends a frame; with a period, cyclically, in place of an earlier cyclic frame with that identifier. Returns
     /// [`Reply::Sent`] when the first frame is on the bus; refused after a second without it.
     Send(Frame, Option<Duration>),
@@ -44,6 +49,10 @@ pub enum Reply {
     Device(Box<DeviceState>),
     /// The bus after the command.
     Bus(BusState),
+    /// The added communication fault.
+    Fault(FaultRecord),
+    /// The ended communication faults.
+    Faults(Vec<FaultRecord>),
     /// The frame was sent.
     Sent(Sent),
     /// Cyclic frames were stopped.
@@ -101,6 +110,14 @@ pub enum Refusal {
         /// The known names.
         known: String,
     },
+    /// No communication fault has this name.
+    #[error("no fault '{name}'; there are: {known}")]
+    UnknownFault {
+        /// The unknown name.
+        name: String,
+        /// The known names.
+        known: String,
+    },
     /// The plant change is refused.
     #[error(transparent)]
     Plant(#[from] PlantError),
@@ -128,6 +145,15 @@ pub struct TimedOut {
     /// The state of the device at that instant; null for an awaited frame.
     #[schema(required)]
     pub state: Option<DeviceState>,
+}
+
+impl From<FaultError> for Refusal {
+    fn from(error: FaultError) -> Self {
+        match error {
+            FaultError::TooMany | FaultError::Taken(_) => Self::Conflict(error.to_string()),
+            error => Self::Invalid(error.to_string()),
+        }
+    }
 }
 
 impl Command {

@@ -79,8 +79,9 @@ pub struct Passed {
 pub struct Happened {
     /// The event.
     pub event: Event,
-    /// The class and the text of an error that is reported to users.
-    pub error: Option<(ErrorClass, String)>,
+    /// The text of an error, or of the effect of a communication fault, that is reported to users; errors with their
+    /// class.
+    pub error: Option<(Option<ErrorClass>, String)>,
     /// A device sent the frame.
     pub is_from_device: bool,
 }

@@ -21,6 +21,7 @@ mod waits;
 mod tests;
 
 use std::collections::VecDeque;
+use std::iter;
 
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -30,9 +31,10 @@ pub use command::{Advanced, Command, Executed, Refusal, Reply, Sent, Stopped, Ti
 pub use history::{BusTrouble, Excerpt, FrameRecord, Happened, Heard, History, KEPT, Passed, TraceRecord, raw};
 
 use crate::Kind;
+use crate::bus::{Fault, FaultKind, FaultState};
 use crate::devices::{self, NamedDevice, NamedLink, RateWatch};
 use crate::memory::Memory;
-use crate::state::{Condition, DeviceState, StateWatch};
+use crate::state::{Condition, DeviceState, FaultRecord, StateWatch};
 use crate::world::{Event, NodeId, World};
 use sender::{Completed, Sender};
 use waits::{Awaited, Waits};
@@ -56,6 +58,8 @@ pub struct Simulation {
     completed: Completed,
     /// The number of commands so far that take time.
     tickets: u64,
+    /// The option that permits communication faults on this bus with real devices; `None` on any other bus.
+    protected: Option<&'static str>,
 }
 
 impl Simulation {
@@ -74,6 +78,7 @@ impl Simulation {
             events: VecDeque::new(),
             completed: Completed::new(),
             tickets: 0,
+            protected: None,
         }
     }
 
@@ -95,6 +100,12 @@ impl Simulation {
     pub fn send_as(&mut self, name: &str) {
         self.sender = Some(Sender::new(name, &mut self.world));
         self.history.set_own(name);
+    }
+
+    /// Protects a bus with real devices from communication faults: only the simulated devices can lose frames. `option`
+    /// would permit all faults.
+    pub const fn protect_bus(&mut self, option: &'static str) {
+        self.protected = Some(option);
     }
 
     /// Powers all devices that are off, each at a random moment within `jitter`.
@@ -196,6 +207,8 @@ impl Simulation {
                 self.world.disturb(disturbance);
                 Reply::Bus(self.bus())
             }
+            Command::Fault(fault) => Reply::Fault(self.fault(fault)?),
+            Command::EndFaults(name) => Reply::Faults(self.end_faults(name)?),
             Command::Stop(id) => {
                 let Self { sender, world, completed, .. } = self;
                 Reply::Stopped(Stopped {
@@ -219,6 +232,52 @@ impl Simulation {
         };
         self.poll();
         Ok(Executed::Done(reply))
+    }
+
+    /// Adds a communication fault, and names it if it has no name.
+    fn fault(&mut self, mut fault: Fault) -> Result<FaultRecord, Refusal> {
+        if fault.name.is_empty() {
+            let name = fault.default_name();
+            let is_taken = |name: &str| self.world.faults().any(|state| *state.fault.name == *name && !state.is_over);
+            let numbered = (2..).map(|number| format!("{name}-{number}"));
+            fault.name = iter::once(name.clone()).chain(numbered).find(|name| !is_taken(name)).unwrap_or(name).into();
+        }
+        if let Some(option) = self.protected
+            && !self.spares_others(&fault)
+        {
+            return Err(Refusal::Conflict(format!(
+                "real devices may be on the bus: only lose with simulated devices as receivers is possible without {option}"
+            )));
+        }
+        let record = FaultRecord::from(FaultState { fault: fault.clone(), struck: 0, is_over: false });
+        self.world.fault(fault)?;
+        Ok(record)
+    }
+
+    /// Returns whether a fault affects simulated devices alone.
+    fn spares_others(&self, fault: &Fault) -> bool {
+        let FaultKind::Lose { receivers } = &fault.kind else { return false };
+        !receivers.is_empty() && receivers.iter().all(|name| self.find(name).is_ok())
+    }
+
+    /// Ends the named communication fault, or all; returns them.
+    fn end_faults(&mut self, name: Option<String>) -> Result<Vec<FaultRecord>, Refusal> {
+        let Some(name) = name else {
+            let ended = self.faults().collect();
+            self.world.end_faults();
+            return Ok(ended);
+        };
+        let ended: Vec<FaultRecord> = self.faults().filter(|record| record.name == name).collect();
+        if !self.world.end_fault(&name) {
+            let known: Vec<String> = self.faults().map(|record| record.name).collect();
+            return Err(Refusal::UnknownFault { name, known: known.join(", ") });
+        }
+        Ok(ended)
+    }
+
+    /// Returns the communication faults in the order of their addition, those that are over included.
+    pub fn faults(&self) -> impl Iterator<Item = FaultRecord> {
+        self.world.faults().map(FaultRecord::from)
     }
 
     fn ticket(&mut self) -> Ticket {

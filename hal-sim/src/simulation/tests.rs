@@ -459,3 +459,24 @@ fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
         assert!(looks < 100, "{looks} looks at {rate}");
     }
 }
+
+/// On a bus with real devices, only simulated devices can lose frames.
+#[test]
+fn a_bus_with_real_devices_is_protected_from_faults() {
+    let mut simulation = Simulation::new(BitRate::Kbit250, 1);
+    let device = NamedDevice::new("boom", Kind::from_name("pvea-canopen").expect("a kind"));
+    simulation.add(&device, Memory::in_ram());
+    simulation.world_mut().add_gateway("others");
+    simulation.protect_bus("--an-option");
+    let lose =
+        |receivers: &[&str]| FaultKind::Lose { receivers: receivers.iter().map(|name| (*name).into()).collect() };
+    let mut add = |kind| simulation.run(Command::Fault(Fault::new("", kind)));
+    for kind in
+        [lose(&[]), lose(&["boom", "others"]), FaultKind::Destroy, FaultKind::Omit { receivers: vec!["boom".into()] }]
+    {
+        let Err(Refusal::Conflict(reason)) = add(kind.clone()) else { panic!("{kind:?} is permitted") };
+        assert!(reason.ends_with(" without --an-option"), "{reason}");
+    }
+    assert!(add(lose(&["boom"])).is_ok());
+    assert_eq!(simulation.faults().count(), 1);
+}

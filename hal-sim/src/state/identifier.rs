@@ -64,6 +64,27 @@ impl std::fmt::Display for Identifier {
     }
 }
 
+/// Returns an identifier as users write it: three digits, or eight.
+pub(crate) fn digits(id: Id) -> String {
+    match id {
+        Id::Standard(id) => format!("{:03X}", id.as_raw()),
+        Id::Extended(id) => format!("{:08X}", id.as_raw()),
+    }
+}
+
+/// The schema of an identifier, or `all`.
+#[derive(Clone, Copy, Debug)]
+pub struct IdentifierOrAll;
+
+impl PartialSchema for IdentifierOrAll {
+    fn schema() -> RefOr<Schema> {
+        let all = Object::builder().schema_type(Type::String).enum_values(Some(["all"]));
+        AnyOf::builder().item(Identifier::schema()).item(all).into()
+    }
+}
+
+impl ToSchema for IdentifierOrAll {}
+
 impl PartialSchema for Identifier {
     fn schema() -> RefOr<Schema> {
         let number =

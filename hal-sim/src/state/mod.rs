@@ -5,6 +5,7 @@
 //! device     the state of a device      plant   the plant of a device, and its changes
 //! condition  conditions to wait for     watch   a condition, checked whenever it may hold
 //! power      power and resets          bus     bit rate and disturbances
+//! fault      communication faults
 //! possible   the values that each key of a state can have, by kind
 //! identifier CAN identifiers            pattern patterns of frames
 //! schema     the accepted values, as JSON schemas, and their validation
@@ -14,6 +15,7 @@
 mod bus;
 mod condition;
 mod device;
+mod fault;
 mod given;
 mod identifier;
 mod pattern;
@@ -26,8 +28,10 @@ mod watch;
 pub use bus::{BitsPerSecond, BusChange, Disturb};
 pub use condition::{Condition, StateCondition};
 pub use device::*;
+pub use fault::{DataMasks, DlcMasks, FaultRecord, FaultRequest, IdentifierMasks, Millis};
 pub use given::{given, given_object};
-pub use identifier::Identifier;
+pub(crate) use identifier::digits;
+pub use identifier::{Identifier, IdentifierOrAll};
 pub use pattern::{DATA, DATA_PATTERN, Pattern};
 pub use plant::{PlantChange, PlantState};
 pub use possible::accepted;

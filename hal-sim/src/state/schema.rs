@@ -78,6 +78,7 @@ impl Schemas {
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
         match (kind, text) {
             (Some("integer"), _) if is_number => text.parse::<u64>().map_or_else(|_| text.into(), Value::from),
+            (Some("number"), _) => text.parse::<f64>().map_or_else(|_| text.into(), Value::from),
             (Some("boolean"), "true") => true.into(),
             (Some("boolean"), "false") => false.into(),
             _ => text.into(),
@@ -358,6 +359,7 @@ impl<'a> Checker<'a> {
                 (Some(min), None, Some(max)) => format!("a whole number from {min} to {max}"),
                 _ => "a whole number".to_owned(),
             },
+            "number" => format!("a number from {} to {}", schema["minimum"], schema["maximum"]),
             "boolean" => "true or false".to_owned(),
             "string" => match schema["examples"][0].as_str() {
                 Some(example) => format!("a text in hex as in \"{example}\""),
@@ -398,7 +400,12 @@ fn is_of(kind: &Value, value: &Value) -> bool {
 /// Returns whether a number is within the limits of its schema.
 fn is_within(schema: &Value, value: &Value) -> bool {
     let whole = |value: &Value| value.as_i64().map(i128::from).or_else(|| value.as_u64().map(i128::from));
-    let Some(number) = whole(value) else { return true };
+    let Some(number) = whole(value) else {
+        let (min, max) = (schema["minimum"].as_f64(), schema["maximum"].as_f64());
+        return value
+            .as_f64()
+            .is_none_or(|number| min.is_none_or(|min| number >= min) && max.is_none_or(|max| number <= max));
+    };
     whole(&schema["minimum"]).is_none_or(|min| number >= min)
         && whole(&schema["maximum"]).is_none_or(|max| number <= max)
 }

@@ -9,7 +9,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
 use crate::bus::BusError;
-use crate::explain::explain_error;
+use crate::explain::{explain_error, explain_fault};
 use crate::log::ErrorClass;
 use crate::world::{Event, EventKind};
 
@@ -30,8 +30,9 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Records an event; returns the class and the text if the event is an error to report.
-    pub fn note(&mut self, event: &Event) -> Option<(ErrorClass, String)> {
+    /// Records an event; returns the text if the event is reported, and the class of an error: the effect of a
+    /// communication fault is no error on the bus.
+    pub fn note(&mut self, event: &Event) -> Option<(Option<ErrorClass>, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
                 if !self.failing.is_empty() {
@@ -39,13 +40,18 @@ impl Errors {
                 }
                 None
             }
-            EventKind::ErrorFrame { frame, error, .. } => self.error_frame(event, frame, *error),
-            EventKind::ErrorMode { to, .. } => Some(self.change(event, *to)),
-            EventKind::Fault { .. } => None,
+            EventKind::ErrorFrame { frame, error, .. } => {
+                self.error_frame(event, frame, *error).map(|(class, text)| (Some(class), text))
+            }
+            EventKind::ErrorMode { to, .. } => {
+                let (class, text) = self.change(event, *to);
+                Some((Some(class), text))
+            }
+            EventKind::Fault { fault, frame, effect } => Some((None, explain_fault(fault, frame, effect, &event.who))),
             EventKind::FramesDropped { count } => {
                 let frames = if *count == 1 { "a frame" } else { "frames" };
                 let text = format!("{}: dropped {frames} that waited for the bus (×{count})", event.who);
-                Some((ErrorClass::TransmitOverflow, text))
+                Some((Some(ErrorClass::TransmitOverflow), text))
             }
         }
     }

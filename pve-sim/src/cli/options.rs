@@ -87,6 +87,11 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Bus")]
     beacon: bool,
 
+    /// Allow communication faults on socketcan:, where real devices may be; without it, only the simulated devices can
+    /// lose frames
+    #[arg(long, help_heading = "Bus")]
+    allow_real_bus: bool,
+
     /// The bit rate of the bus, in bit/s, or as in 250k and 1M [default: that of the first device, by default 250k for
     /// a valve and 500k for an angle sensor]
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
@@ -161,6 +166,7 @@ impl TryFrom<RunArgs> for RunOptions {
             buses,
             beacon: args.beacon,
             allow_remote: args.allow_remote,
+            allow_real_bus: args.allow_real_bus,
             bit_rate: args.bit_rate,
             state: args.state,
             speed: args.speed,

@@ -69,6 +69,7 @@ fn defaults() {
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
             beacon: false,
             allow_remote: false,
+            allow_real_bus: false,
             bit_rate: None,
             state: None,
             speed: Speed::Factor(1.0),
@@ -95,7 +96,7 @@ fn a_spool_has_the_times_that_are_given() {
 fn options_with_and_without_the_word_run() {
     let line = "--device pveo-canopen@0x21,name=rear,serial=0x5B2E0101 --device pvea-canopen@33 --device pvea-canopen,blank \
                 --bus socketcand://[::1]:0/can1 --bus socketcand://localhost:1234/pve0 --bit-rate 125000 --state memory \
-                --speed 2.5 --http 127.0.0.2:0 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash --color never --verbose --beacon --allow-remote";
+                --speed 2.5 --http 127.0.0.2:0 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash --color never --verbose --beacon --allow-remote --allow-real-bus";
     let options = run(line);
     assert_eq!(run(&format!("run {line}")), options);
     let devices: Vec<_> =
@@ -115,7 +116,9 @@ fn options_with_and_without_the_word_run() {
     assert_eq!(options.speed, Speed::Factor(2.5));
     assert_eq!(options.http, Some("127.0.0.2:0".parse().unwrap()));
     assert_eq!(options.log, Some(LogOptions { path: PathBuf::from("frames.log"), overwrite: true }));
-    assert!(options.error_frames && options.verbose && options.beacon && options.allow_remote);
+    assert!(
+        options.error_frames && options.verbose && options.beacon && options.allow_remote && options.allow_real_bus
+    );
     assert_eq!(options.color, ColorChoice::Never);
     assert_eq!(options.seed, u64::MAX);
 }

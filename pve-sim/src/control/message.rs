@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 
 use super::events::Subscription;
 use hal_sim::simulation::{BusState, Command, Excerpt, Refusal, Reply};
-use hal_sim::state::DeviceState;
+use hal_sim::state::{DeviceState, FaultRecord};
 
 /// A message to the world. It takes effect at the virtual instant of its arrival, and its answer describes a single
 /// instant.
@@ -21,6 +21,8 @@ pub enum Message {
     Device(String, Answer<DeviceState>),
     /// Reads the state of the bus.
     Bus(Answer<BusState>),
+    /// Reads the communication faults.
+    Faults(Answer<Vec<FaultRecord>>),
     /// Reads the virtual time.
     Time(Answer<Time>),
     /// Advances stepped virtual time.

@@ -49,6 +49,7 @@ impl ControlServer {
             Message::Devices(answer) => answer.send(Ok(simulation.states())),
             Message::Device(name, answer) => answer.send(simulation.state(&name)),
             Message::Bus(answer) => answer.send(Ok(simulation.bus())),
+            Message::Faults(answer) => answer.send(Ok(simulation.faults().collect())),
             Message::Time(answer) => answer.send(Ok(self.time(simulation))),
             Message::Trace(limit, answer) => answer.send(Ok(simulation.history().last(limit))),
             Message::Subscribe(answer) => answer.send(self.events.subscribe(simulation)),

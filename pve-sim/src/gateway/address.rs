@@ -49,6 +49,11 @@ pub trait Address: Debug + Display + Send + Sync {
         false
     }
 
+    /// Returns whether real devices may be on the bus.
+    fn may_be_real(&self) -> bool {
+        false
+    }
+
     /// Opens the gateway. Needs a Tokio runtime.
     fn open(&self, access: Access) -> Opening<'_>;
 }

@@ -5,10 +5,12 @@
 //! identifier, as when two masters read from one valve, would destroy each other.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 use protocol_core::frame::Frame;
 
 use crate::inbox::{ClientId, ClientQueue, Overrun, ToClient, ToWorld};
+use hal_sim::bus::FaultEffect;
 use hal_sim::log::{ErrorClass, Timestamp};
 use hal_sim::world::{ClientPortId, Event, EventKind, World};
 
@@ -36,6 +38,10 @@ pub(super) struct Clients {
     dropped: usize,
     /// The number of frames so far.
     count: u64,
+    /// A communication fault loses the next frame for the clients.
+    is_lost: bool,
+    /// The clients accept the frame on the wire, although others see an error in its last but one bit.
+    accepts_omitted: bool,
 }
 
 struct Client {
@@ -62,6 +68,8 @@ impl Clients {
             left_behind: 0,
             dropped: 0,
             count: 0,
+            is_lost: false,
+            accepts_omitted: false,
         }
     }
 
@@ -113,13 +121,35 @@ impl Clients {
     /// Sends a frame to all listening clients but its sender, and a reported error to all that want errors. Returns the
     /// number of dismissed clients.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
-        let own = *event.who == *NAME;
-        let (message, sender) = match (&event.what, told) {
-            (EventKind::Frame { frame, .. }, _) => (ToClient::Frame(at, *frame), self.sending.filter(|_| own)),
-            (_, Some(class)) if self.error_frames => (ToClient::Error(at, class), None),
-            _ => return 0,
+        let has_clients = |names: &[Arc<str>]| names.iter().any(|name| **name == *NAME);
+        let received = match &event.what {
+            EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } => {
+                self.is_lost |= receivers.is_empty() || has_clients(receivers);
+                None
+            }
+            EventKind::Fault { effect: FaultEffect::Omitted(receivers), .. } => {
+                self.accepts_omitted = !has_clients(receivers);
+                None
+            }
+            EventKind::Frame { frame, .. } => {
+                self.accepts_omitted = false;
+                Some(frame)
+            }
+            EventKind::ErrorFrame { frame, .. } if std::mem::take(&mut self.accepts_omitted) => Some(frame),
+            _ => None,
         };
-        let listeners = self.clients.iter().filter(|(id, client)| client.listening && Some(**id) != sender);
+        let received = received.filter(|_| !std::mem::take(&mut self.is_lost));
+        let sender = self.sending.filter(|_| *event.who == *NAME);
+        let frame = received.map_or(0, |frame| self.tell(&ToClient::Frame(at, *frame), sender));
+        match told {
+            Some(class) if self.error_frames => frame + self.tell(&ToClient::Error(at, class), None),
+            _ => frame,
+        }
+    }
+
+    /// Posts a message to all listening clients but one; returns the number of dismissed clients.
+    fn tell(&mut self, message: &ToClient, but: Option<ClientId>) -> usize {
+        let listeners = self.clients.iter().filter(|(id, client)| client.listening && Some(**id) != but);
         let overrun: Vec<ClientId> = listeners
             .filter_map(|(id, client)| client.to_client.post(message.clone()).is_err().then_some(*id))
             .collect();

@@ -14,6 +14,7 @@ use protocol_core::device::view::View;
 use protocol_core::device::{Device, Kind};
 use serde::Serialize;
 
+use super::fault_words;
 use hal_sim::devices::NamedDevice;
 use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
@@ -30,6 +31,12 @@ pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<
         all => (None, all),
     };
     let named = name.and_then(|name| world.find(name));
+    if named.is_none()
+        && let Some(answer) = fault_words::execute(words, simulation)
+    {
+        return answer.map(Some);
+    }
+    let world = simulation.world_mut();
     match *words {
         ["help"] if named.is_none() => Ok(Some(help(world))),
         ["status"] => {
@@ -63,7 +70,8 @@ pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String
         [] => {
             let names = devices.iter().filter(|_| named.is_none()).map(|device| device.name.as_str());
             let asked = ["status", "help"].into_iter().take(if named.is_none() { 2 } else { 1 });
-            names.chain(own.map(|word| word.name)).chain(asked).collect()
+            let faults = fault_words::candidates().map(|word| -> &str { word }).filter(|_| named.is_none());
+            names.chain(own.map(|word| word.name)).chain(asked).chain(faults).collect()
         }
         [typed] => match own.filter(|word| word.name == typed).map(|word| word.values).next() {
             Some(Values::Words(values)) => values.to_vec(),
@@ -126,6 +134,8 @@ fn help(world: &World) -> String {
         }
     }
     text + "
+" + fault_words::HELP
+        + "
 [NAME] status          state, position, LED and active faults of a device, or of all of them
 Ctrl-C                 ends the run; all devices store their memory first
 help                   this text"
@@ -358,9 +368,10 @@ mod tests {
         let both = [boom.clone(), NamedDevice::new("sensor", kind("hat1000"))];
         let told = |before: &[&str], devices: &[NamedDevice]| candidates(before, devices).join(" ");
         let valve = "supply_mv temperature_c spool lever internal_fault memory bus_off status";
-        assert_eq!(told(&[], &both), "boom sensor status help");
+        let faults = "lose delay repeat swap corrupt insert masquerade destroy omit faults end";
+        assert_eq!(told(&[], &both), format!("boom sensor status help {faults}"));
         assert_eq!(told(&["boom"], &both), valve);
-        assert_eq!(told(&[], &both[..1]), format!("boom {valve} help"));
+        assert_eq!(told(&[], &both[..1]), format!("boom {valve} help {faults}"));
         assert_eq!(told(&["sensor", "measuring_error"], &both), "on off");
         assert_eq!(told(&["spool"], &both[..1]), "ok stuck slow drifting no-float");
         assert_eq!(told(&["boom", "lever"], &both[..1]), "off");

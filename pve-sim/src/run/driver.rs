@@ -305,7 +305,7 @@ impl<O: Platform> Driver<O> {
         while let Some(happened) = self.simulation.take_event() {
             let at = self.start.at(happened.event.at);
             // Clients first: they may answer.
-            for _ in 0..self.clients.show(&happened.event, at, happened.error.as_ref().map(|(class, _)| *class)) {
+            for _ in 0..self.clients.show(&happened.event, at, happened.error.as_ref().and_then(|(class, _)| *class)) {
                 self.report_overrun();
             }
             if let Some(control) = &self.control {

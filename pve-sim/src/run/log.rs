@@ -77,6 +77,11 @@ impl Log {
         self.writer.write(record).map_err(|error| complaint(&self.path, &error))
     }
 
+    /// Adds a comment, where the format has comments. The error: the message for the user.
+    pub(super) fn comment(&mut self, at: Timestamp, text: &str) -> Result<(), String> {
+        self.writer.comment(at, text).map_err(|error| complaint(&self.path, &error))
+    }
+
     /// Flushes the log to the system. The error: the message for the user.
     pub(super) fn flush(&mut self) -> Result<(), String> {
         self.writer.flush().map_err(|error| complaint(&self.path, &error))

@@ -28,6 +28,7 @@ mod console;
 mod driver;
 mod editor;
 mod end;
+mod fault_words;
 mod log;
 mod options;
 mod pace;

@@ -22,6 +22,8 @@ pub struct RunOptions {
     pub beacon: bool,
     /// Frames pass between this machine and others, where a URL does not decide.
     pub allow_remote: bool,
+    /// Communication faults may affect a bus with real devices.
+    pub allow_real_bus: bool,
     /// The bit rate of the bus; `None`: that of the first device.
     pub bit_rate: Option<BitRate>,
     /// The folder of the state files, if any.

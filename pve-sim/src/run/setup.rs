@@ -29,6 +29,9 @@ pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String
         simulation.add(device, memory);
     }
     simulation.link(&options.links);
+    if !options.allow_real_bus && options.buses.iter().any(|url| url.address().may_be_real()) {
+        simulation.protect_bus("--allow-real-bus");
+    }
     simulation.poll();
     simulation.rates_mut().find_all();
     warnings.extend(simulation.rates_mut().take_found().into_iter().map(|found| found.reason));

@@ -69,17 +69,27 @@ impl Trace {
         }
     }
 
-    /// Writes the line of a frame, or of a reported error.
+    /// Writes the line of a frame, of a reported error, or of the effect of a communication fault.
     pub(super) fn tell(&mut self, happened: &Happened, at: Timestamp, explainer: &Explainer) {
         let Happened { event, error, .. } = happened;
         let entry = match (event.frame(), error) {
-            (Some(frame), _) => Entry::Frame(*frame),
-            (None, Some((class, _))) => Entry::Error((*class).into()),
+            (Some(frame), _) => Some(Entry::Frame(*frame)),
+            (None, Some((class, _))) => class.map(|class| Entry::Error(class.into())),
             (None, None) => return,
         };
         self.line.clear();
-        write_entry(&mut self.line, at, &self.bus, &entry);
-        self.log(|log| log.write(&Record { at, entry }));
+        match (entry, error) {
+            (Some(entry), _) => {
+                write_entry(&mut self.line, at, &self.bus, &entry);
+                self.log(|log| log.write(&Record { at, entry }));
+            }
+            (None, Some((_, text))) => {
+                // As a comment, which readers of the lines skip.
+                self.line.push_str(&format!("# ({at})"));
+                self.log(|log| log.comment(at, text));
+            }
+            (None, None) => {}
+        }
         match (&mut self.layout, event.frame(), error) {
             (Some(layout), ..) => happened.lay_out(&mut self.lines, layout, explainer),
             (None, Some(frame), _) => self.plain(&explainer.explain(frame, Some(&event.who))),

@@ -95,7 +95,7 @@ _pve__sim() {
 
     case "${cmd}" in
         pve__sim)
-            opts="-h -V --device --link --allow-clash --state --bus --beacon --bit-rate --speed --seed --log --log-overwrite --error-frames --color --verbose --http --no-http --allow-remote --help --version run use-case scenario decode replay set status eds dbc completions man help"
+            opts="-h -V --device --link --allow-clash --state --bus --beacon --allow-real-bus --bit-rate --speed --seed --log --log-overwrite --error-frames --color --verbose --http --no-http --allow-remote --help --version run use-case scenario decode replay set status eds dbc completions man help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 1 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -445,7 +445,7 @@ _pve__sim() {
             return 0
             ;;
         pve__sim__subcmd__run)
-            opts="-h --device --link --allow-clash --state --bus --beacon --bit-rate --speed --seed --log --log-overwrite --error-frames --color --verbose --http --no-http --allow-remote --help"
+            opts="-h --device --link --allow-clash --state --bus --beacon --allow-real-bus --bit-rate --speed --seed --log --log-overwrite --error-frames --color --verbose --http --no-http --allow-remote --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0

@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_pve_sim_global_optspecs
-    string join \n device= link= allow-clash state= bus= beacon bit-rate= speed= seed= log= log-overwrite error-frames color= verbose http= no-http allow-remote h/help V/version
+    string join \n device= link= allow-clash state= bus= beacon allow-real-bus bit-rate= speed= seed= log= log-overwrite error-frames color= verbose http= no-http allow-remote h/help V/version
 end
 
 function __fish_pve_sim_needs_command
@@ -38,6 +38,7 @@ never\t'Laid out on a terminal, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l http -d 'The address of the control interface, port 0 takes a free one [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l beacon -d 'Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-real-bus -d 'Allow communication faults on socketcan:, where real devices may be; without it, only the simulated devices can lose frames'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l log-overwrite -d 'Overwrite a non-empty file of --log'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l error-frames -d 'Send error frames to clients: the first one, and each change of an error mode'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l verbose -d 'Show every cyclic frame on a terminal, including unchanged repeats'
@@ -71,6 +72,7 @@ never\t'Laid out on a terminal, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l http -d 'The address of the control interface, port 0 takes a free one [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l beacon -d 'Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-real-bus -d 'Allow communication faults on socketcan:, where real devices may be; without it, only the simulated devices can lose frames'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l log-overwrite -d 'Overwrite a non-empty file of --log'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l error-frames -d 'Send error frames to clients: the first one, and each change of an error mode'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l verbose -d 'Show every cyclic frame on a terminal, including unchanged repeats'

@@ -29,6 +29,7 @@ never\:"Laid out on a terminal, without colour"))' \
 '(--no-http)--http=[The address of the control interface, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
+'--allow-real-bus[Allow communication faults on socketcan\:, where real devices may be; without it, only the simulated devices can lose frames]' \
 '--log-overwrite[Overwrite a non-empty file of --log]' \
 '--error-frames[Send error frames to clients\: the first one, and each change of an error mode]' \
 '--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \
@@ -63,6 +64,7 @@ never\:"Laid out on a terminal, without colour"))' \
 '(--no-http)--http=[The address of the control interface, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
+'--allow-real-bus[Allow communication faults on socketcan\:, where real devices may be; without it, only the simulated devices can lose frames]' \
 '--log-overwrite[Overwrite a non-empty file of --log]' \
 '--error-frames[Send error frames to clients\: the first one, and each change of an error mode]' \
 '--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \

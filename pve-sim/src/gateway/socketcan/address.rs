@@ -59,6 +59,10 @@ mod linux {
             true
         }
 
+        fn may_be_real(&self) -> bool {
+            true
+        }
+
         fn open(&self, _: Access) -> Opening<'_> {
             Box::pin(async move {
                 let interface = Interface::open(&self.0).map_err(|error| refusal(&self.0, &error))?;

@@ -11,7 +11,7 @@ use crate::http::error::Error;
 use hal_sim::simulation::BusTrouble;
 use hal_sim::simulation::TimedOut;
 use hal_sim::state::schema::{Schemas, without_formats};
-use hal_sim::state::{BusChange, Disturb, PlantChange, PowerChange};
+use hal_sim::state::{BusChange, Disturb, FaultRequest, PlantChange, PowerChange};
 
 /// The calls and their schemas, as far as attributes can express them.
 #[derive(OpenApi)]
@@ -30,6 +30,10 @@ use hal_sim::state::{BusChange, Disturb, PlantChange, PowerChange};
         bus::show,
         bus::change,
         bus::disturb,
+        bus::faults,
+        bus::add_fault,
+        bus::end_faults,
+        bus::end_fault,
         frames::send,
         frames::stop,
         wait::wait,
@@ -50,6 +54,7 @@ static DESCRIPTION: LazyLock<Value> = LazyLock::new(|| {
     describe::<PowerChange>(schemas);
     describe::<BusChange>(schemas);
     describe::<Disturb>(schemas);
+    describe::<FaultRequest>(schemas);
     describe::<frames::FrameToSend>(schemas);
     describe::<wait::Wait>(schemas);
     describe::<time::Advance>(schemas);

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use axum::extract::{DefaultBodyLimit, FromRequestParts};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
-use axum::routing::{get, patch, post};
+use axum::routing::{delete, get, patch, post};
 use axum::{Json, Router, middleware};
 
 use super::connection::Connection;
@@ -78,6 +78,8 @@ pub(super) fn router(world: WorldSender) -> Router {
         .route("/devices/{name}/power", post(devices::power))
         .route("/bus", get(bus::show).patch(bus::change))
         .route("/bus/disturb", post(bus::disturb))
+        .route("/bus/faults", get(bus::faults).post(bus::add_fault).delete(bus::end_faults))
+        .route("/bus/faults/{name}", delete(bus::end_fault))
         .route("/bus/frames", post(frames::send).delete(frames::stop))
         .route("/wait", post(wait::wait))
         .route("/time", get(time::show).post(time::advance))

@@ -6,6 +6,7 @@ mod description;
 mod devices;
 mod faults;
 mod guards;
+mod messages;
 mod time;
 mod wait;
 

@@ -1,0 +1,47 @@
+//! Communication faults in scenarios.
+
+use super::*;
+
+#[test]
+fn a_fault_affects_the_frames_of_the_next_steps() {
+    passes(
+        r#"{ send = "000#0120" },
+           { fault = { lose = "220", count = 2 } },
+           { send = "220#0F00 0020" }, { send = "220#0F00 0020" }, { after_ms = 50, expect = { dsm = "init" } },
+           { end = "lose-220" },
+           { send = "220#0F00 0020", every_ms = 20, expect = { dsm = "active" } },
+           { fault = { corrupt = "1A0", data = { toggle = "01" }, count = 1 }, expect = "1A0#0E00 .." },
+           { end = "all" }"#,
+    );
+}
+
+#[test]
+fn a_fault_that_affects_no_frame_fails() {
+    let report = fails(r#"{ fault = { lose = "7FF" } }, { after_ms = 100 }"#, 1);
+    assert!(report.contains("x.toml:4: fault lose 7FF: failed at "), "{report}");
+    assert!(report.contains("it affected no frame: nothing was tested"), "{report}");
+    fails(r#"{ fault = { lose = "7FF" } }, { after_ms = 100, end = "lose-7FF" }"#, 1);
+    // A fault that is over is replaced by one of the same name.
+    fails(
+        r#"{ fault = { lose = "7FF", for_ms = 5, name = "one" } }, { after_ms = 100 },
+           { fault = { lose = "7FE", probability = 0, name = "one" } }, { after_ms = 10 }"#,
+        1,
+    );
+    passes(r#"{ fault = { lose = "220", probability = 0 } }, { after_ms = 100 }, { end = "all" }"#);
+}
+
+#[test]
+fn a_fault_that_cannot_be_is_refused() {
+    for (step, reason) in [
+        (r#"{ fault = {} }"#, "fault: a fault needs one of lose, delay, "),
+        (r#"{ fault = { lose = "220", sender = "bucket" } }"#, "fault: no device or client 'bucket'; there are: "),
+        (r#"{ fault = { lose = "" } }"#, "fault: id \"\": "),
+        (r#"{ fault = { lose = "220", probability = 1.5 } }"#, "fault.probability 1.5: accepted: "),
+        (r#"{ fault = { loose = "220" } }"#, "fault: unknown key 'loose'; did you mean 'lose'?"),
+        (r#"{ end = "lose-220" }"#, "end: no fault 'lose-220'"),
+        (r#"{ fault = { lose = "220" }, disturb = { frames = 1 } }"#, "disturb and fault in one step"),
+    ] {
+        let refused = refused(step);
+        assert!(refused.starts_with(reason), "{step}: {refused}");
+    }
+}
