@@ -96,7 +96,7 @@ impl Group {
 /// The description of one object, in eight bytes: a product has about 80 objects.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// Index and sub-index in the upper 24 bits, the sort key of the entries; the [flags](flags) in the lowest byte.
+    /// Index and sub-index in the upper 24 bits, the sort key of the entries; the [`flags`] in the lowest byte.
     packed: u32,
     /// The maximum length of a text, the default of a stored object, or the value of a constant.
     number: u32,
