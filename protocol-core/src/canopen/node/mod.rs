@@ -1,12 +1,12 @@
 //! A CANopen node: the product-independent services combined (CiA 301, CiA 305).
 //!
 //! ```text
-//! mod        the node: what goes in, and what it demands of the device around it
+//! mod        the node: its interface, and its demands on the device
 //! product    the trait of a product
-//! object     the object of a row of the dictionary             objects    the node's own objects
+//! object     the objects behind the rows                       objects      the node's own objects
 //! services   the services of the node
-//! listening  which frames are for the node
-//! pending    the frames that wait for the bus                description  the objects as an EDS describes them
+//! listening  the frames for the node
+//! pending    the pending frames                                description  the objects as an EDS describes them
 //! ```
 //!
 //! The node does not own the product: every call that needs the product takes a reference.
