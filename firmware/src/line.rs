@@ -46,8 +46,8 @@ impl Line {
     /// Adds a character; `is_damaged` states whether it or a neighbouring character was damaged. Returns the condition
     /// of the line if the character ends it.
     ///
-    /// A line whose beginning was lost with the previous line is not [damaged](Arrival::Damaged). It is still no
-    /// command, because no command ends with another one.
+    /// A line whose beginning was lost with the previous line is not [damaged](Arrival::Damaged), but cannot be parsed,
+    /// because no command ends with another command.
     pub fn push(&mut self, character: u8, is_damaged: bool) -> Option<Arrival> {
         let last = core::mem::replace(&mut self.last, character);
         if character == b'\n' && last == b'\r' {

@@ -30,7 +30,7 @@ pub(crate) const HEADER: usize = 12;
 pub(crate) const MARK: u8 = 0x4E;
 const CHECKSUM: Range<usize> = 8..HEADER;
 
-/// The number of attempts to write an entry. One that does not read back, for example because of a flipped bit, is
+/// The number of attempts to write an entry. An entry that does not read back, for example because of a flipped bit, is
 /// written again further on.
 const ATTEMPTS: usize = 3;
 

@@ -94,7 +94,7 @@ pub struct Records<'buffer, F> {
 }
 
 impl<'buffer, F: NorFlash> Records<'buffer, F> {
-    /// Creates the records of a flash, without reading or writing.
+    /// Wraps a flash; nothing is read or written yet.
     pub const fn new(flash: F, buffer: &'buffer mut [u8; BUFFER]) -> Self {
         Self { log: Log::new(flash, buffer) }
     }

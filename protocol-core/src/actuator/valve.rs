@@ -301,7 +301,7 @@ impl Valve {
         core::mem::take(&mut self.faults.counters)
     }
 
-    /// Adds to the occurrence counters, for counters that were cleared but could not be stored.
+    /// Adds counters back that were cleared, if the clearing could not be stored.
     pub fn add_counters(&mut self, counters: Counters) {
         self.faults.counters = self.faults.counters.plus(counters);
         self.faults.counters_changed = true;

@@ -131,7 +131,7 @@ pub trait Device {
     /// Returns the node ID or address in force; `None` if there is none.
     fn node_id(&self) -> Option<u8>;
 
-    /// Returns the number of frames dropped because of a full queue, bus-off or a change of the bit rate. No frame is
-    /// lost uncounted.
+    /// Returns the number of frames dropped because of a full queue, bus-off or a change of the bit rate. Every lost
+    /// frame is counted.
     fn frames_dropped(&self) -> u32;
 }

@@ -307,7 +307,7 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Advances the time and handles the timers that are due by then. On the path of every frame for the device.
+    /// Advances the time and handles the timers that are due by then. Called for every frame for the device.
     fn advance(&mut self, now: Instant) {
         self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {

@@ -56,8 +56,8 @@ impl AddressClaim {
 
     /// Records that the claim is on the bus. The first one starts the wait.
     ///
-    /// Addresses 128–247 can be self-configured by other controllers, which have the wait to contend. Other addresses
-    /// need no wait.
+    /// Another controller may have chosen an address of 128–247 itself, and can contend during the wait. Other
+    /// addresses need no wait.
     pub const fn sent(&mut self, now: Instant) {
         if self.is_begun() {
             self.state = State::Waiting { until: delayed(now, self.wait()) };

@@ -32,8 +32,8 @@ impl Dm1 {
 
     /// Sets the active code. Any change, even of the occurrence count only, is reported at once.
     ///
-    /// `at` is the time at which a frame can be sent, [`NEVER`] in bus-off. A code that appears and disappears at one
-    /// time is reported if its frame can be encoded at that time; a later DM1 carries only the present state.
+    /// `at` is the time at which a frame can be sent, [`NEVER`] in bus-off. A code that appears and disappears at the
+    /// same time is reported if its frame can be encoded at that time; a later DM1 carries only the present state.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {

@@ -55,8 +55,8 @@ pub(super) fn with<R>(act: impl FnOnce(&mut Transmission) -> R) -> Option<R> {
     critical_section::with(|cs| TRANSMISSION.borrow_ref_mut(cs).as_mut().map(act))
 }
 
-/// Tries to load a frame whose chance is not signalled by an interrupt. Returns whether the frame is still blocked, so
-/// that this must be called again later.
+/// Tries to load a blocked frame, whose mailbox no interrupt would signal. Returns whether the frame is still blocked;
+/// call again later if so.
 pub(in crate::board) fn retry() -> bool {
     if BLOCKED.load(Ordering::Relaxed) {
         with(Transmission::load);

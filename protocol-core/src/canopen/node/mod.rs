@@ -257,7 +257,7 @@ impl<P: Product> Node<P> {
         Some((tpdo.key()?, tpdo.mapping()))
     }
 
-    /// Replaces a TPDO that the controller may hold after a change of the reported values, if TPDOs are sampled when
+    /// After a change of the reported values, replaces a TPDO that the controller may hold, if TPDOs are sampled when
     /// sent.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {

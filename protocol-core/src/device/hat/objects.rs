@@ -64,7 +64,8 @@ pub(in crate::device) struct HatObjects {
     pub(super) in_force: Layer,
     /// The node ID and bit rate last written to 0x2001:2 and 0x2002:2.
     pub(super) demanded: Layer,
-    /// The parts written since the last LSS store request; the end of that store does not overwrite them.
+    /// The values written to 0x2001:2 and 0x2002:2 since the last LSS store request; the end of that store does not
+    /// overwrite them.
     pub(super) demanded_since: Configuration,
     preset: Preset,
 }
