@@ -56,7 +56,7 @@ pub enum Scale {
     Per127,
     /// ±1000, the 16-bit objects.
     Per1000,
-    /// ±250, the port flow command, 0.4 % a bit.
+    /// ±250, the port flow command, 0.4 % per bit.
     Per250,
     /// ±100, percent.
     Percent,

@@ -1,4 +1,4 @@
-//! The object dictionary (CiA 301 7.4): one const table a product, the single source of truth.
+//! The object dictionary (CiA 301 7.4): one const table per product, the single source of truth.
 //!
 //! The table drives look-up, access checks with their abort codes, PDO mapping, "save" and the default values. It is
 //! split at compile time: the [`Entries`] are independent of the product, so the services that need only them are

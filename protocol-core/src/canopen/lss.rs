@@ -114,7 +114,7 @@ impl Layer {
         Self { node_id: change.node_id.unwrap_or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
     }
 
-    /// Returns the layer as a configuration of both.
+    /// Converts the layer to a complete configuration.
     #[must_use]
     pub(crate) const fn configuration(self) -> Configuration {
         Configuration { node_id: Some(self.node_id), bit_rate: Some(self.bit_rate) }
