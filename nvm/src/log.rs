@@ -43,7 +43,7 @@ pub(crate) struct Log<'buffer, F> {
 /// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A copy of another entry that is about to be erased or is older than damage.
+    /// A copy of another entry, which is about to be erased or is the older version of a damaged one.
     Copy = 0,
     /// A new content.
     Stored = 1,
@@ -152,8 +152,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.erase(old)
     }
 
-    /// Copies valid entries from the other sector into the sector in use: versions older than damage, and the rest of a
-    /// move in the previous layout. If damage leaves no room for them, they are lost.
+    /// Copies valid entries from the other sector into the sector in use: older versions of damaged entries, and the
+    /// rest of a move in the previous layout. If damage leaves no room for them, they are lost.
     fn gather(&mut self) -> Result<Survey, StoreError> {
         for _ in 0..KEYS {
             let survey = self.survey().map_err(|_| StoreError)?;

@@ -25,7 +25,8 @@ pub(crate) enum State {
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// A device without node ID boots with a stored one (CiA 305); any other applies it at reset communication.
+    /// A device without node ID boots with a stored one (CiA 305); in any other case the pending node ID waits for
+    /// reset communication.
     Boot,
 }
 

@@ -63,7 +63,7 @@ pub(crate) struct Pdo {
     transmission: Transmission,
     count: u8,
     entries: [MappingEntry; ENTRIES],
-    /// The frame without data; its length is 0 before the PDO is switched on, or if it maps nothing.
+    /// The frame without data; its length is 0 while the PDO is off or maps nothing.
     blank: Frame,
     /// The mapped objects of a PDO that is on.
     slots: Vec<Slot, ENTRIES>,

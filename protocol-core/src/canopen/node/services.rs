@@ -92,7 +92,7 @@ impl<P: Product> Node<P> {
 
     /// Handles the entry of a state.
     fn entered(&mut self, state: State, product: &mut P, now: Instant) {
-        // A pending heartbeat would report the previous state.
+        // A heartbeat already in the controller carries the previous state.
         self.pending.renew_heartbeat();
         match state {
             State::Operational => self.objects.tpdo.restart(now),

@@ -26,7 +26,7 @@ pub enum Change {
     /// Encoders: the angle of the shaft, in 1/100 degree. A turning shaft continues from this angle.
     AngleCdeg(u32),
     /// Encoders: the speed of the shaft, in turns per minute, positive clockwise. The shaft turns from its present
-    /// angle, rounded to 1/100 degree.
+    /// angle, rounded down to 1/100 degree.
     SpeedRpm(i32),
     /// Encoders: whether the sensor unit detects a measuring error.
     MeasuringError(bool),
