@@ -150,8 +150,8 @@ impl CobId {
     }
 
     /// Returns whether a PDO, SYNC, EMCY or EMCY consumer may use the identifier: a 29-bit one if `extended`, or an
-    /// 11-bit one that CiA 301 (7.3.5) does not restrict to NMT, the default SDOs, EMCY and error control, or LSS (SPEC
-    /// 4.1).
+    /// 11-bit one that is not restricted. CiA 301 (7.3.5) restricts those of NMT, the default SDOs, EMCY, error control
+    /// and LSS (SPEC 4.1).
     #[must_use]
     pub const fn is_usable(self, extended: bool) -> bool {
         if self.is_extended() {

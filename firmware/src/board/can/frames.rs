@@ -11,8 +11,8 @@ pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame:
 
 /// The length code and data at the output of a receive FIFO.
 ///
-/// `bxcan` keeps the received length code, and panics on access to the length or data of a frame with a code of 9–15,
-/// which CAN permits with the meaning 8. Therefore both are read here, before `bxcan` releases the frame.
+/// CAN permits length codes of 9–15, which mean 8. `bxcan` keeps such a code as received, and panics on access to the
+/// length or data of the frame. Therefore both are read here, before `bxcan` releases the frame.
 pub(super) struct Payload {
     len: u8,
     data: [u8; 8],
