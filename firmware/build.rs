@@ -1,5 +1,5 @@
-//! Linker arguments of the image. They stand here and not in `.cargo/config.toml`, where a set RUSTFLAGS drops them
-//! without a word: the build then succeeds with an image of a few bytes.
+//! Linker arguments of the image. They are set here rather than in `.cargo/config.toml`, where RUSTFLAGS would silently
+//! override them: the build would then yield an image of a few bytes.
 
 use std::env;
 use std::path::Path;

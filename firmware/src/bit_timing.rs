@@ -1,23 +1,23 @@
-//! Bit timings of the CAN controller, for its clock of 40 MHz: every bit rate divides exactly.
+//! Bit timings of the CAN controller for a clock of 40 MHz, which yields every bit rate exactly.
 
 use protocol_core::controller::BitRate;
 
 /// The clock of the controller, APB1.
 pub const CLOCK: u32 = 40_000_000;
 
-/// Timing of a bit: prescaler and time quanta.
+/// The timing of a bit: prescaler and time quanta.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
-    /// Clocks a time quantum.
+    /// Clock cycles per time quantum.
     pub prescaler: u32,
-    /// Time quanta before the sample point, behind the one of synchronisation.
+    /// Time quanta between the synchronisation segment and the sample point.
     pub segment_1: u32,
-    /// Time quanta behind the sample point.
+    /// Time quanta after the sample point.
     pub segment_2: u32,
 }
 
 impl BitTiming {
-    /// Returns the timing of a bit rate: sampled at 87.5 %, at 800 kbit/s at 90 %.
+    /// Returns the timing of a bit rate. The sample point is at 87.5 %, at 800 kbit/s at 90 %.
     #[must_use]
     pub const fn of(bit_rate: BitRate) -> Self {
         let (prescaler, segment_1, segment_2) = match bit_rate {
@@ -33,7 +33,7 @@ impl BitTiming {
         Self { prescaler, segment_1, segment_2 }
     }
 
-    /// Bits a second.
+    /// Returns the bit rate in bits per second.
     #[must_use]
     pub const fn bits_per_second(self) -> u32 {
         CLOCK / (self.prescaler * self.quanta())
@@ -47,7 +47,7 @@ impl BitTiming {
         if self.segment_2 < 2 { self.segment_2 } else { 2 }
     }
 
-    /// Returns the register BTR.
+    /// Returns the value of the register BTR.
     #[must_use]
     pub const fn register(self) -> u32 {
         (self.jump_width() - 1) << 24 | (self.segment_2 - 1) << 20 | (self.segment_1 - 1) << 16 | (self.prescaler - 1)
@@ -79,8 +79,9 @@ mod tests {
         assert_eq!(BitTiming::of(BitRate::Kbit10).register(), 0x011C_00F9);
     }
 
-    /// The tolerance of a node's oscillator, in parts per million: a jump makes up for the drift within 10 bits, and an
-    /// error flag is told from a bit in the wrong place after 13 (Bosch, "The Configuration of the CAN Bit Timing").
+    /// The oscillator tolerance of a node in parts per million: resynchronisation must compensate the drift of 10 bits,
+    /// and after 13 bits an error flag must still be distinguishable from a shifted bit (Bosch, "The Configuration of
+    /// the CAN Bit Timing").
     #[test]
     fn oscillators_may_differ_as_much_as_the_segments_allow() {
         for (rate, ppm) in

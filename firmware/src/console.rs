@@ -1,51 +1,51 @@
-//! The lines of the console.
+//! The command lines of the console.
 
 use protocol_core::device::Kind;
 
 use crate::plant::{Change, Word, natural};
 
-/// The help of the board's own words, a word a line; that of the plant's words comes first.
+/// The help for the commands of the board, one per line, printed after that for the words of the plant.
 pub const HELP: &str = "\
 status              what it is, and what acts on it\r\n\
 kind KIND [SERIAL]  becomes a new device: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000\r\n\
 blank [SERIAL]      becomes a new device without a node ID\r\n\
 power-cycle         restarts\r\n";
 
-/// Gives the help of a word of the plant to `put`, part by part: a line, in the columns of [`HELP`].
+/// Writes the help line of a plant word to `put`, part by part, in the columns of [`HELP`].
 pub fn tell_help(word: &Word, put: &mut dyn FnMut(&str)) {
     const COLUMN: usize = "kind KIND [SERIAL]  ".len();
     word.tell(COLUMN, put);
     put("\r\n");
 }
 
-/// The answer to a line that is not understood.
+/// The answer to an invalid line.
 pub const USAGE: &str = "not understood: help tells all words";
 
-/// The answer to a line of which characters were lost or altered.
+/// The answer to a line with lost or altered characters.
 pub const DAMAGED: &str = "damaged in transmission: send it again";
 
-/// The answer to a word that another product has.
+/// The answer to a word of another product.
 pub const OTHER_KIND: &str = "another kind of device has this word: help tells all words";
 
-/// A line that was understood.
+/// A parsed line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Change what acts on the device.
+    /// Change the plant of the device.
     Plant(Change),
-    /// Tell how the device is.
+    /// Print the status of the device.
     Status,
-    /// Become a new device of this kind, perhaps with a serial number of its own.
+    /// Become a new device of this kind, with an optional serial number.
     Kind(Kind, Option<u32>),
-    /// Become a new device of the present kind, without a node ID.
+    /// Become a new device of the present kind without a node ID, with an optional serial number.
     Blank(Option<u32>),
-    /// Start as if power had come back.
+    /// Restart as after power-up.
     PowerCycle,
-    /// Tell all words.
+    /// Print the help.
     Help,
 }
 
 impl Command {
-    /// Reads a line. `None` when it is not understood.
+    /// Parses a line; `None` if it is invalid.
     #[must_use]
     pub fn parse(line: &str) -> Option<Self> {
         let mut words = line.split_ascii_whitespace();
@@ -62,7 +62,7 @@ impl Command {
     }
 }
 
-/// Returns a serial number, decimal or with 0x, if there is one; `None` for text that is no serial number.
+/// Parses an optional serial number, decimal or with 0x; `None` if the text is invalid.
 fn serial(word: Option<&str>) -> Option<Option<u32>> {
     let Some(word) = word else { return Some(None) };
     let (digits, radix) = word.strip_prefix("0x").map_or((word, 10), |digits| (digits, 16));

@@ -1,33 +1,33 @@
-//! Encodes an acceptance filter as one bxCAN filter bank: 32-bit scale, mask mode (RM0090 32.7.4).
+//! Encoding of acceptance filters as bxCAN filter banks: 32-bit scale, mask mode (RM0090 32.7.4).
 
 use protocol_core::controller::{FILTERS, Filter, Filters};
 use protocol_core::frame::{extended, key, standard};
 
-/// The number of banks of CAN 1 after a reset (RM0090, CAN2SB).
+/// The number of filter banks of CAN 1 after a reset (RM0090, CAN2SB).
 pub const BANKS: usize = 14;
 
 const _: () = assert!(FILTERS <= BANKS);
 
 /// The lowest bit of a standard identifier in an identifier register.
 const STID: u32 = 21;
-/// The lowest bit of an extended identifier.
+/// The lowest bit of an extended identifier in an identifier register.
 const EXID: u32 = 3;
-/// Marks an extended identifier.
+/// The bit that marks an extended identifier.
 const IDE: u32 = 1 << 2;
-/// Marks a remote frame.
+/// The bit that marks a remote frame.
 const RTR: u32 = 1 << 1;
 
-/// The registers of a bank.
+/// The registers of a filter bank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bank {
-    /// The value that the identifier register of a frame is compared with.
+    /// The value to which the identifier register of a frame is compared.
     pub identifier: u32,
-    /// The bits of it that count.
+    /// The compared bits.
     pub mask: u32,
 }
 
 impl Bank {
-    /// Lets through the data frames that a filter lets through.
+    /// Creates the bank that passes the data frames of a filter.
     #[must_use]
     pub fn of(filter: &Filter) -> Self {
         let is_extended = filter.key & key(extended(0).into()) != 0;
@@ -42,11 +42,11 @@ impl Bank {
     }
 }
 
-/// Returns the next step towards these filters: the number of a bank, and what it is to hold, `None` for nothing.
+/// Returns the next step towards the wanted filters: a bank number and its new contents, `None` for inactive.
 ///
-/// A bank is inactive while it changes. So a filter that stays keeps its bank, and a new filter is active before an old
-/// one goes: no identifier that is wanted before and after is ever absent. Only when more filters change at once than
-/// there are free banks, a new filter takes the place of an old one.
+/// A bank is inactive while it changes. Therefore a filter that stays keeps its bank, and new filters are activated
+/// before old ones are removed: an identifier wanted before and after is received throughout. A new filter replaces an
+/// old one only if no bank is free.
 #[must_use]
 pub fn next_change(held: &[Option<Bank>; BANKS], wanted: &Filters) -> Option<(usize, Option<Bank>)> {
     let is_held = |bank: &Bank| held.contains(&Some(*bank));
@@ -63,7 +63,7 @@ pub fn next_change(held: &[Option<Bank>; BANKS], wanted: &Filters) -> Option<(us
 mod tests {
     use super::*;
 
-    /// Goes from what is held to these filters; each step is shown what is held then.
+    /// Changes the banks to the wanted filters; `step` receives the banks at each intermediate state.
     fn change(held: &mut [Option<Bank>; BANKS], wanted: &[u32], step: &mut dyn FnMut(&[Option<Bank>; BANKS])) {
         let wanted: Filters = wanted.iter().map(|key| Filter::exactly(*key)).collect();
         for _ in 0..2 * BANKS {

@@ -4,19 +4,19 @@ use std::env::args_os;
 use std::io::ErrorKind;
 use std::process::{Command, ExitCode};
 
-/// The part, as probe-rs names it.
+/// The name of the microcontroller for probe-rs.
 const CHIP: &str = if cfg!(feature = "nucleo-f446re") { "STM32F446RETx" } else { "STM32F429ZITx" };
 
 const MISSING: &str = "\
 probe-rs is missing: it is not installed, or not in PATH. docs/board.md, \"probe-rs\", says how to install it,
 and \"Flashing\" how to flash without it.";
 
-/// Runs probe-rs, or says what is missing.
+/// Runs probe-rs, or explains that it is missing.
 pub(crate) fn run() -> ExitCode {
     let status = Command::new("probe-rs").args(["run", "--chip", CHIP]).args(args_os().skip(1)).status();
     match status {
         Ok(status) if status.success() => return ExitCode::SUCCESS,
-        // It has said why.
+        // probe-rs has printed the reason.
         Ok(_) => {}
         Err(error) if error.kind() == ErrorKind::NotFound => eprintln!("{MISSING}"),
         Err(error) => eprintln!("probe-rs: {error}"),

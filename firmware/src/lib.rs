@@ -1,12 +1,12 @@
-//! The parts of the firmware that need no board: tested on the host.
+//! The hardware-independent parts of the firmware, tested on the host.
 //!
 //! ```text
-//! bit_timing    the bit rates       filter_bank  the filters of the CAN controller
-//! console       what can be typed   line         how it arrives
-//! settings      what the board is
+//! bit_timing    the bit rates          filter_bank  the filters of the CAN controller
+//! console       the commands           line         their reception
+//! settings      the settings of the board
 //! ```
 //!
-//! And, for the processor alone, `memory_functions`: what the compiler calls to copy memory.
+//! Additionally, for the target only, `memory_functions`: the functions that the compiler calls to copy memory.
 #![no_std]
 #![deny(unsafe_code)]
 

@@ -1,14 +1,14 @@
-//! A line of the console, as its characters arrive.
+//! The reception of a console line, character by character.
 
 use heapless::String;
 
-/// The longest line, in bytes.
+/// The maximum length of a line, in bytes.
 pub const LONGEST: usize = 48;
 
-/// The state in which a line has arrived.
+/// The condition of a received line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// The line is as it was sent.
+    /// The line is complete and undamaged.
     Whole,
     /// The line is longer than [`LONGEST`].
     TooLong,
@@ -17,10 +17,10 @@ pub enum Arrival {
 }
 
 const BACKSPACE: u8 = 0x08;
-/// The character that many terminals send in the place of backspace.
+/// The character that many terminals send instead of backspace.
 const DELETE: u8 = 0x7F;
 
-/// A line, ended by CR, LF or both. It begins anew with the first character after its end.
+/// A console line, terminated by CR, LF or both. The first character after the end starts a new line.
 #[derive(Debug, Default)]
 pub struct Line {
     text: String<LONGEST>,
@@ -31,23 +31,23 @@ pub struct Line {
 }
 
 impl Line {
-    /// Returns an empty line.
+    /// Creates an empty line.
     #[must_use]
     pub const fn new() -> Self {
         Self { text: String::new(), is_too_long: false, is_damaged: false, has_ended: false, last: 0 }
     }
 
-    /// The characters so far; after the end, those of the whole line.
+    /// Returns the characters received so far, or the complete line after its end.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Takes the next character, which arrived damaged or close to one that did, or not. Returns the state of the line if
-    /// the character ends it.
+    /// Adds a character; `is_damaged` states whether it or a neighbouring character was damaged. Returns the condition
+    /// of the line if the character ends it.
     ///
-    /// A line that has lost its beginning to the line before it is not [damaged](Arrival::Damaged): no command is left of
-    /// it, because none ends with another one.
+    /// A line whose beginning was lost with the previous line is not [damaged](Arrival::Damaged), but cannot be parsed,
+    /// because no command ends with another command.
     pub fn push(&mut self, character: u8, is_damaged: bool) -> Option<Arrival> {
         let last = core::mem::replace(&mut self.last, character);
         if character == b'\n' && last == b'\r' {
@@ -82,7 +82,7 @@ mod tests {
     use crate::console::Command;
     use protocol_core::device::Kind;
 
-    /// The lines that arrive, each with its state; the characters at these places are damaged.
+    /// Returns the received lines and their conditions; the characters at the indices `damaged` are damaged.
     fn lines(typed: &str, damaged: &[usize]) -> Vec<(String, Arrival)> {
         let mut line = Line::new();
         let arrived = typed.bytes().enumerate().filter_map(|(place, character)| {

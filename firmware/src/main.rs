@@ -1,16 +1,16 @@
-//! The stand-in device on an STM32 board: a NUCLEO-F429ZI or, by the feature `nucleo-f446re`, a NUCLEO-F446RE, with any
-//! 3.3 V CAN transceiver.
+//! The simulated device on an STM32 board: a NUCLEO-F429ZI or, with the feature `nucleo-f446re`, a NUCLEO-F446RE, and
+//! any 3.3 V CAN transceiver.
 //!
 //! ```text
-//! board            the wiring: which task has what
-//! board/nucleo_…   one board each: its pins, watchdog, LEDs
-//! board/device     the device's task, above all others      board/wake_up    the events that wake it
-//! board/link       on the bus and off it                    board/can        the CAN controller
+//! board            the peripherals and tasks
+//! board/nucleo_…   one per board: pins, watchdog, LEDs
+//! board/device     the device's task, highest priority      board/wake_up    the events that wake it
+//! board/link       joining and leaving the bus              board/can        the CAN controller
 //! board/local_controls  console and button, for that task   board/console    the console's task
-//! board/storage    the memory's task                        board/flash      the sectors it has
-//! board/led        the valve's LED                          board/serial     their characters
-//! board/clock      the clock tree                           board/button     faults by hand
-//! board/watchdog   the watchdog's time                      board/reset      why the processor starts
+//! board/storage    the memory's task                        board/flash      the flash sectors of the memory
+//! board/led        the valve's LED                          board/serial     the console's serial port
+//! board/clock      the clock tree                           board/button     fault injection by the user button
+//! board/watchdog   the watchdog                             board/reset      the cause of a start, and panics
 //! ```
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -25,7 +25,7 @@ mod board;
 #[cfg(not(target_os = "none"))]
 mod flash_board;
 
-/// Flashes the image: on the host, where the whole workspace is built, this is the program of the package.
+/// Flashes the image: the host program of this package, built with the entire workspace.
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     flash_board::run()

@@ -1,11 +1,11 @@
 //! The functions that the compiler calls to copy, move and fill memory, in 160 bytes of flash.
 //!
-//! The functions that come with the compiler are made for long copies on every processor, and take 3.6 KiB; they are
-//! weak symbols, and give way to these. Most copies here are those of frames: with these functions an SDO upload costs
-//! 50 instructions less, from interrupt to sleep. The processor reads and writes words at any address of its memory
-//! (ARMv7-M, A3.2.1).
+//! The compiler's own functions are optimised for long copies on every processor and take 3.6 KiB; they are weak
+//! symbols, which these functions replace. Most copies here are of frames: these functions save 50 instructions per SDO
+//! upload, from interrupt to sleep. The processor reads and writes words at any address of its memory (ARMv7-M,
+//! A3.2.1).
 //!
-//! The functions keep to the run-time ABI of ARM (RTABI 4.3.4): they return nothing, and change r0–r3 and r12 alone.
+//! The functions conform to the run-time ABI of ARM (RTABI 4.3.4): they return nothing and change only r0–r3 and r12.
 
 core::arch::global_asm!(
     "

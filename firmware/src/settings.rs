@@ -1,11 +1,11 @@
-//! The settings of the board: its kind of device, in the memory beside the records of the device.
+//! The settings of the board, such as its kind of device, stored in the memory beside the device's records.
 
 use protocol_core::device::{Kind, Setup, pve};
 
-/// The length of encoded settings in bytes.
+/// The length of the encoded settings, in bytes.
 pub const LEN: usize = 7;
 
-/// The layout of the bytes.
+/// The version of the encoding.
 const VERSION: u8 = 1;
 
 const BLANK: u8 = 1;
@@ -18,22 +18,22 @@ const SERIAL: u8 = 8;
 pub struct Settings {
     /// The kind of device.
     pub kind: Kind,
-    /// A new memory gets no node ID; on ISOBUS it gets an address nevertheless, which is mandatory there.
+    /// Whether a new memory gets no node ID. On ISOBUS it gets an address nevertheless, which is mandatory there.
     pub blank: bool,
-    /// The memory still holds the records of the previous device and must be cleared first.
+    /// Whether the memory still holds the records of the previous device and must be cleared first.
     pub fresh: bool,
-    /// The kind was chosen at the console; otherwise it follows the image, after an update too.
+    /// Whether the kind was chosen at the console; otherwise it follows the image, also after an update.
     pub chosen: bool,
     /// The serial number of a new memory; `None` for the default of all boards.
     pub serial: Option<u32>,
 }
 
 impl Settings {
-    /// A board that nothing was said to: of the kind that the image was built for.
+    /// The settings of an unconfigured board: the kind for which the image was built.
     pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false, serial: None };
 
-    /// Returns what a board is that starts with this setting. An image built for another kind than the one before makes
-    /// it a new device, unless the kind was chosen.
+    /// Returns the settings at a start. If the image was built for another kind than the previous one, the board
+    /// becomes a new device, unless the kind was chosen.
     #[must_use]
     pub fn at_start(stored: Option<Self>) -> Self {
         match stored {
@@ -43,26 +43,26 @@ impl Settings {
         }
     }
 
-    /// Returns a new device of this kind, chosen at the console, perhaps with a serial number of its own.
+    /// Returns the settings of a new device of this kind, chosen at the console, with an optional serial number.
     #[must_use]
     pub const fn new(kind: Kind, serial: Option<u32>) -> Self {
         Self { kind, blank: false, fresh: true, chosen: true, serial }
     }
 
-    /// Returns the same without a node ID; `None` for a kind that always has one.
+    /// Returns the settings of a new device without a node ID; `None` for a kind that always has an address.
     #[must_use]
     pub const fn new_blank(kind: Kind, serial: Option<u32>) -> Option<Self> {
         if kind.can_be_blank() { Some(Self { blank: true, ..Self::new(kind, serial) }) } else { None }
     }
 
-    /// Returns what a new memory of the device is filled with.
+    /// Returns the setup of a new memory.
     #[must_use]
     pub const fn setup(&self) -> Setup {
         let setup = Setup { serial: self.serial, ..Setup::<Kind>::new(self.kind) };
         if self.blank { Setup { node_id: None, ..setup } } else { setup }
     }
 
-    /// Returns the setting as bytes.
+    /// Encodes the settings.
     #[must_use]
     pub fn encode(&self) -> [u8; LEN] {
         let flag = |set: bool, bit: u8| if set { bit } else { 0 };
@@ -74,7 +74,7 @@ impl Settings {
         [VERSION, self.kind.number() - FIRST, flags, a, b, c, d]
     }
 
-    /// Returns the setting of bytes; `None` for those of another layout.
+    /// Decodes settings; `None` if they are invalid or of another version.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, kind, flags, a, b, c, d] = bytes else { return None };
@@ -86,16 +86,16 @@ impl Settings {
     }
 }
 
-/// The settings store the [number](Kind::number) of a kind from 0 on: a 0 for 1.
+/// The offset of stored kinds, which count from 0, to their [number](Kind::number), which counts from 1.
 const FIRST: u8 = 1;
 
-/// `PVE_KIND` at the time of the build.
+/// The value of `PVE_KIND` at build time.
 const DEFAULT_KIND: Kind = match option_env!("PVE_KIND") {
     None => Kind::Pve(pve::Kind::PveaCanopen),
     Some(name) => named(name),
 };
 
-/// Returns the kind of that name, at the time of the build.
+/// Returns the kind with this name, at build time.
 const fn named(name: &str) -> Kind {
     let mut i = 0;
     while i < Kind::ALL.len() {

@@ -1,5 +1,5 @@
-//! The layout before this one, to be read: items of `sequential-storage` 8 in sectors that end with announcements of
-//! erases. An item is its checksum, its length, the checksum of that, then its key and content.
+//! A reader of the previous layout: items of `sequential-storage` 8 in sectors that end with erase announcements. An
+//! item consists of its checksum, its length, the checksum of the length, then its key and content.
 
 use core::ops::Range;
 
@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::NorFlash;
 use crate::log::{HEADER as ENTRY_HEADER, Log, MARK};
 use crate::{ERASED, ITEM_MAX, is_key};
 
-/// CRC-32C with another initial value.
+/// CRC-32C with a different initial value.
 const DATA: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&Algorithm {
     width: 32,
     poly: 0x1EDC_6F41,
@@ -25,11 +25,11 @@ const DATA_CHECKSUM: Range<usize> = 0..4;
 const LENGTH: Range<usize> = 4..6;
 const LENGTH_CHECKSUM: Range<usize> = 6..8;
 
-/// The room for announcements at the end of a sector: two words each, about the other sector.
+/// The space for announcements at the end of a sector: two words each, about the other sector.
 const ANNOUNCEMENTS: usize = 16;
-/// An erase of the other sector was begun; all bytes of the first word.
+/// The bytes of the first word of an announcement: an erase of the other sector was begun.
 const ANNOUNCED: u8 = 0x5A;
-/// All bytes of the word at the end of a full sector.
+/// The bytes of the word at the end of a full sector.
 const FULL: u8 = 0;
 
 impl<F: NorFlash> Log<'_, F> {
@@ -37,8 +37,7 @@ impl<F: NorFlash> Log<'_, F> {
     const LEGACY_SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * 2 * F::WRITE_SIZE;
     const LEGACY_HEADER: usize = LENGTH_CHECKSUM.end.next_multiple_of(F::WRITE_SIZE);
 
-    /// Goes through the items of a sector that may have this layout, from the oldest to the newest: where each is, its key
-    /// and content.
+    /// Visits the items of a sector that may have this layout, from the oldest to the newest: address, key and content.
     pub(crate) fn legacy_items(
         &mut self,
         sector: usize,
@@ -64,7 +63,7 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(())
     }
 
-    /// Puts the content of an item behind the place of the header of an entry in the buffer; returns whether it is still
+    /// Reads the content of an item into the buffer, after the space for an entry header. Returns whether it is still
     /// intact.
     pub(crate) fn read_legacy(&mut self, at: usize, length: usize) -> Result<bool, F::Error> {
         let end = (at / F::ERASE_SIZE) * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE;
@@ -78,12 +77,12 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(self.is_legacy_full(1)? && !self.is_legacy_full(0)?)
     }
 
-    /// Returns whether a sector is marked as full: the other one has newer items.
+    /// Returns whether a sector is marked as full, so that the other one has newer items.
     fn is_legacy_full(&mut self, sector: usize) -> Result<bool, F::Error> {
         self.is_word_of(sector * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE, FULL)
     }
 
-    /// Returns the length of the item at a word, if there is one that is intact; it is in the buffer then.
+    /// Returns the length of the intact item at a word, and leaves it in the buffer; `None` if there is none.
     fn legacy_item_at(&mut self, at: usize, end: usize) -> Result<Option<usize>, F::Error> {
         if at + Self::LEGACY_HEADER > end {
             return Ok(None);
@@ -102,7 +101,7 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(Some(length).filter(|length| checksum(&self.buffer[..*length]).to_le_bytes() == data))
     }
 
-    /// Returns whether an erase of the sector was announced and not done.
+    /// Returns whether an erase of the sector was announced but not completed.
     pub(crate) fn is_being_erased(&mut self, sector: usize) -> Result<bool, F::Error> {
         let first = (1 - sector) * F::ERASE_SIZE + Self::LEGACY_SECTOR;
         for number in 0..ANNOUNCEMENTS {
@@ -120,7 +119,7 @@ impl<F: NorFlash> Log<'_, F> {
     }
 }
 
-/// The checksum of an item, which is never 0, and whose first byte is neither 0 nor an erased one.
+/// The checksum of an item: never 0, and its first byte is neither 0 nor that of an erased word.
 fn checksum(data: &[u8]) -> u32 {
     match DATA.checksum(data) {
         0 => 1,
@@ -129,7 +128,7 @@ fn checksum(data: &[u8]) -> u32 {
     }
 }
 
-/// CRC-16 with the reversed polynomial 0x1A2E, which is never that of an erased word.
+/// CRC-16 with the reversed polynomial 0x1A2E; never the value of an erased word.
 fn length_checksum(length: u16) -> u16 {
     let crc = length.to_le_bytes().iter().fold(u16::MAX, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })

@@ -1,20 +1,20 @@
-//! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs it on a simulated
-//! flash, the board on its own, so a power cut that breaks nothing here breaks nothing there.
+//! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs it on a simulated flash
+//! and the board on its own, so a power cut that is harmless here is harmless there.
 //!
 //! # Layers
 //!
-//! The log writes entries into one sector until that is full, then copies the newest ones into the other. Above it, the
-//! store keeps a record for each key, an inventory of the keys that were ever stored, and one setting of the platform.
-//! Beside the log, a reader of the layout before this one takes over the records of older flashes.
+//! The log writes entries to one sector until it is full, then copies the newest ones to the other. Above the log, the
+//! store manages one record per key, an inventory of the keys ever stored, and one setting of the platform. Beside the
+//! log, a reader of the previous layout takes over the records of older flashes.
 //!
 //! ```text
-//! store    records under their keys, and which were ever stored
+//! store    records by key, and the inventory
 //! log      entries in the flash: the newest intact one of a key counts
-//! legacy   the layout before this one, to be read
+//! legacy   a reader of the previous layout
 //! ```
 //!
-//! Every call runs to its end: a flash that takes its time blocks the caller, which on the board is a task below all
-//! others. Nothing can be dropped half done.
+//! Every call runs to completion: a slow flash blocks the caller, which on the board is the task with the lowest
+//! priority. No operation can be dropped half done.
 //!
 //! # A record in a flash
 //!
@@ -70,25 +70,25 @@ use protocol_core::memory::{RECORD_MAX, RecordKey};
 
 pub use store::{Contents, Records, SETTING_MAX, Setting, Unreadable};
 
-/// What an erased byte reads.
+/// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The sectors of a memory: one holds it, the other is where it goes when that is full.
+/// The sectors of a memory: one holds the contents, the other takes them over when the first is full.
 const SECTORS: usize = 2;
 
-/// The longest word that there is room for, in bytes.
+/// The maximum word size of a flash, in bytes.
 const WORD_MAX: usize = 32;
 
-/// The longest content of an entry, in bytes.
+/// The maximum length of an entry's content, in bytes.
 const ITEM_MAX: usize = RECORD_MAX;
 
-/// The bytes that [`Records`] works in: the longest entry, in whole words of whatever length.
+/// The size of the working buffer of [`Records`]: the longest entry, in whole words of any size.
 pub const BUFFER: usize = (log::HEADER + ITEM_MAX).next_multiple_of(WORD_MAX);
 
 /// The key of the inventory.
 const INVENTORY: u8 = 0;
 
-/// The key of the setting. It differs in many bits from the keys of the records.
+/// The key of the setting; it differs from the record keys in many bits.
 const SETTING: u8 = 0xFF;
 
 /// The number of keys: the inventory, the records and the setting.
@@ -102,7 +102,7 @@ fn is_key(key: u8) -> bool {
     matches!(key, INVENTORY | SETTING) || record_key(key).is_some()
 }
 
-/// Returns the place of a key among all.
+/// Returns the index of a key among all keys.
 fn place_of(key: u8) -> usize {
     match key {
         INVENTORY => 0,

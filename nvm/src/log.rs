@@ -1,15 +1,15 @@
-//! A log of entries in a NOR flash of two sectors: an entry is appended behind the others, and the newest intact one of a
-//! key counts.
+//! A log of entries in a NOR flash of two sectors: new entries are appended, and the newest intact entry of a key
+//! counts.
 //!
-//! An entry has a sequence number and a checksum, and begins at a word. Sectors are searched word by word, so that damage
-//! hides nothing but itself, whatever it looks like.
+//! An entry has a sequence number and a checksum, and begins at a word. Sectors are searched word by word, so that
+//! damage of any kind affects only the damaged entries.
 //!
-//! When the sector in use is full, the log moves: the other sector is erased, the newest entry of each key is copied into
-//! it, and the entry to be stored comes last and completes the move. The full sector stays as it is until the next move. A
-//! sector that holds nothing but copies belongs to a move that was cut, which begins anew with its erase.
+//! When the sector in use is full, the log moves: it erases the other sector, copies the newest entry of each key
+//! there, and finally writes the new entry, which completes the move. The full sector stays unchanged until the next
+//! move. A sector with only copies belongs to an interrupted move, which restarts with the erase.
 //!
-//! No word is written twice between two erases, and a word that cannot be read (a torn one, on a flash with error
-//! correction) is damage like any other.
+//! No word is written twice between two erases. An unreadable word (partly written, in a flash with error correction)
+//! counts as damage.
 
 use core::ops::Range;
 
@@ -19,19 +19,19 @@ use protocol_core::memory::StoreError;
 
 use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MAX, place_of};
 
-/// Must differ from the polynomial of the records: a CRC over data that ends in its own CRC is constant. The table costs
-/// 1.2 KiB of flash; a start with a full sector takes 3.3 ms in the place of 11.6 on the STM32F429.
+/// Must differ from the polynomial of the records: a CRC over data that ends in its own CRC is constant. The table
+/// costs 1.2 KiB of flash, but reduces a start with a full sector from 11.6 ms to 3.3 ms on the STM32F429.
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// The mark of an entry, its key, its length, its kind, its sequence number, and the checksum of all of it.
+/// The length of an entry's header: mark, key, length, kind, sequence number, and the checksum of the entry.
 pub(crate) const HEADER: usize = 12;
 
-/// What every entry begins with: a word that was written does not read as an erased one.
+/// The first byte of every entry, which distinguishes it from an erased word.
 pub(crate) const MARK: u8 = 0x4E;
 const CHECKSUM: Range<usize> = 8..HEADER;
 
-/// A store that does not read back is tried again behind what was in its way, say a bit that had flipped there: so
-/// often.
+/// The number of attempts to write an entry. An entry that does not read back, for example because of a flipped bit, is
+/// written again further on.
 const ATTEMPTS: usize = 3;
 
 /// The log.
@@ -40,22 +40,22 @@ pub(crate) struct Log<'buffer, F> {
     pub(crate) buffer: &'buffer mut [u8; BUFFER],
 }
 
-/// Why an entry was written.
+/// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// The content of another entry, which is about to be erased or older than damage.
+    /// A copy of another entry, which is about to be erased or is the older version of a damaged one.
     Copy = 0,
     /// A new content.
     Stored = 1,
-    /// A new content, and no older entry counts, but the setting.
+    /// New content that invalidates all older entries but the setting.
     Beginning = 2,
 }
 
-/// An entry as it is found.
+/// An entry found in the flash.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Found {
     at: usize,
-    /// 0 of an item of the layout before this one: older than every entry.
+    /// 0 for an item of the previous layout: older than every entry.
     sequence: u32,
     key: u8,
     length: u8,
@@ -65,31 +65,32 @@ struct Found {
 /// The newest entry of each key.
 type Newest = [Option<Found>; KEYS];
 
-/// What a walk through a sector has found.
+/// The result of walking through a sector.
 #[derive(Clone, Copy)]
 struct Walk {
-    /// The sequence number of the last entry; 0 without one.
+    /// The sequence number of the last entry; 0 if there is none.
     last: u32,
-    /// The sequence number of the last entry that is not a copy; 0 without one.
+    /// The sequence number of the last entry that is not a copy; 0 if there is none.
     last_new: u32,
-    /// Where the next entry goes, and where the room for it ends.
+    /// The address of the next entry, and the end of the space for it.
     room: (usize, usize),
     is_blank: bool,
 }
 
-/// What there is in the flash.
+/// The state of the entire flash.
 struct Survey {
-    /// The newest entry of each key that counts.
+    /// The newest valid entry of each key.
     newest: Newest,
     walks: [Walk; SECTORS],
     /// The sector in use.
     home: usize,
-    /// Whether the sector in use takes no entry: a move from it was cut, or it has the layout before this one.
+    /// Whether the sector in use must not be appended to: a move from it was interrupted, or it has the previous
+    /// layout.
     is_move_due: bool,
 }
 
 impl Survey {
-    /// Returns where the next entry of a sector goes.
+    /// Returns the place for the next entry in a sector.
     fn spot_in(&self, sector: usize) -> Spot {
         let (free, end) = self.walks[sector].room;
         let last = self.walks.iter().map(|walk| walk.last).max().unwrap_or(0);
@@ -97,14 +98,14 @@ impl Survey {
     }
 }
 
-/// Where an entry is to be written, and its sequence number.
+/// The place for the next entry, and its sequence number.
 struct Spot {
     free: usize,
     end: usize,
     next: u32,
 }
 
-/// What is written in an entry.
+/// The source of an entry to write.
 #[derive(Clone, Copy)]
 enum Source<'a> {
     New(Kind, u8, &'a [u8]),
@@ -118,8 +119,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Self { flash, buffer }
     }
 
-    /// Hands out the entries that count, from the oldest to the newest of each sector, the older sector first: the last one
-    /// of a key is the newest. A beginning is handed out with `true`: whatever came before it counts no longer, but the
+    /// Visits the valid entries of each sector from the oldest to the newest, the older sector first: the last entry of
+    /// a key is the newest. `visit` receives `true` for a beginning, which invalidates all earlier entries but the
     /// setting.
     pub(crate) fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8], bool)) -> Result<(), F::Error> {
         let order = self.order()?;
@@ -132,7 +133,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Appends an entry; the one before it of that key counts until this one is complete.
+    /// Appends an entry; the previous one of its key counts until the new one is complete.
     pub(crate) fn append(&mut self, key: u8, bytes: &[u8]) -> Result<(), StoreError> {
         let source = Source::New(Kind::Stored, key, bytes);
         let survey = self.gather()?;
@@ -142,7 +143,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.move_from(survey.home, &|found| found.key != key, source)
     }
 
-    /// Begins anew: of all entries the setting stays alone. A cut leaves all of them, or the setting and the inventory.
+    /// Removes all entries but the setting. A power cut leaves either all entries, or only the setting and the
+    /// inventory.
     pub(crate) fn begin_anew(&mut self, inventory: &[u8]) -> Result<(), StoreError> {
         let old = self.gather()?.home;
         let beginning = Source::New(Kind::Beginning, INVENTORY, inventory);
@@ -150,8 +152,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.erase(old)
     }
 
-    /// Copies what counts and lies in the other sector into the one in use: versions from before damage, and the rest of a
-    /// move of the layout before this one. Damage that leaves no room for them costs them.
+    /// Copies valid entries from the other sector into the sector in use: older versions of damaged entries, and the
+    /// rest of a move in the previous layout. If damage leaves no room for them, they are lost.
     fn gather(&mut self) -> Result<Survey, StoreError> {
         for _ in 0..KEYS {
             let survey = self.survey().map_err(|_| StoreError)?;
@@ -164,12 +166,13 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.survey().map_err(|_| StoreError)
     }
 
-    /// Moves to the other sector: erases it, also if it reads as erased, since an erase that was cut may have come so far
-    /// and no further; copies the entries to be kept, and writes the one that completes the move.
+    /// Moves to the other sector: erases it, copies the entries to keep, and writes the entry that completes the move.
+    /// The sector is erased even if it reads as erased, because an interrupted erase may have left it so.
     fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
         self.erase(1 - home)?;
         let survey = self.survey().map_err(|_| StoreError)?;
-        // Also beyond a word that does not read as erased: an entry that meets it is written again behind it.
+        // Includes space after a word that does not read as erased: an entry that hits such a word is written again
+        // after it.
         let mut spot = Spot { end: (2 - home) * F::ERASE_SIZE, ..survey.spot_in(1 - home) };
         let kept = survey.newest.iter().flatten().filter(|found| is_kept(found));
         for source in kept.copied().map(Source::Copy).chain([last]) {
@@ -180,13 +183,13 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Returns whether there is more than entries in one sector: leftovers in the other one, or nothing but damage.
+    /// Returns whether there is more than the entries of one sector: remains in the other sector, or only damage.
     pub(crate) fn has_leftovers(&mut self) -> Result<bool, F::Error> {
         let Survey { newest, walks, home, .. } = self.survey()?;
         Ok(!walks[1 - home].is_blank || (newest.iter().all(Option::is_none) && !walks[home].is_blank))
     }
 
-    /// Returns the number of bytes in written words, but for what an erase that was cut has left.
+    /// Returns the number of bytes in written words, without the remains of an interrupted erase.
     pub(crate) fn in_use(&mut self) -> Result<usize, F::Error> {
         let mut words = 0;
         for sector in 0..SECTORS {
@@ -202,7 +205,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(words * F::WRITE_SIZE)
     }
 
-    /// Writes an entry and reads it back; returns false when there is no room for it.
+    /// Writes an entry and reads it back; returns `false` if there is no room for it.
     fn put(&mut self, spot: &mut Spot, source: Source<'_>) -> Result<bool, StoreError> {
         for _ in 0..ATTEMPTS {
             let (kind, key, length) = match source {
@@ -239,7 +242,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Err(StoreError)
     }
 
-    /// Puts the content of an item behind the place of a header in the buffer; returns whether it is still intact.
+    /// Reads the content of an entry or item into the buffer, after the space for a header. Returns whether it is still
+    /// intact.
     fn read_item(&mut self, found: &Found) -> Result<bool, F::Error> {
         if found.sequence == 0 {
             return self.read_legacy(found.at, usize::from(found.length));
@@ -278,13 +282,13 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(order)
     }
 
-    /// Returns the first word of a sector that is not erased, and the end of the sector.
+    /// Returns the first written word of a sector, and the end of the sector.
     fn first_written(&mut self, sector: usize) -> Result<Option<(usize, usize)>, F::Error> {
         let end = (sector + 1) * F::ERASE_SIZE;
         Ok(self.next_written(sector * F::ERASE_SIZE, end)?.map(|at| (at, end)))
     }
 
-    /// Returns the sequence number of the first entry from a word on.
+    /// Returns the sequence number of the first entry at or after a word.
     fn first_entry(&mut self, mut at: usize, end: usize) -> Result<Option<u32>, F::Error> {
         while let Some(next) = self.next_written(at, end)? {
             if let Some(found) = self.entry_at(next, end)? {
@@ -321,11 +325,11 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         }
         let (lasts, last_news) = (walks.map(|walk| walk.last), walks.map(|walk| walk.last_new));
         let (home, is_move_due) = match (last_news, has_legacy) {
-            // An erase of the layout before this one was cut: it is done again, before what announces it is erased.
+            // An erase in the previous layout was interrupted: it is repeated before its announcement is erased.
             ([0, 0], [false, false]) if lasts == [0, 0] && self.is_being_erased(0)? => (1, true),
             ([0, 0], [false, false]) if lasts == [0, 0] && self.is_being_erased(1)? => (0, true),
             ([0, 0], [false, false]) => (usize::from(lasts[1] > lasts[0]), false),
-            // A move of the layout before this one was cut: the newer sector still has room.
+            // A move in the previous layout was interrupted: the newer sector still has room.
             ([0, 0], [true, true]) => (usize::from(!self.is_legacy_newer_in_front()?), false),
             ([0, 0], [_, second]) => (usize::from(second), true),
             ([first, second], _) => {
@@ -336,7 +340,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Survey { newest, walks, home, is_move_due })
     }
 
-    /// Goes through the entries of a sector, from the oldest to the newest.
+    /// Visits the entries of a sector from the oldest to the newest.
     fn walk(&mut self, sector: usize, visit: &mut dyn FnMut(Found, &[u8])) -> Result<Walk, F::Error> {
         let (start, end) = (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE);
         let (mut last, mut last_new, mut is_blank, mut gap) = (0, 0, true, None);
@@ -356,7 +360,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 if free + BUFFER <= next {
                     gap.get_or_insert((free, next));
                 }
-                // An entry that was cut ends in words that may have been written, and read as erased ones.
+                // An interrupted entry may end in words that were written but read as erased.
                 at = next + F::WRITE_SIZE;
                 free = next + BUFFER;
             }
@@ -364,7 +368,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Walk { last, last_new, room: gap.unwrap_or((free, end)), is_blank })
     }
 
-    /// Returns the entry that begins at a word, if one does; it is in the buffer then.
+    /// Returns the entry at a word, and leaves it in the buffer; `None` if there is none.
     fn entry_at(&mut self, at: usize, end: usize) -> Result<Option<Found>, F::Error> {
         let head = HEADER.next_multiple_of(F::WRITE_SIZE);
         if at + head > end {
@@ -383,11 +387,11 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         let is_intact = self.checksum(length) == self.buffer[CHECKSUM];
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
         let found = Found { at, sequence, key, length: length as u8, kind };
-        // No entry could follow the last number.
+        // No entry could follow the highest sequence number.
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
 
-    /// Returns the checksum of the entry in the buffer, with so long a content.
+    /// Returns the checksum of the entry in the buffer, whose content has this length.
     fn checksum(&self, length: usize) -> [u8; 4] {
         let mut digest = CRC.digest();
         digest.update(&self.buffer[..CHECKSUM.start]);
@@ -395,7 +399,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         digest.finalize().to_le_bytes()
     }
 
-    /// Returns the first word that is not erased, from `at` on.
+    /// Returns the first word at or after `at` that is not erased.
     pub(crate) fn next_written(&mut self, mut at: usize, end: usize) -> Result<Option<usize>, F::Error> {
         let mut step = F::WRITE_SIZE;
         while at < end {
@@ -412,7 +416,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(None)
     }
 
-    /// Reads into the buffer. Words that cannot be read are zero there.
+    /// Reads into the buffer. Unreadable words are zero there.
     pub(crate) fn read(&mut self, at: usize, len: usize) -> Result<(), F::Error> {
         let Err(error) = self.flash.read(at as u32, &mut self.buffer[..len]) else { return Ok(()) };
         let mut is_alive = false;
@@ -423,7 +427,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 Err(_) => word.fill(0),
             }
         }
-        // A flash of which nothing can be read has failed as a whole.
+        // A flash from which nothing can be read has failed entirely.
         let mut word = [0; WORD_MAX];
         let mut can_read = |at: usize| self.flash.read(at as u32, &mut word[..F::WRITE_SIZE]).is_ok();
         let ends = [0, F::ERASE_SIZE - F::WRITE_SIZE, F::ERASE_SIZE, 2 * F::ERASE_SIZE - F::WRITE_SIZE];
@@ -431,7 +435,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     }
 }
 
-/// Looks at four bytes at a time: a start of the board goes through all of its memory.
+/// Checks four bytes at a time, because each start of the board scans the entire memory.
 fn is_blank(bytes: &[u8]) -> bool {
     let (words, rest) = bytes.as_chunks::<4>();
     words.iter().all(|word| *word == [ERASED; 4]) && rest.iter().all(|byte| *byte == ERASED)

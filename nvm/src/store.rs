@@ -1,11 +1,12 @@
-//! Records under their keys in a flash: in a [log](crate::log) of entries.
+//! Records by key in a flash, stored in a [log](crate::log) of entries.
 //!
-//! The store adds an inventory of the keys ever stored to the log: it tells a lost record from one that was never written.
+//! The store adds to the log an inventory of the keys ever stored, which distinguishes a lost record from one never
+//! written.
 //!
-//! Nothing is kept between two operations: what counts is what a start would find, and a start goes through the entries
-//! once, from the oldest to the newest.
+//! No state is kept between operations: each one scans the flash like a start, once, from the oldest entry to the
+//! newest.
 //!
-//! Beside the records of the device there is a setting of the platform, such as which device it is.
+//! Beside the records of the device there is one setting of the platform, such as its kind of device.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -14,16 +15,16 @@ use protocol_core::memory::{Image, Record, RecordKey, StoreError, open, seal};
 use crate::log::{HEADER, Log};
 use crate::{BUFFER, INVENTORY, SETTING, record_key};
 
-/// The most bytes of a setting.
+/// The maximum length of a setting, in bytes.
 pub const SETTING_MAX: usize = 8;
 
-/// The inventory of a memory without records: a byte with a bit for each record, set once that was stored.
+/// The inventory of a memory without records. It is a byte with one bit per record, set once the record was stored.
 const NOTHING: u8 = 0;
 
-/// How the setting is encoded.
+/// The version of the setting's encoding.
 const SETTING_VERSION: u8 = 1;
 
-/// Returns the most bytes in use that can be all that power cuts have left of first stores: of four inventories.
+/// Returns the maximum number of used bytes that interrupted first stores can leave behind: those of four inventories.
 const fn first_stores<F: NorFlash>() -> usize {
     4 * (HEADER + 1).next_multiple_of(F::WRITE_SIZE)
 }
@@ -31,40 +32,40 @@ const fn first_stores<F: NorFlash>() -> usize {
 /// The setting of a platform.
 pub type Setting = Vec<u8, SETTING_MAX>;
 
-/// Everything that is kept.
+/// The contents of a memory.
 #[derive(Debug)]
 pub struct Contents {
     /// The records of the device.
     pub image: Image,
-    /// The setting of the platform, if there is one that is intact.
+    /// The setting of the platform, if there is an intact one.
     pub setting: Option<Setting>,
 }
 
 impl Contents {
-    /// Returns the contents of a memory that was never written.
+    /// Creates the contents of a memory that was never written.
     #[must_use]
     pub const fn empty() -> Self {
         Self { image: Image::empty(), setting: None }
     }
 }
 
-/// What is in the flash makes no sense.
+/// The contents of the flash make no sense.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Unreadable;
 
-/// What a start would find, in short.
+/// A summary of what a start would find.
 #[derive(Default)]
 struct Survey {
-    /// Any entry at all.
+    /// Whether there is any entry.
     any: bool,
-    /// The bits of the records that there are.
+    /// The bits of the records found.
     stored: u8,
-    /// The bits of the records that were stored once, as far as that is known.
+    /// The bits of the records ever stored; `None` without an intact inventory.
     inventory: Option<u8>,
 }
 
 impl Survey {
-    /// Notes one more entry; it replaces what came before under its key. From a beginning on nothing else counts.
+    /// Adds an entry, which replaces earlier ones with its key. A beginning invalidates all earlier records.
     fn note(&mut self, key: u8, bytes: &[u8], is_beginning: bool) {
         self.any = true;
         if is_beginning {
@@ -81,7 +82,7 @@ impl Survey {
         self.inventory.unwrap_or(NOTHING)
     }
 
-    /// Returns whether this record was stored once and is not there.
+    /// Returns whether a record was stored once but is missing.
     fn misses(&self, key: RecordKey) -> bool {
         self.inventory() & !self.stored & bit(key) != 0
     }
@@ -93,32 +94,31 @@ pub struct Records<'buffer, F> {
 }
 
 impl<'buffer, F: NorFlash> Records<'buffer, F> {
-    /// Returns the records in a flash; nothing is read or written yet.
+    /// Wraps a flash; nothing is read or written yet.
     pub const fn new(flash: F, buffer: &'buffer mut [u8; BUFFER]) -> Self {
         Self { log: Log::new(flash, buffer) }
     }
 
-    /// Writes a record; what lay under its key before stays until the new one is complete.
+    /// Writes a record; the previous one stays until the new one is complete.
     ///
     /// # Errors
-    /// [`StoreError`] when the flash fails or cannot hold it.
+    /// [`StoreError`] if the flash fails or is full.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let found = self.put(key as u8, record)?;
         if found.inventory() & bit(key) == 0 {
-            // Which records there are was seen anew: the inventory itself may be what was lost.
+            // Includes the records just found, because the inventory itself may have been lost.
             let inventory = found.inventory() | found.stored;
-            // The record is stored, whatever becomes of this; the next store of it tries again.
+            // The record is stored in any case; its next store repeats a failed write of the inventory.
             let _ = self.write(INVENTORY, &[inventory], false);
         }
         Ok(())
     }
 
-    /// Reads everything, and changes nothing. Of a damaged memory the newest version of a record that is intact counts
-    /// (A). A record that the flash does not give, although it was stored once, is unreadable in the image.
+    /// Reads all contents without changing the flash. In a damaged memory the newest intact version of a record counts
+    /// (A). A record that was stored once but cannot be found is marked unreadable in the image.
     ///
     /// # Errors
-    /// [`Unreadable`] when the memory as a whole makes no sense; of the contents the setting is of use then, if there is
-    /// one.
+    /// [`Unreadable`] if the entire memory makes no sense; the setting is then still valid, if present.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         let Contents { image, setting } = contents;
         image.clear();
@@ -137,23 +137,23 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         });
         let lost = |key: &RecordKey| scanned.is_err() || found.misses(*key);
         RecordKey::ALL.into_iter().filter(lost).for_each(|key| image.put_unreadable(key));
-        // More than first stores leave behind, and nothing of it makes sense: that was something else once.
+        // There is more data than first stores can leave behind, but no entry: these are not our data.
         let is_noise =
             scanned.is_ok() && !found.any && self.log.in_use().is_ok_and(|bytes| bytes > first_stores::<F>());
         if is_noise { Err(Unreadable) } else { Ok(()) }
     }
 
-    /// Writes the setting of the platform; the one before stays until the new one is complete.
+    /// Writes the setting of the platform; the previous one stays until the new one is complete.
     ///
     /// # Errors
-    /// [`StoreError`] when it is longer than [`SETTING_MAX`], or the flash fails.
+    /// [`StoreError`] if the setting is longer than [`SETTING_MAX`], or the flash fails.
     pub fn store_setting(&mut self, setting: &[u8]) -> Result<(), StoreError> {
         let setting = Vec::<u8, SETTING_MAX>::from_slice(setting).map_err(|_| StoreError)?;
         self.put(SETTING, &seal(SETTING_VERSION, &setting)?).map(drop)
     }
 
-    /// Writes an entry, and begins the log with an inventory if there is none: a first entry so short that power cuts
-    /// leave little behind of it, and once it is there, nothing that they leave passes for noise.
+    /// Writes an entry, and first an inventory if the log has no entry. The inventory is so short that power cuts leave
+    /// little behind; once it is written, leftovers can no longer be mistaken for noise.
     fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
         let before = self.survey(key, bytes)?;
         if !before.0.any {
@@ -162,10 +162,11 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         self.write(key, bytes, before.1)
     }
 
-    /// Writes an entry, whose content was there before or not; returns what is found then.
+    /// Writes an entry; `held_before` states whether its content was already stored. Returns what a start would then
+    /// find.
     fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         let stored = self.log.append(key, bytes);
-        // A failure may have come so late that all is there: what counts is what a start would find.
+        // The write may have failed after completing the entry, so the result of a scan decides.
         match (stored, self.survey(key, bytes)?) {
             (Ok(()), (found, true)) => Ok(found),
             (Err(_), (found, true)) if !held_before => Ok(found),
@@ -173,7 +174,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         }
     }
 
-    /// Returns what a start would find, and whether these bytes are under this key.
+    /// Returns what a start would find, and whether the key holds these bytes.
     fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), StoreError> {
         let mut survey = Survey::default();
         let mut holds = false;
@@ -188,23 +189,24 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         scanned.map(|()| (survey, holds)).map_err(|_| StoreError)
     }
 
-    /// Removes all records, old versions too: none comes back, whatever bit flips. The setting stays.
+    /// Removes all records, including old versions, so that no flipped bit can restore one. The setting stays.
     ///
-    /// A power cut leaves all records as they were or none; clearing anew finishes that. What is clear is not written to.
+    /// A power cut leaves either all records or none; another call completes an interrupted clearing. If nothing needs
+    /// clearing, nothing is written.
     ///
     /// # Errors
-    /// [`StoreError`] when the flash fails.
+    /// [`StoreError`] if the flash fails.
     pub fn clear(&mut self) -> Result<(), StoreError> {
         if self.is_clear()? {
             return Ok(());
         }
         self.log.begin_anew(&[NOTHING]).or_else(|error| {
-            // A failure may have come so late that all is gone.
+            // The operation may have failed after removing everything.
             if self.is_clear()? { Ok(()) } else { Err(error) }
         })
     }
 
-    /// Returns whether there is no record, nor what is left of one.
+    /// Returns whether there are neither records nor remains of them.
     fn is_clear(&mut self) -> Result<bool, StoreError> {
         let (found, _) = self.survey(INVENTORY, &[])?;
         let has_leftovers = self.log.has_leftovers().map_err(|_| StoreError)?;

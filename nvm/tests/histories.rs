@@ -1,5 +1,5 @@
-//! Random histories of stores with power cuts, on flashes with words of 1 to 32 bytes: a cut leaves a record old or new, and
-//! all others as they were; no word is written twice. On some flashes a torn word cannot be read.
+//! Random histories of stores with power cuts, on flashes with words of 1 to 32 bytes. A cut leaves a record old or new
+//! and all others unchanged; no word is written twice. On some flashes a torn word cannot be read.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use nvm::{BUFFER, Contents, ERASED, Records};
@@ -11,17 +11,17 @@ const SECTOR: usize = 2048;
 #[derive(Clone)]
 struct Flash<const W: usize> {
     cells: Vec<u8>,
-    /// Words that were written since their sector was erased.
+    /// Words written since the last erase of their sector.
     written: Vec<bool>,
     /// Words that cannot be read.
     torn: Vec<bool>,
-    /// Whether torn words cannot be read.
+    /// Whether torn words may be unreadable, as with error correction.
     corrects_errors: bool,
-    /// A byte that no erase changes from 0.
+    /// A byte that stays 0 after an erase.
     stuck: Option<usize>,
-    /// The word writes and erases until the power is cut.
+    /// The number of word operations until the power is cut.
     power_for: Option<u64>,
-    /// Those until one fails, and the flash works again.
+    /// The number of word operations until one fails; the flash then works again.
     fails_after: Option<u64>,
     random: fastrand::Rng,
 }
@@ -41,7 +41,7 @@ impl<const W: usize> Flash<W> {
         }
     }
 
-    /// Returns whether one more operation is done.
+    /// Returns whether the next operation succeeds.
     fn is_done(&mut self) -> Result<bool, NorFlashErrorKind> {
         match self.fails_after.take() {
             None => {}
@@ -124,7 +124,7 @@ impl<const W: usize> NorFlash for Flash<W> {
             assert!(!self.written[word], "word {word} of {W} bytes is written twice");
             let is_done = self.is_done()?;
             if !is_done && self.random.bool() {
-                // The cut came between two words.
+                // The cut was between two words.
                 return Err(NorFlashErrorKind::Other);
             }
             self.written[word] = true;
@@ -132,7 +132,7 @@ impl<const W: usize> NorFlash for Flash<W> {
                 *cell = if is_done { *byte } else { *byte | self.random.u8(..) };
             }
             if !is_done {
-                // A word that reads as an erased one cannot be told from it.
+                // A word that reads as erased cannot be distinguished from an erased one.
                 self.written[word] = self.cells[word * W..][..W].iter().any(|cell| *cell != ERASED);
                 self.torn[word] = self.written[word] && self.corrects_errors && self.random.bool();
                 return Err(NorFlashErrorKind::Other);
@@ -142,7 +142,7 @@ impl<const W: usize> NorFlash for Flash<W> {
     }
 }
 
-/// What is held: each record, and the setting.
+/// The contents: each record, and the setting.
 type Held = (Vec<Option<Vec<u8>>>, Option<Vec<u8>>);
 
 fn held<const W: usize>(flash: &mut Flash<W>) -> Held {
@@ -154,13 +154,13 @@ fn held<const W: usize>(flash: &mut Flash<W>) -> Held {
     (RecordKey::ALL.into_iter().map(record).collect(), contents.setting.map(|setting| setting.to_vec()))
 }
 
-/// Returns the content of a record: noise, or bytes that read as erased ones.
+/// Returns the content of a record: noise mixed with bytes that read as erased.
 fn content(random: &mut fastrand::Rng) -> Vec<u8> {
     let (length, erased) = (random.usize(..100), random.u8(..4));
     (0..length).map(|_| if random.u8(..4) < erased { ERASED } else { random.u8(..) }).collect()
 }
 
-/// Plays a history; returns how often an operation was not done.
+/// Plays a history; returns the number of failed operations.
 fn play<const W: usize>(corrects_errors: bool, seed: u64) -> u32 {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut flash = Flash::<W>::new(corrects_errors, seed);
@@ -218,7 +218,7 @@ fn a_cut_or_failure_leaves_everything_old_or_new() {
     }
 }
 
-/// The power goes between any two words of a store: contents of all lengths.
+/// A power cut between any two words of a store, for contents of all lengths.
 #[test]
 fn a_cut_between_two_words_leaves_the_old_content() {
     for length in 0..60 {
@@ -256,7 +256,7 @@ fn noise_can_be_cleared() {
     }
 }
 
-/// A word that stays written after an erase costs its place, and no store.
+/// A word that stays written after an erase costs its space, but no store.
 #[test]
 fn a_stuck_word_stops_no_move() {
     for stuck in (SECTOR..2 * SECTOR).step_by(136) {

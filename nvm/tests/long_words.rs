@@ -1,4 +1,4 @@
-//! A flash whose words are longer than the boards': as long as the header of an item.
+//! A flash with words longer than those of the boards: as long as the header of an item.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use nvm::{BUFFER, Contents, ERASED, Records};
@@ -50,8 +50,7 @@ fn clearing_steps_over_a_torn_header() {
     let mut records = Records::new(&mut flash, &mut buffer);
     records.store_setting(b"kind").unwrap();
     records.store(RecordKey::LocalLayer, &seal(1, b"\x20\x03").unwrap()).unwrap();
-    // The power was cut in the word that is the header of an item of eight bytes: the length is there, its checksum is
-    // not.
+    // The power was cut in the word with the header of an eight-byte item: its length is written, its checksum is not.
     let end = flash.0.chunks_exact(WORD).position(|word| word == [ERASED; WORD]).unwrap() * WORD;
     flash.write(end as u32, &[0x62, 0xD0, 0xE7, 0x75, 8, 0, 0xFF, 0xFF]).unwrap();
 

@@ -1,19 +1,18 @@
-//! The pending answers of a node: they do not go stale, so they wait in their order. Both protocols' nodes have one such
-//! queue.
+//! The pending answers of a node, CANopen or ISOBUS. Answers do not become outdated, so all are kept in order.
 
 use heapless::Vec;
 
 use crate::controller::MAILBOXES;
 use crate::frame::Frame;
 
-/// The number of answers that can wait: one of each service to each of two askers.
+/// The capacity: one answer of each service to each of two clients.
 const ANSWERS: usize = 8;
 
-/// The answers that wait. When there is no room, the newest is dropped; its owner counts it.
+/// The queue of pending answers. If it is full, the newest answer is dropped, and the owner counts it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Answers {
     waiting: Vec<Frame, ANSWERS>,
-    /// The number of answers that the controller took since it was last idle.
+    /// The number of answers taken by the controller since it was last idle.
     taken: usize,
 }
 
@@ -29,7 +28,7 @@ impl Answers {
         self.waiting.push(frame).is_ok()
     }
 
-    /// Takes back the answer that was popped last. Returns whether there was still room for all.
+    /// Takes back the answer popped last. Returns `false` if this dropped the newest answer.
     #[must_use]
     pub(crate) fn take_back(&mut self, frame: Frame) -> bool {
         self.taken = self.taken.saturating_sub(1);
@@ -37,7 +36,7 @@ impl Answers {
         if !had_room {
             self.waiting.pop();
         }
-        // There is room.
+        // There is room now.
         let _ = self.waiting.insert(0, frame);
         had_room
     }
@@ -47,10 +46,10 @@ impl Answers {
         self.waiting.iter().min_by_key(|frame| frame.arbitration())
     }
 
-    /// Takes the [first](Self::first) answer.
+    /// Removes the [first](Self::first) answer.
     #[inline(never)]
     pub(crate) fn pop(&mut self) -> Option<Frame> {
-        // Mostly there is one: 60 instructions less for an SDO.
+        // Usually there is one answer: 60 instructions less for an SDO.
         let first = if self.waiting.len() == 1 { self.waiting.pop() } else { self.pop_first() }?;
         self.taken = self.taken.saturating_add(1);
         Some(first)
@@ -68,13 +67,13 @@ impl Answers {
         self.waiting.is_empty()
     }
 
-    /// Notes that the controller's answers are on the bus.
+    /// Records that the controller's answers are on the bus.
     pub(crate) const fn sent(&mut self) {
         self.taken = 0;
     }
 
-    /// Forgets all, those in the controller too, and returns how many there were: at the most, for the controller can
-    /// have other frames in its mailboxes.
+    /// Drops all answers, including those in the controller, and returns their number. This is an upper bound, because
+    /// the mailboxes may hold other frames.
     pub(crate) fn clear(&mut self) -> u32 {
         let in_controller = core::mem::take(&mut self.taken).min(MAILBOXES);
         let all = self.waiting.len().saturating_add(in_controller);

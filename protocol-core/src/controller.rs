@@ -1,34 +1,34 @@
 //! The CAN controller of a device: its trait, its filters and its error mode.
 //!
-//! The simulated controller and that of the board share these types, so that host tests run the flashed code.
+//! The simulated controller and the board's share these types, so that host tests run the flashed code.
 
 use heapless::Vec;
 
 use crate::frame::Frame;
 
-/// A CAN controller that a device can be pumped through.
+/// A CAN controller, for use with [`pump`](crate::pump::pump).
 pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
-    /// Returns whether every frame it took is on the bus: no mailbox is pending.
+    /// Returns whether no mailbox is pending: all frames taken are on the bus.
     fn is_idle(&self) -> bool;
 
-    /// Drops the frames under the identifiers of `which` that wait for the bus. A frame on the wire goes on, and is not
-    /// repeated when that attempt fails.
+    /// Drops the pending transmit frames that match `which`. A frame already on the wire continues, but is not repeated
+    /// if that attempt fails.
     fn abort(&mut self, which: Filter);
 
-    /// Receives from now on the data frames that one of these filters lets through, and may keep others away. What was
-    /// received before stays.
+    /// Receives from now on the data frames that pass one of these filters, and may reject others. Frames already
+    /// received stay.
     fn set_filters(&mut self, filters: &Filters);
 }
 
-/// The number of frames that a controller holds at the most: older ones that it took are on the bus.
+/// The maximum number of frames in a controller: older frames that it took are on the bus.
 pub const MAILBOXES: usize = 3;
 
-/// A filter of a controller: passes every frame whose identifier equals `key` in the bits of `mask`.
+/// An identifier filter: passes frames whose key equals `key` in the bits of `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filter {
-    /// An identifier as one number, as [`frame::key`](crate::frame::key) makes it.
+    /// The key of an identifier, see [`frame::key`](crate::frame::key).
     pub key: u32,
-    /// The bits of it that count; that of an extended identifier always does.
+    /// The compared bits. Receive filters always compare bit 29, which marks an extended identifier.
     pub mask: u32,
 }
 
@@ -36,13 +36,13 @@ impl Filter {
     /// Passes every identifier.
     pub const ALL: Self = Self { key: 0, mask: 0 };
 
-    /// Lets one identifier through.
+    /// Passes one identifier.
     #[must_use]
     pub const fn exactly(key: u32) -> Self {
         Self { key, mask: u32::MAX }
     }
 
-    /// Returns whether it lets a frame through.
+    /// Returns whether a frame passes.
     #[inline]
     #[must_use]
     pub const fn passes(&self, frame: &Frame) -> bool {
@@ -50,7 +50,7 @@ impl Filter {
     }
 }
 
-/// The most filters that a device needs: one for each service with an identifier of its own.
+/// The maximum number of filters of a device: one for each service with its own identifier.
 pub const FILTERS: usize = 8;
 
 /// The filters of a device.
@@ -59,17 +59,18 @@ pub type Filters = Vec<Filter, FILTERS>;
 /// The error mode of a controller, by its error counters (ISO 11898-1, fault confinement).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusErrorMode {
-    /// Takes part in full.
+    /// Full participation.
     #[default]
     ErrorActive,
-    /// A counter is above 127: takes part, but signals errors passively.
+    /// An error counter is above 127: participates, but sends passive error flags.
     ErrorPassive,
-    /// The transmit counter is above 255: takes no part until it has recovered. What waits in the controller is to be
-    /// dropped then, before the device is told: it would be out of date when the bus is back.
+    /// The transmit error counter is above 255: no participation until recovery. The platform must drop the
+    /// controller's pending frames before it reports bus-off to the device, because they would be outdated after
+    /// recovery.
     BusOff,
 }
 
-/// The bit rates of CiA 301; discriminants are the indices of LSS bit timing table 0 (CiA 305).
+/// The bit rates of CiA 301. The discriminants are the indices in LSS bit timing table 0 (CiA 305).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum BitRate {
@@ -125,13 +126,13 @@ impl BitRate {
         self as u8
     }
 
-    /// Returns the bit rate at an index of LSS bit timing table 0; `None` for 5 (reserved) and above 8.
+    /// Returns the bit rate with this index in LSS bit timing table 0; `None` for 5 (reserved) and above 8.
     #[must_use]
     pub fn from_table_index(index: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.table_index() == index)
     }
 
-    /// Returns the bit rate of a number of bits per second.
+    /// Returns the bit rate of this many bits per second.
     #[must_use]
     pub fn from_bits_per_second(bits: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.bits_per_second() == bits)

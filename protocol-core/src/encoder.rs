@@ -1,47 +1,47 @@
-//! The single-turn encoder without a protocol: the shaft as a function of time, exact at any speed, and the preset
+//! The protocol-independent single-turn encoder: the shaft as a function of time, exact at any speed, and the preset
 //! (SPEC 9).
 
 use crate::time::{Instant, since};
 
-/// A turn, 1/100 degree.
+/// One turn, in 1/100 degree.
 pub const TURN_CDEG: u32 = 36_000;
 
-/// The steps of one turn (A): 14 bits.
+/// The steps per turn (A): 14 bits.
 pub const STEPS: u32 = 16_384;
 
-/// The shaft of the encoder: where it was at an instant, and how fast it has turned since.
+/// The shaft of the encoder: its angle at a reference time, and its constant speed since then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
-    /// The angle at `since`, 1/100 degree; a whole turn counts as none.
+    /// The angle at `since`, in 1/100 degree; a whole turn counts as 0.
     pub angle_cdeg: u32,
-    /// The speed in turns a minute, positive clockwise, where the position rises.
+    /// The speed in turns per minute, positive clockwise. The position increases clockwise.
     pub speed_rpm: i32,
-    /// The instant of `angle_cdeg`; before it, the shaft rests.
+    /// The reference time of `angle_cdeg`; the shaft is at rest before.
     pub since: Instant,
-    /// The sensor unit detects a measuring error. The position stays live.
+    /// Whether the sensor unit detects a measuring error. The position still follows the shaft.
     pub measuring_error: bool,
 }
 
-/// Microseconds in a minute: at one turn a minute, the parts of a turn that the shaft can have come to.
+/// Microseconds per minute: at one turn per minute the shaft covers 1/60 000 000 turn, a *part*, in each microsecond.
 const MINUTE_US: u64 = 60_000_000;
 
-/// The turns that outweigh the highest speed backwards.
+/// The number of whole turns per microsecond that makes the highest reverse speed positive when added to it.
 const TURNS_FORWARDS: u64 = 36;
 const _: () = assert!(TURNS_FORWARDS * MINUTE_US > i32::MIN.unsigned_abs() as u64);
 
-/// A turn in the unit that holds 1/100 degree and those parts exactly: their least common multiple.
+/// The units per turn: the least common multiple of the 1/100 degrees and the parts of a turn, so that both are exact.
 const TURN: u64 = 180_000_000;
 
 const UNITS_PER_CDEG: u32 = 5_000;
 const UNITS_PER_PART: u64 = 3;
 const _: () = assert!(UNITS_PER_CDEG as u64 * TURN_CDEG as u64 == TURN && UNITS_PER_PART * MINUTE_US == TURN);
 
-/// The steps in so many units, in lowest terms.
+/// The ratio of steps to units, in lowest terms.
 const STEPS_IN_UNITS: u64 = 64;
 const UNITS_IN_STEPS: u64 = 703_125;
 const _: () = assert!(STEPS_IN_UNITS * TURN == UNITS_IN_STEPS * STEPS as u64);
 
-/// The most units that [`Shaft::units_at`] returns.
+/// The maximum result of [`Shaft::units_at`].
 const UNITS_MAX: u64 =
     u32::MAX as u64 * UNITS_PER_CDEG as u64 + MINUTE_US * TURNS_FORWARDS * MINUTE_US * UNITS_PER_PART;
 
@@ -49,19 +49,19 @@ const MINUTES: Ratio = Ratio::new(1, MINUTE_US, u64::MAX);
 const TURNS: Ratio = Ratio::new(1, TURN, UNITS_MAX);
 const STEPS_OF_UNITS: Ratio = Ratio::new(STEPS_IN_UNITS, UNITS_IN_STEPS, UNITS_MAX);
 
-/// A constant ratio below 1 that multiplies 64-bit numbers: the Cortex-M4 does not divide them, and a position takes 115
-/// instructions less.
+/// A constant ratio below 1, applied to 64-bit numbers by multiplication: the Cortex-M4 cannot divide them in hardware.
+/// Saves 115 instructions per position.
 struct Ratio {
-    /// The factors of two in the denominator, which are shifted out first.
+    /// The power of two in the denominator, shifted out first.
     twos: u32,
-    /// 2^(64 + shift) times the ratio without those factors, rounded up.
+    /// 2^(64 + shift) times the ratio without that power of two, rounded up.
     scaled: u64,
     shift: u32,
 }
 
 impl Ratio {
-    /// Returns the ratio of two numbers in lowest terms, for multiplicands up to `max`. To be called for constants
-    /// only: that the rounding of the ratio shows in no product is checked when they are made.
+    /// Creates the ratio of two numbers in lowest terms, for multiplicands up to `max`. For constants only: assertions
+    /// check that the rounding of `scaled` never affects a product.
     #[expect(clippy::arithmetic_side_effects, reason = "of constants: the compiler tells of an overflow")]
     const fn new(numerator: u64, denominator: u64, max: u64) -> Self {
         let twos = denominator.trailing_zeros();
@@ -70,13 +70,14 @@ impl Ratio {
         let exact = (numerator as u128) << (64 + shift);
         let scaled = exact / odd + 1;
         assert!(scaled <= u64::MAX as u128);
-        // A product lies 1/odd or more below the next whole number, and comes out too high by less than that.
+        // The exact product is at least 1/odd below the next integer, and the computed one exceeds it by less than
+        // that.
         let excess = scaled * odd - exact;
         assert!((max >> twos) as u128 * excess < 1 << (64 + shift));
         Self { twos, scaled: scaled as u64, shift }
     }
 
-    /// Returns the product, rounded down.
+    /// Multiplies, rounding down.
     #[inline]
     const fn of(&self, number: u64) -> u64 {
         let product = ((number >> self.twos) as u128).wrapping_mul(self.scaled as u128);
@@ -85,13 +86,13 @@ impl Ratio {
 }
 
 impl Shaft {
-    /// Returns a shaft that rests at an angle in 1/100 degree.
+    /// Creates a shaft at rest at an angle in 1/100 degree.
     #[must_use]
     pub const fn at(angle_cdeg: u32) -> Self {
         Self { angle_cdeg, speed_rpm: 0, since: Instant::MIN, measuring_error: false }
     }
 
-    /// Returns the angle at an instant in 1/100 degree, below a turn, rounded down.
+    /// Returns the angle at `now` in 1/100 degree, below one turn, rounded down.
     #[must_use]
     pub const fn angle_at(&self, now: Instant) -> u32 {
         let units = self.units_at(now);
@@ -99,19 +100,19 @@ impl Shaft {
         within_turn / UNITS_PER_CDEG
     }
 
-    /// Returns the raw position at an instant: floor(angle × 16384 / 36000).
+    /// Returns the raw position at `now`: floor(angle × 16384 / 36000).
     #[inline]
     #[must_use]
     pub const fn position_at(&self, now: Instant) -> u32 {
         STEPS_OF_UNITS.of(self.units_at(now)) as u32 & POSITION_MAX
     }
 
-    /// Returns the angle in units, whole turns included.
+    /// Returns the angle in units, including whole turns.
     #[inline]
     const fn units_at(&self, now: Instant) -> u64 {
         let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG as u64);
-        // A shaft with a whole number of turns a minute is back where it was after each minute, and backwards by some
-        // parts of a turn is forwards by the others.
+        // At an integer number of turns per minute the shaft returns to its angle after each minute. A negative speed
+        // becomes positive by adding whole turns per microsecond, which do not change the angle.
         let elapsed = since(now, self.since).as_micros();
         let within_minute = elapsed.wrapping_sub(MINUTES.of(elapsed).wrapping_mul(MINUTE_US));
         let turns = if self.speed_rpm < 0 { TURNS_FORWARDS * MINUTE_US } else { 0 };
@@ -121,31 +122,30 @@ impl Shaft {
 }
 
 impl Default for Shaft {
-    /// Rests at 0.
+    /// A shaft at rest at 0.
     fn default() -> Self {
         Self::at(0)
     }
 }
 
-/// A position that a preset moves against the raw one.
+/// A preset: an offset between the raw position and the reported one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preset {
     value: u32,
-    /// The offset of the position from the raw one, below a turn.
+    /// The offset of the reported position from the raw one, below one turn.
     offset: u32,
 }
 
-/// The highest position, and preset.
+/// The maximum position and preset.
 pub const POSITION_MAX: u32 = STEPS - 1;
-// A position modulo a turn is the low bits of a number.
+// A position modulo one turn is the low bits of a number.
 const _: () = assert!(STEPS.is_power_of_two());
 
 impl Preset {
-    /// No preset: the position is the raw one.
+    /// No preset: the reported position is the raw one.
     pub const NONE: Self = Self { value: 0, offset: 0 };
 
-    /// Returns the preset that makes the position that reads `position` now read `value`; `None` above
-    /// [`POSITION_MAX`].
+    /// Returns the preset that changes the reading `position` to `value`; `None` above [`POSITION_MAX`].
     #[must_use]
     pub const fn moved(self, position: u32, value: u32) -> Option<Self> {
         if value > POSITION_MAX {
@@ -154,30 +154,30 @@ impl Preset {
         Some(Self { value, offset: self.offset.wrapping_add(value).wrapping_sub(position) & POSITION_MAX })
     }
 
-    /// Returns the value that was set.
+    /// Returns the preset value.
     #[must_use]
     pub const fn value(self) -> u32 {
         self.value
     }
 
-    /// Returns the position of a raw one.
+    /// Converts a raw position to the reported one.
     #[must_use]
     pub const fn position(self, raw: u32) -> u32 {
         raw.wrapping_add(self.offset) & POSITION_MAX
     }
 
-    /// Returns the offset as −8192 … 8191, in the bits of an INTEGER32.
+    /// Returns the offset as −8192…8191, in the bits of an INTEGER32.
     #[must_use]
     pub const fn offset(self) -> u32 {
         if self.offset < STEPS / 2 { self.offset } else { self.offset.wrapping_sub(STEPS) }
     }
 
-    /// Takes a stored value.
+    /// Loads a stored preset value.
     pub const fn load_value(&mut self, value: u32) {
         self.value = value;
     }
 
-    /// Takes a stored offset, in the bits of an INTEGER32.
+    /// Loads a stored offset, in the bits of an INTEGER32.
     pub const fn load_offset(&mut self, offset: u32) {
         self.offset = offset & POSITION_MAX;
     }
@@ -200,7 +200,7 @@ mod tests {
         assert_eq!(Shaft::at(TURN_CDEG).position_at(Instant::MIN), 0, "a whole turn is none");
     }
 
-    /// Position and angle by the plain formula.
+    /// Position and angle by the direct formula.
     fn formula(shaft: &Shaft, elapsed: u64) -> (i128, i128) {
         let turn = 36_000 * 60_000_000;
         let angle = i128::from(shaft.angle_cdeg) * 60_000_000;
@@ -240,7 +240,7 @@ mod tests {
         #[test]
         fn a_ratio_rounds_down(number: u64, steps in 0..u64::from(STEPS) * 2_160_000_000) {
             prop_assert_eq!(MINUTES.of(number), number / MINUTE_US);
-            // The last number of units below a step, and the first that reaches it.
+            // The last number of units before a step, and the first that reaches the step.
             let first = (u128::from(steps) * u128::from(UNITS_IN_STEPS)).div_ceil(STEPS_IN_UNITS.into()) as u64;
             prop_assume!(first < UNITS_MAX);
             prop_assert_eq!(STEPS_OF_UNITS.of(first), steps);

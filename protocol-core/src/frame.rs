@@ -4,17 +4,17 @@ use core::fmt;
 
 pub use embedded_can::{ExtendedId, Id, StandardId};
 
-/// The most bytes that a classic CAN frame carries.
+/// The maximum number of data bytes of a classic CAN frame.
 pub const MAX_LEN: usize = 8;
 
-/// The bit of an extended identifier in a key: the same as in an object of type COB-ID.
+/// The bit that marks an extended identifier in a key, as in a COB-ID object.
 const EXTENDED: u32 = 1 << 29;
 
-/// The bits of the first so many bytes: a shift of 64 bits is a call on the board.
+/// The masks of the first n bytes; a 64-bit shift would be a function call on the board.
 const KEPT: [u64; MAX_LEN] =
     [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
 
-/// Returns an identifier as one number: its bits, and bit 29 for an extended one, as in an object of type COB-ID.
+/// Returns the key of an identifier: its bits, plus bit 29 for an extended one, as in a COB-ID object.
 #[inline]
 #[must_use]
 pub fn key(id: Id) -> u32 {
@@ -24,14 +24,14 @@ pub fn key(id: Id) -> u32 {
     }
 }
 
-/// Returns what arbitration goes by for a data frame with this [`key`]: the lower one wins the bus.
+/// Returns the arbitration value of a data frame with this [`key`]; the lower value wins the bus.
 ///
-/// A standard frame wins against an extended one with the same eleven leading bits (ISO 11898-1).
+/// A standard frame wins against an extended one with the same leading eleven bits (ISO 11898-1).
 #[inline]
 #[must_use]
 pub const fn arbitration(key: u32) -> u32 {
     if key & EXTENDED == 0 {
-        // 11 bits, RTR, IDE = 0, then nothing that could still be compared
+        // 11 bits, RTR, IDE = 0; later bits never decide.
         key << 21
     } else {
         // 11 bits, SRR = 1, IDE = 1, 18 bits, RTR
@@ -42,7 +42,7 @@ pub const fn arbitration(key: u32) -> u32 {
 
 /// A classic CAN data or remote frame.
 ///
-/// The length is 0–8 by construction: a raw DLC of 9–15, which CAN allows and which means 8, never gets in here.
+/// The length is 0–8 by construction: CAN permits a raw DLC of 9–15, meaning 8, but it cannot be represented here.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
     key: u32,
@@ -52,10 +52,10 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A data frame without data, under the identifier 0.
+    /// A data frame without data, with identifier 0.
     pub(crate) const EMPTY: Self = Self { key: 0, remote: false, len: 0, data: [0; MAX_LEN] };
 
-    /// Returns a data frame of the first `len` bytes of `data`; a length above 8 counts as 8, as a DLC does.
+    /// Creates a data frame with the first `len` bytes of `data`; a length above 8 counts as 8, like a DLC.
     #[inline]
     #[must_use]
     pub fn with_len(id: Id, data: [u8; MAX_LEN], len: u8) -> Self {
@@ -65,14 +65,14 @@ impl Frame {
         frame
     }
 
-    /// Returns a data frame of eight bytes.
+    /// Creates a data frame with eight bytes.
     #[inline]
     #[must_use]
     pub fn full(id: Id, data: [u8; MAX_LEN]) -> Self {
         Self { key: key(id), remote: false, len: 8, data }
     }
 
-    /// Returns a data frame of the bytes of `data`; `None` when there are more than eight.
+    /// Creates a data frame with the bytes of `data`; `None` if there are more than eight.
     #[must_use]
     pub fn of(id: Id, data: &[u8]) -> Option<Self> {
         let mut bytes = [0; MAX_LEN];
@@ -80,7 +80,7 @@ impl Frame {
         Some(Self { key: key(id), remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
     }
 
-    /// Returns a data frame of the same length under the same identifier; bytes beyond it are left out.
+    /// Returns a data frame of the same identifier and length with other data; bytes beyond the length are dropped.
     #[inline(always)]
     #[must_use]
     pub fn refilled(&self, data: [u8; MAX_LEN]) -> Self {
@@ -89,7 +89,7 @@ impl Frame {
         frame
     }
 
-    /// Returns a data frame of the same length under the same identifier, with data that are zero beyond it.
+    /// Like [`refilled`](Self::refilled), for data that are zero beyond the length.
     #[inline]
     #[must_use]
     pub(crate) fn carrying(&self, data: [u8; MAX_LEN]) -> Self {
@@ -97,7 +97,7 @@ impl Frame {
         Self { key: self.key, remote: false, len: self.len, data }
     }
 
-    /// Returns a remote frame that asks for `len` bytes; a length above 8 counts as 8.
+    /// Creates a remote frame that requests `len` bytes; a length above 8 counts as 8.
     #[must_use]
     pub fn remote(id: Id, len: u8) -> Self {
         let len = if len > 8 { 8 } else { len };
@@ -115,14 +115,14 @@ impl Frame {
         }
     }
 
-    /// Returns the identifier as one number to compare by, as [`key`] makes it.
+    /// Returns the [`key`] of the identifier, for comparisons.
     #[inline]
     #[must_use]
     pub const fn key(&self) -> u32 {
         self.key
     }
 
-    /// Returns whether the identifier is an extended one.
+    /// Returns whether the identifier is extended.
     #[inline]
     #[must_use]
     pub const fn is_extended(&self) -> bool {
@@ -136,14 +136,14 @@ impl Frame {
         self.remote
     }
 
-    /// Returns the number of data bytes, 0–8: what a data frame carries, or what a remote frame asks for.
+    /// Returns the number of bytes, 0–8, that a data frame carries or a remote frame requests.
     #[inline]
     #[must_use]
     pub const fn len(&self) -> u8 {
         self.len
     }
 
-    /// Returns whether there is no data byte.
+    /// Returns whether the length is 0.
     #[inline]
     #[must_use]
     pub const fn is_empty(&self) -> bool {
@@ -158,24 +158,23 @@ impl Frame {
         self.data.get(..len).unwrap_or(&[])
     }
 
-    /// Returns all eight bytes of the buffer; those beyond the length are zero.
+    /// Returns all eight bytes of the buffer; bytes beyond the length are zero.
     #[inline]
     #[must_use]
     pub const fn bytes(&self) -> &[u8; MAX_LEN] {
         &self.data
     }
 
-    /// Returns the eight data bytes, `None` when the frame has fewer or is a remote frame: for the services that take
-    /// no others.
+    /// Returns the data bytes if there are exactly eight; `None` otherwise, and for a remote frame.
     #[inline]
     #[must_use]
     pub const fn eight(&self) -> Option<&[u8; MAX_LEN]> {
         if self.len == 8 && !self.remote { Some(&self.data) } else { None }
     }
 
-    /// Returns what arbitration goes by: of two keys the lower one wins the bus.
+    /// Returns the arbitration value; the lower value wins the bus.
     ///
-    /// A data frame wins against a remote one with the same identifier (ISO 11898-1); otherwise see [`arbitration`].
+    /// A data frame wins against a remote frame with the same identifier (ISO 11898-1); otherwise see [`arbitration`].
     #[inline]
     #[must_use]
     pub const fn arbitration(&self) -> u32 {
@@ -221,8 +220,8 @@ impl embedded_can::Frame for Frame {
     }
 }
 
-/// As the manuals print a frame: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers in eight digits, `R` for a remote
-/// one.
+/// Prints a frame like the manuals: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers with eight digits, `R` and the
+/// length for a remote frame.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.id() {
@@ -236,7 +235,7 @@ impl fmt::Display for Frame {
     }
 }
 
-/// Reads what [`Display`](fmt::Display) prints; identifiers have three or eight digits, bytes one or two.
+/// Parses the output of [`Display`](fmt::Display); identifiers have three or eight digits, bytes one or two.
 impl core::str::FromStr for Frame {
     type Err = ParseFrameError;
 
@@ -262,7 +261,7 @@ impl core::str::FromStr for Frame {
     }
 }
 
-/// A text that is no frame as the manuals print one.
+/// The text is not a frame in the manuals' notation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ParseFrameError;
 
@@ -280,7 +279,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// Returns the standard identifier of the low eleven bits of `raw`.
+/// Creates the standard identifier with the low eleven bits of `raw`.
 #[inline]
 #[must_use]
 pub const fn standard(raw: u16) -> StandardId {
@@ -290,7 +289,7 @@ pub const fn standard(raw: u16) -> StandardId {
     }
 }
 
-/// Returns the extended identifier of the low 29 bits of `raw`.
+/// Creates the extended identifier with the low 29 bits of `raw`.
 #[inline]
 #[must_use]
 pub const fn extended(raw: u32) -> ExtendedId {

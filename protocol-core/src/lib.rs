@@ -1,25 +1,24 @@
 //! CAN hydraulic valves and angle sensors without hardware: a sans-IO protocol core for CANopen and ISOBUS.
 //!
-//! The crate uses no allocator, no clock, no I/O and no `unsafe`. It computes in integers, and no input from the bus
-//! makes it panic.
+//! The crate uses no allocator, clock, I/O or `unsafe`. It computes in integers, and no bus input makes it panic.
 //!
 //! # Layers
 //!
-//! Imports run downwards. At the bottom, [`wire`] converts between bytes and meaning, in total functions without state.
-//! Above it stand the services, which know no product: [`canopen`], [`isobus`], and [`uds`], which both protocols
-//! share. Beside them stand the machines, which know no protocol: [`actuator`] is the valve, [`encoder`] the angle
-//! sensor. [`device`] composes the products from services and machines, behind the trait [`Device`](device::Device). At
-//! the top, [`pump`] moves frames between a CAN controller and a device.
+//! Modules import only from modules below them. At the bottom, [`wire`] converts between bytes and messages by
+//! stateless total functions. Above it are the product-independent services: [`canopen`], [`isobus`], and [`uds`],
+//! which both protocols share. Beside them are the protocol-independent machines: [`actuator`] is the valve,
+//! [`encoder`] the angle sensor. [`device`] combines services and machines into products, behind the trait
+//! [`Device`](device::Device). At the top, [`pump`] moves frames between a CAN controller and a device.
 //!
 //! ```text
 //! pump        moves frames between a CAN controller and a device
-//! device/     the products, and Device, the trait that all of them implement
-//! canopen/    the services of CANopen           uds         the identifier server
-//! isobus/     those of J1939 and ISO 11783      answers     the queue of answers that both nodes have
-//! actuator/   the valve without a protocol      encoder     the angle sensor without one
+//! device/     the products, and their common trait Device
+//! canopen/    the CANopen services              uds         the identifier server
+//! isobus/     the J1939 and ISO 11783 services  answers     the answer queue of both nodes
+//! actuator/   the protocol-independent valve    encoder     the protocol-independent angle sensor
 //! memory/     records and their encoding
 //! wire/       messages: one file each
-//! frame, time, controller, outcome              the types that all of them share
+//! frame, time, controller, outcome              common types
 //! ```
 //!
 //! # A device on a bus
@@ -44,8 +43,8 @@
 //! assert_eq!(valve.next_frame(now).unwrap().to_string(), "5A0: 4B 17 10 00 00 00 00 00");
 //! ```
 //!
-//! The repository's `docs/behaviour.md` says what the devices do, with every table; "SPEC 4.2" in a comment is its
-//! section 4.2.
+//! The repository's `docs/behaviour.md` specifies the devices, with every table; "SPEC 4.2" in a comment is its section
+//! 4.2.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(

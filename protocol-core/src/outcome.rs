@@ -1,12 +1,12 @@
-//! The one answer to every request: what a service did, or what its device has to do first.
+//! The outcome of a request: the result of a service, or an action that the device must take first.
 
 /// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome<R, D> {
-    /// Nothing: the request asks for nothing, or not now, or not of this device.
+    /// Nothing: the request has no effect, or none in this state or on this device.
     Nothing,
     /// The service has acted, with this result.
     Done(R),
-    /// The device has to act; the result follows when it has.
+    /// The device must act first; the result follows.
     Demand(D),
 }

@@ -1,10 +1,11 @@
-//! The pump: moves frames between a controller and a device. The board and the simulator both run this one.
+//! The pump, which moves frames between a controller and a device, on the board and in the simulator.
 
 use crate::controller::Controller;
 use crate::device::{Device, Effect};
 use crate::time::Instant;
 
-/// Hands the device the received frames. Returns whether any was for the device; otherwise there is no need to [pump].
+/// Passes the received frames to the device. Returns whether any belongs to the device; if not, [pump] need not be
+/// called.
 pub fn receive<D, C>(device: &mut D, can: &mut C, now: Instant) -> bool
 where
     D: Device + ?Sized,
@@ -18,12 +19,12 @@ where
     any
 }
 
-/// Hands the device the received frames and the time, and the controller the frames of the device.
+/// Passes the received frames and the time to the device, and the frames of the device to the controller.
 ///
-/// Returns an effect that the platform must carry out; call again until there is none. Call it when a frame was
-/// received or sent, when [`Device::deadline`] has come, and after every effect.
+/// Returns an effect that the platform must carry out. To be called when a frame was received or sent, at
+/// [`Device::deadline`], and again after every effect until none is returned.
 ///
-/// A frame that the controller cannot take goes back to the device and is offered again, after anything more urgent.
+/// A frame that the controller cannot take returns to the device and is offered again, after any more urgent frame.
 pub fn pump<D, C>(device: &mut D, can: &mut C, now: Instant) -> Option<Effect>
 where
     D: Device + ?Sized,
@@ -31,7 +32,7 @@ where
 {
     receive(device, can, now);
     device.poll(now);
-    // Before the answer to the request that changed them: its client can rely on them.
+    // Before the answer to the request that changed the filters, so that the client can rely on them.
     if let Some(filters) = device.take_filters() {
         can.set_filters(&filters);
     }

@@ -1,42 +1,41 @@
-//! Time as the core sees it: a parameter, never a clock.
+//! Time in the core: always a parameter, never read from a clock.
 //!
-//! [`Instant`] and [`Duration`] are embassy-time's, at its 1 MHz tick, used as types only. Their operators panic on
-//! overflow; the helpers here do not, so that no instant makes the device panic. Clocks stay below 2^63 ticks (292,000
-//! years). Later instants, up to [`NEVER`], occur only as timer deadlines.
+//! [`Instant`] and [`Duration`] are embassy-time's, at a tick of 1 MHz, used as types only. Their operators panic on
+//! overflow; the helpers here do not, so no time makes a device panic. Clocks stay below 2^63 ticks (292,000 years).
+//! Later times, up to [`NEVER`], occur only as timer deadlines.
 
 pub use embassy_time::{Duration, Instant};
 
-/// The instant that never comes: the deadline of a timer that is off.
+/// A time that is never reached: the deadline of a stopped timer.
 pub const NEVER: Instant = Instant::MAX;
 
-/// Returns `duration` after `instant`; [`NEVER`] when that lies beyond the end of time.
+/// Adds a duration; saturates at [`NEVER`].
 #[inline]
 #[must_use]
 pub const fn after(instant: Instant, duration: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().saturating_add(duration.as_ticks()))
 }
 
-/// Returns `delay` after `instant`, for the delays of protocols and products, which are minutes at the most.
+/// Adds a delay of a protocol or product, which is at most minutes.
 ///
-/// The sum does not saturate: the end of time is half a million years away, and the check is twice the code of the sum.
-/// [`after`] is for durations that a user chooses.
+/// The sum does not saturate: the end of time is half a million years away, and a check would double the code. For
+/// durations chosen by a user see [`after`].
 #[inline]
 #[must_use]
 pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().wrapping_add(delay.as_ticks()))
 }
 
-/// Returns the instant of a device at a call with `now`: not before `last`. An instant from 2^63 ticks on, to
-/// which no clock comes, counts as before it: timers that are off are due at [`NEVER`], and the sum of a
-/// [delay](delayed) must not wrap.
+/// Returns the time of a device for a call at `now`: at least `last`. A `now` from 2^63 ticks on, which no clock
+/// reaches, is treated as earlier: stopped timers are due at [`NEVER`], and adding a [delay](delayed) must not wrap.
 #[inline]
 #[must_use]
 pub(crate) const fn latest(last: Instant, now: Instant) -> Instant {
-    // As signed numbers those instants are negative; to compare these costs no more.
+    // As signed numbers such times are negative, so one comparison suffices.
     if now.as_ticks().cast_signed() < last.as_ticks().cast_signed() { last } else { now }
 }
 
-/// Returns the time that has passed from `earlier` to `later`; zero when `later` is not later.
+/// Returns the time elapsed from `earlier` to `later`; zero if `later` is not later.
 #[inline]
 #[must_use]
 pub const fn since(later: Instant, earlier: Instant) -> Duration {

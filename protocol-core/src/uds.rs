@@ -1,29 +1,30 @@
-//! UDS lite: the identifier server that both families share (SPEC 7). It knows no identifier but that of the node ID.
+//! UDS lite: the identifier server of the CANopen and ISOBUS valves (SPEC 7). The only identifier known here is the
+//! node ID.
 
 use heapless::Vec;
 
 use crate::frame::{Frame, Id, extended};
 use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, id, single_frame};
 
-/// The identifier of the node ID, the only one that can be written.
+/// The identifier of the node ID, the only writable one.
 pub const NODE_ID: Identifier = 0x1001;
 
-/// The identifier of every answer to a write of the node ID, whatever the node (R: the manual says so three times,
-/// against its own table of identifiers).
+/// The CAN identifier of every answer to a write of the node ID, independent of the node (R: the manual says so three
+/// times, contradicting its own table of identifiers).
 pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
 
-/// The most bytes that an identifier holds: what a single frame leaves.
+/// The maximum length of an identifier's data: the rest of a single frame.
 pub const DATA_MAX: usize = 4;
 
 /// The data behind the identifiers.
 pub trait Identifiers {
-    /// Returns what an identifier holds; `None` when there is no such identifier.
+    /// Returns the data of an identifier; `None` if the identifier does not exist.
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;
 
-    /// Returns whether the device may have this node ID or address.
+    /// Returns whether the product permits this node ID or address.
     fn accepts_node_id(&self, node_id: u8) -> bool;
 
-    /// Returns whether a client's write of the node ID is under way.
+    /// Returns whether a client's write of the node ID is in progress.
     fn is_busy(&self) -> bool;
 }
 
@@ -32,13 +33,13 @@ pub trait Identifiers {
 pub enum Reaction {
     /// No answer.
     Nothing,
-    /// This answer.
+    /// Send this answer.
     Answer(Frame),
-    /// Store this node ID, then answer with [`node_id_written`].
+    /// Store this node ID, then send [`node_id_written`].
     StoreNodeId(u8),
 }
 
-/// Serves a frame from `source` to this node, `own`.
+/// Handles a request from `source` to this node, `own`.
 #[must_use]
 pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Identifiers) -> Reaction {
     let Some((request, length_agrees)) = single_frame(data) else { return Reaction::Nothing };
@@ -55,7 +56,7 @@ pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Iden
     }
 }
 
-/// Returns the answer to a write of the node ID, when the memory has answered.
+/// Encodes the answer to a write of the node ID, once its result is known.
 #[must_use]
 pub fn node_id_written(stored: bool) -> Frame {
     let answer =
@@ -90,7 +91,7 @@ fn act(request: &[u8], identifiers: &impl Identifiers) -> Result<Action, Negativ
                 }
                 _ if identifier == NODE_ID => Err(NegativeCode::IncorrectLength),
                 _ if identifiers.read(identifier).is_none() => Err(NegativeCode::RequestOutOfRange),
-                // (A) In every state: no service unlocks the factory data.
+                // (A) In every device state, because no service unlocks the factory data.
                 _ => Err(NegativeCode::SecurityAccessDenied),
             }
         }

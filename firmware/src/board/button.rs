@@ -1,4 +1,4 @@
-//! The user button: each press brings the next fault.
+//! The user button: each press injects the next fault.
 
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -8,12 +8,12 @@ use embassy_time::{Duration, Timer};
 use super::nucleo::PRESSED;
 use super::wake_up::{Event, notify};
 
-/// The button was pressed.
+/// The signal of a button press.
 pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
 
-/// The period in which the button is polled.
+/// The polling period of the button.
 const LOOK: Duration = Duration::from_millis(10);
-/// The number of equal polls after which the button counts as pressed or released.
+/// The number of consecutive polls with a new level after which the button counts as pressed or released.
 const STEADY: u8 = 3;
 
 #[embassy_executor::task]

@@ -1,5 +1,5 @@
-//! The clock tree: 8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, so that every bit rate divides
-//! exactly; and what goes with it: flash accelerator, supply detector.
+//! The clock tree (8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, which yields every bit rate exactly),
+//! the flash accelerator and the supply detector.
 
 use embassy_stm32::Config;
 use embassy_stm32::pac::{FLASH, PWR};
@@ -11,7 +11,7 @@ use embassy_stm32::time::Hertz;
 /// 2.93 V falling, 3.03 V rising (DS9405 table 22; DS10693 has the same).
 const SUPPLY_LIMIT: u8 = 6;
 
-/// Returns what the processor runs at.
+/// Returns the clock configuration.
 pub(super) fn config() -> Config {
     let mut config = Config::default();
     let rcc = &mut config.rcc;
@@ -26,21 +26,21 @@ pub(super) fn config() -> Config {
     config
 }
 
-/// Does what `embassy_stm32::init` leaves out.
+/// Configures the flash accelerator and supply detector, which `embassy_stm32::init` does not.
 pub(super) fn finish() {
     FLASH.acr().modify(|acr| {
         acr.set_prften(true);
         acr.set_icen(true);
         acr.set_dcen(true);
     });
-    // Programming by words takes 2.7 V (DS9405, DS10693): nothing is written below 2.9 V.
+    // Programming by words requires 2.7 V (DS9405, DS10693): nothing is written below 2.9 V.
     PWR.cr1().modify(|control| {
         control.set_pls(SUPPLY_LIMIT);
         control.set_pvde(true);
     });
 }
 
-/// Returns whether the supply is high enough to write the flash.
+/// Returns whether the supply is sufficient to write the flash.
 pub(super) fn supply_is_good() -> bool {
     !PWR.csr1().read().pvdo()
 }

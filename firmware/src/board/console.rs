@@ -1,4 +1,4 @@
-//! The console on the ST-LINK's virtual COM port: a line a command.
+//! The console on the ST-LINK's virtual COM port: one command per line.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
@@ -13,43 +13,43 @@ use super::reset;
 use super::serial::{BUFFER, Port, Transmitter, arrived};
 use super::wake_up::{Event, notify};
 
-/// The time in which two characters are sent, rounded up.
+/// The transmission time of two characters, rounded up.
 const LAST_TWO: Duration = Duration::from_millis(1);
-/// The longest answer to `status`.
+/// The maximum length of an answer to `status`.
 const STATUS: usize = 352;
 
-/// The lines of `status`, or one of `help`.
+/// The lines of `status`, or one line of `help`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A line that was typed, with room for the lines of `status`. There is one: the console's task hands it to the
+/// A received line, with room for the lines of `status`. There is one exchange: the console's task hands it to the
 /// device's task, and gets it back with the answer.
 pub(super) struct Exchange {
-    /// The line.
+    /// The received line.
     pub(super) line: Line,
     /// The lines of `status`, for [`Answer::Status`].
     pub(super) status: Text,
 }
 
-/// A line for the device's task.
+/// The signal with a line for the device's task.
 pub(super) type Lines = Signal<CriticalSectionRawMutex, &'static mut Exchange>;
-/// The answers of the device's task.
+/// The signal with an answer of the device's task.
 pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange, Answer)>;
 
 /// The answer of the device's task to a line.
 pub(super) enum Answer {
     /// The command was executed.
     Done,
-    /// The command was executed, and the processor is to start anew.
+    /// The command was executed, and the processor must restart.
     Restart,
-    /// The status of the device: in the [`Exchange`].
+    /// The status of the device, in the [`Exchange`].
     Status,
-    /// All words of this product.
+    /// The help, with the plant words of this product.
     Help(Product),
-    /// Not understood.
+    /// The line is invalid.
     Usage,
-    /// Lost or altered in transmission.
+    /// Characters of the line were lost or altered.
     Damaged,
-    /// Understood, and impossible, for this reason.
+    /// The command is refused for this reason.
     Refused(&'static str),
 }
 

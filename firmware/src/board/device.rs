@@ -1,4 +1,5 @@
-//! The device's task, above all others. It alone feeds the watchdog, and only while the memory answers its requests.
+//! The device's task, with the highest priority. Only this task feeds the watchdog, and only while the memory answers
+//! its requests.
 
 use embassy_time::{Duration, Instant};
 use firmware::console::{Command, OTHER_KIND};
@@ -21,8 +22,8 @@ use super::storage::{Client, Done, Request};
 use super::wake_up::{Event, Events, WakeUp, notify};
 use super::watchdog::{FEED, Watchdog};
 
-/// The period in which the controller is polled while it is not error-active, or blocked: no interrupt tells the way
-/// back.
+/// The polling period of the controller while it is not error-active or a frame is blocked: no interrupt signals the
+/// recovery.
 const LOOK: Duration = Duration::from_millis(1);
 
 #[embassy_executor::task]
@@ -43,7 +44,7 @@ pub(super) async fn run(
         }
         wake_up.wait(now + FEED, now).await;
     };
-    // The waits above have consumed the event of a line or a press.
+    // The waits above may have consumed the event of a line or a button press.
     notify(Event::Controls);
     defmt::info!("{}", settings.kind.name());
     let device = power_on(&settings, &contents.image, cause);
@@ -54,41 +55,41 @@ pub(super) async fn run(
         .await
 }
 
-/// The device, which may be served by an executor of its own.
+/// The device's trait object, which another executor may run.
 type SendDevice = dyn Device + Send;
 
-/// Makes and starts the device.
+/// Creates and starts the device.
 fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut SendDevice {
     let device = new_device(settings);
     device.start_up(image, cause, Instant::now());
     device.as_dyn_mut()
 }
 
-// Not inlined: the stack frame of this function holds a whole device, and is gone when the device starts.
+// Not inlined: the stack frame of this function holds an entire device, and is released before the device starts.
 #[inline(never)]
 fn new_device(settings: &Settings) -> &'static mut AnyDevice {
     static DEVICE: StaticCell<AnyDevice> = StaticCell::new();
     DEVICE.init_with(|| AnyDevice::new(settings.setup()))
 }
 
-/// The hardware that the device is connected to.
+/// The device's environment on the board.
 struct Board {
     settings: Settings,
     link: Link,
     watchdog: Watchdog,
     wake_up: WakeUp,
     memory: Client,
-    /// The contents of the memory at the last read; `None` while a read is under way.
+    /// The contents of the memory at the last read; `None` during a read.
     contents: Option<&'static mut Contents>,
     controls: LocalControls,
     lights: &'static Lights,
     plant: Plant,
-    /// The device waits for what the memory holds.
+    /// The restart for which the device awaits the contents of the memory.
     restarting: Option<Restart>,
 }
 
 impl Board {
-    /// Runs the device for ever.
+    /// Runs the device forever.
     async fn serve(mut self, device: &mut SendDevice) -> ! {
         device.sense(&self.plant.inputs, Instant::now());
         self.link.set_bit_rate(device.bit_rate());
@@ -97,14 +98,14 @@ impl Board {
             let events = self.wake_up.wait(due, now).await;
             now = Instant::now();
             self.watchdog.feed(&self.memory, now);
-            // Most frames that pass the filters are for nobody: nothing is asked of the device then.
+            // Most frames that pass the filters are not for the device, which then needs no pumping.
             let only_received = events.are_only(Event::Received) && self.restarting.is_none() && now < due;
             if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
             let answer = self.look(events, device);
             if self.link.settle(&mut self.wake_up).await {
-                // Frames were received in the meantime: what they start counts from now.
+                // Received frames take effect now, because waiting took time.
                 now = Instant::now();
             }
             if let Some(answer) = answer {
@@ -124,8 +125,8 @@ impl Board {
         }
     }
 
-    /// Hands the device what has changed beside its frames: the error mode, the memory, console and button. Returns the
-    /// answer to a line that was typed, if it is known.
+    /// Passes all changes except frames to the device: the error mode, memory results, console and button. Returns the
+    /// answer to a console line, if already known.
     fn look(&mut self, events: Events, device: &mut SendDevice) -> Option<Answer> {
         if events.include(Event::Errors) || self.plant.inputs.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);
@@ -136,14 +137,14 @@ impl Board {
         if events.include(Event::Controls) { self.look_at_controls(device) } else { None }
     }
 
-    /// Returns the time of the next look without an event.
+    /// Returns the time of the next poll without an event.
     fn next_look(&self, device: &SendDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
         let is_calm = self.plant.inputs.bus == BusErrorMode::ErrorActive && !can::retry();
         due.min(now + if is_calm { FEED } else { LOOK })
     }
 
-    /// Tells the device how its controller stands to the bus.
+    /// Passes the error mode of the controller to the device.
     fn look_at_bus(&mut self, device: &mut SendDevice) {
         let mode = self.link.follow(self.plant.bus_off);
         if mode != self.plant.inputs.bus {
@@ -152,7 +153,7 @@ impl Board {
         }
     }
 
-    /// Tells the device what has become of its requests to the memory.
+    /// Passes the results of memory requests to the device.
     fn look_at_memory(&mut self, device: &mut SendDevice) {
         while let Some(done) = self.memory.take() {
             match done {
@@ -171,7 +172,7 @@ impl Board {
         }
     }
 
-    /// Obeys console and button. Returns the answer to a line, if it is known.
+    /// Handles console and button. Returns the answer to a console line, if already known.
     fn look_at_controls(&mut self, device: &mut SendDevice) -> Option<Answer> {
         if let Some(plant) = self.controls.pressed(&self.plant) {
             self.set_plant(plant, device);
@@ -189,8 +190,8 @@ impl Board {
         }
     }
 
-    /// Makes the board a new device at the next start; `None` is a device that does not exist. Returns a refusal; the
-    /// rest is answered when the memory has answered.
+    /// Makes the board a new device at the next start; `None` is an impossible device. Returns an answer only on
+    /// refusal; otherwise the result of the memory is the answer.
     fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
         let Some(settings) = settings else {
             return Some(Answer::Refused("on ISOBUS a valve always has an address"));
@@ -230,7 +231,7 @@ impl Board {
             }
             Effect::SetBitRate(bit_rate) => self.link.set_bit_rate(bit_rate),
             Effect::Restart(scope) => {
-                // There is room: nothing else is asked for by a device that restarts.
+                // There is room: a restarting device makes no other request.
                 if let Some(contents) = self.contents.take() {
                     let _ = self.memory.ask(Request::Read(contents));
                 }

@@ -1,4 +1,4 @@
-//! The two flash sectors that hold the memory.
+//! The two flash sectors of the memory.
 
 use core::pin::pin;
 use core::task::{Context, Poll, Waker};
@@ -15,17 +15,17 @@ use super::nucleo::MEMORY;
 /// The length of a sector, in bytes.
 const SECTOR: usize = 16 * 1024;
 
-/// The longest erase of a sector, by words (DS9405, DS10693).
+/// The maximum time to erase a sector by words (DS9405, DS10693).
 pub(super) const LONGEST_ERASE: Duration = Duration::from_millis(500);
 
-/// The first key that unlocks the control register, and the second (RM0090 3.6.1).
+/// The two keys that unlock the control register, in this order (RM0090 3.6.1).
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
 /// The two sectors.
 pub(super) struct Sectors(pub(super) Flash<'static, Async>);
 
 impl Sectors {
-    /// Erases all of it.
+    /// Erases both sectors.
     pub(super) fn erase_all(&mut self) -> Result<(), Error> {
         self.erase(0, 2 * SECTOR as u32)
     }
@@ -66,20 +66,20 @@ impl NorFlash for Sectors {
     }
 }
 
-/// Waits for an operation of the flash, in thread mode: the processor sleeps until an interrupt, say that of the flash.
+/// Waits for a flash operation in thread mode: the processor sleeps until an interrupt, such as that of the flash.
 fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
     let mut operation = pin!(operation);
     loop {
         if let Poll::Ready(result) = operation.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
             return result;
         }
-        // An interrupt since the look counts, too: it has set the event that ends the sleep at once.
+        // An interrupt since the poll has set the event, so that this returns at once.
         cortex_m::asm::wfe();
     }
 }
 
-/// Sets the width of erases to words. The driver erases with the width that it finds set, and leaves it at bytes: with
-/// words a sector takes 250 ms in the place of 400.
+/// Sets the erase width to words. The driver uses the present width and leaves it at bytes; with words a sector takes
+/// 250 ms instead of 400 ms.
 fn erase_by_words() {
     if FLASH.cr().read().lock() {
         KEYS.into_iter().for_each(|key| FLASH.keyr().write_value(key));
@@ -87,16 +87,16 @@ fn erase_by_words() {
     FLASH.cr().modify(|control| control.set_psize(Psize::PSIZE32));
 }
 
-/// Keeps the data cache off while it lives, and leaves it empty.
+/// Disables the data cache until dropped, and then leaves it empty.
 ///
-/// Data cached before an erase or a write is out of date (RM0090 3.6.4, RM0390 3.5.4). With two banks, a read of one
-/// while the other is written can also corrupt what is cached (ES0206): the driver means to prevent that, and takes the
-/// STM32F429 for a part with one bank.
+/// Data cached before an erase or a write are outdated (RM0090 3.6.4, RM0390 3.5.4). With two banks, reading one while
+/// the other is written can also corrupt the cache (ES0206). The driver has a workaround, but treats the STM32F429 as a
+/// part with one bank.
 struct Uncached;
 
 impl Uncached {
     /// # Errors
-    /// [`Error::Protected`] when the supply is too low to write.
+    /// [`Error::Protected`] if the supply is too low to write.
     fn new() -> Result<Self, Error> {
         if !supply_is_good() {
             return Err(Error::Protected);

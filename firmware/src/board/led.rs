@@ -1,4 +1,4 @@
-//! The valve's LED on those of the board.
+//! The valve's LED, shown on the LEDs of the board.
 
 use core::cell::Cell;
 
@@ -11,14 +11,14 @@ use protocol_core::device::{Device, Inputs, ProductInputs};
 use super::nucleo::Leds;
 use super::wake_up::{Event, notify};
 
-/// A step of the pattern of the LEDs: a third of half a period of 1.5 Hz.
+/// A step of the LED pattern: a third of half a period of 1.5 Hz.
 const STEP: Duration = Duration::from_millis(111);
 /// The number of steps of half a period: 333 ms on, 333 ms off.
 const HALF_PERIOD: u8 = 3;
-/// The number of steps of the whole pattern.
+/// The number of steps of the entire pattern.
 pub(super) const STEPS: u8 = 18;
 
-/// Returns what the LEDs show of a device: the LED of a valve. A sensor has none: they show what the board knows of it.
+/// Returns the LED state of a device. A sensor has no LED; a state is derived from its inputs.
 pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     if let Some(outputs) = device.outputs().valve() {
         return outputs.led;
@@ -35,16 +35,16 @@ pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     }
 }
 
-/// The pattern of the LEDs: off at first.
+/// The state shown by the LEDs; initially none, with the LEDs off.
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {
-    /// Returns lights that are off.
+    /// Creates lights that are off.
     pub(super) const fn new() -> Self {
         Self(Mutex::new(Cell::new(None)))
     }
 
-    /// Shows this from the next step on.
+    /// Shows this state from the next step.
     pub(super) fn show(&self, led: Led) {
         critical_section::with(|cs| self.0.borrow(cs).set(Some(led)));
     }
@@ -54,7 +54,7 @@ impl Lights {
     }
 }
 
-/// Returns whether an LED of the valve is on in a step.
+/// Returns whether the valve's LED is on in a step.
 pub(super) const fn is_on(led: Led, step: u8) -> bool {
     !led.flashing || (step / HALF_PERIOD).is_multiple_of(2)
 }
@@ -63,7 +63,7 @@ pub(super) const fn is_on(led: Led, step: u8) -> bool {
 pub(super) async fn run(mut leds: Leds, lights: &'static Lights) -> ! {
     let mut step = 0;
     loop {
-        // The device's task is above this one: it has answered when this is done.
+        // The device's task has a higher priority and has updated the lights when this returns.
         notify(Event::Leds);
         if let Some(led) = lights.shown() {
             leds.show(led, step);

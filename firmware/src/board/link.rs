@@ -6,44 +6,44 @@ use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
 use super::can::Can1;
 use super::wake_up::WakeUp;
 
-/// The period in which a controller that leaves the bus is polled: it waits for the end of a frame.
+/// The polling period while the controller leaves the bus at the end of a frame.
 const LEAVING: Duration = Duration::from_micros(50);
 
-/// The time of the longest frame: 160 bits at 10 kbit/s, with the error frame that may end it.
+/// The duration of the longest frame: 160 bits at 10 kbit/s, and a following error frame.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
 /// The number of polls in [`LONGEST_FRAME`].
 const POLLS: u64 = LONGEST_FRAME.as_micros() / LEAVING.as_micros();
 
-/// The longest time that [`Link::settle`] takes.
+/// The maximum duration of [`Link::settle`].
 pub(super) const LONGEST_SETTLE: Duration = Duration::from_micros(2 * LONGEST_FRAME.as_micros());
 
-/// The bits that the recovery from bus-off takes (ISO 11898-1): 128 sequences of 11.
+/// The bits of a bus-off recovery (ISO 11898-1): 128 sequences of 11.
 const RECOVERY_BITS: u32 = 128 * 11;
 
-/// The controller, and its standing on the bus.
+/// The controller and the state of its connection to the bus.
 pub(super) struct Link {
     /// The controller.
     pub(super) can: Can1,
     bit_rate: BitRate,
     state: State,
     mode: BusErrorMode,
-    /// The number of polls of a controller that was told to leave the bus and is not known to have left it.
+    /// The number of polls since the controller was requested to leave the bus; `None` once it has left.
     leaving: Option<u64>,
 }
 
-/// The part that the plant lets the controller take in the bus.
+/// The connection of the controller as set by the plant.
 #[derive(Clone, Copy)]
 enum State {
     Up,
-    /// The controller is kept off the bus.
+    /// The plant keeps the controller off the bus.
     Cut,
-    /// The controller recovers until this instant.
+    /// The controller recovers until this time.
     Recovering(Instant),
 }
 
 impl Link {
-    /// Returns a controller that has not joined the bus yet.
+    /// Creates a link whose controller has not joined the bus.
     pub(super) const fn new(can: Can1) -> Self {
         Self { can, bit_rate: BitRate::Kbit250, state: State::Up, mode: BusErrorMode::ErrorActive, leaving: None }
     }
@@ -53,7 +53,7 @@ impl Link {
         self.bit_rate
     }
 
-    /// Runs the bus at a bit rate, once this has [settled](Self::settle); what waits to be sent is dropped.
+    /// Sets the bit rate, in force once the link has [settled](Self::settle). Pending frames are dropped.
     pub(super) fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         if let State::Up = self.state {
@@ -61,8 +61,8 @@ impl Link {
         }
     }
 
-    /// Follows the plant, which may cut the controller off, and the controller's own error mode. Returns that of the
-    /// link, as of now; on the way into bus-off what waits to be sent is dropped.
+    /// Updates the link from the plant, which may cut it, and from the controller's error mode. Returns the resulting
+    /// error mode; on entering bus-off the pending frames are dropped.
     pub(super) fn follow(&mut self, is_cut: bool) -> BusErrorMode {
         match self.state {
             State::Up if is_cut => {
@@ -91,21 +91,22 @@ impl Link {
         mode
     }
 
-    /// Leaves the bus at the end of the current frame.
+    /// Leaves the bus after the current frame.
     fn leave(&mut self) {
         self.can.leave();
         self.leaving = Some(0);
     }
 
-    /// Waits until a controller that leaves the bus has left it, and has it join again, unless the plant cuts it off.
-    /// To be done before the controller is used again. Returns whether the controller was leaving, so that time has passed.
+    /// Waits until a leaving controller has left the bus, then lets it join again, unless the plant cuts the link. To
+    /// be called before the controller is used again. Returns whether the controller was leaving, so that time has
+    /// passed.
     ///
-    /// A bus that is held dominant keeps the controller for as long as that lasts: each further call polls it once.
+    /// While a bus is held dominant the controller cannot leave; each further call then polls it once.
     pub(super) async fn settle(&mut self, wake_up: &mut WakeUp) -> bool {
         let Some(polls) = &mut self.leaving else { return false };
         while !self.can.has_left() {
             match *polls {
-                // On a bus that is stuck no frame ever ends.
+                // On a stuck bus no frame ends.
                 POLLS => self.can.reset(),
                 polls if polls >= 2 * POLLS => return true,
                 _ => {}

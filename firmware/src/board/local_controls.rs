@@ -1,4 +1,4 @@
-//! The controls of the board: the lines of its console, the presses of its button.
+//! The controls of the board: console lines and button presses.
 
 use core::sync::atomic::Ordering;
 
@@ -15,19 +15,19 @@ use super::can::{ERROR_INTERRUPTS, OVERRUNS};
 use super::console::{Answer, Answers, Exchange, Lines, Text};
 use super::link::Link;
 
-/// Console and button, for the device's task.
+/// Console and button, as used by the device's task.
 pub(super) struct LocalControls {
     lines: &'static Lines,
     answers: &'static Answers,
     presses: &'static Presses,
     /// The line that is not answered yet.
     exchange: Option<&'static mut Exchange>,
-    /// The fault of the last press.
+    /// The fault injected by the last press.
     injection: Injection,
 }
 
 impl LocalControls {
-    /// Returns the controls of a board.
+    /// Creates the controls of a board.
     pub(super) const fn new(lines: &'static Lines, answers: &'static Answers, presses: &'static Presses) -> Self {
         Self { lines, answers, presses, exchange: None, injection: Injection::None }
     }
@@ -49,15 +49,15 @@ impl LocalControls {
         command
     }
 
-    /// Answers the line that was typed last.
+    /// Answers the last console line.
     pub(super) fn answer(&mut self, answer: Answer) {
         if let Some(exchange) = self.exchange.take() {
             self.answers.signal((exchange, answer));
         }
     }
 
-    /// Answers the last typed line with the status of the device, a line for each value. Lines that do not fit are left
-    /// out.
+    /// Writes the status of the device as the answer to the last console line, one line per value. Lines that do not
+    /// fit are left out.
     pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
         let Some(Exchange { status, .. }) = &mut self.exchange else { return };
         let bus = match plant.inputs.bus {

@@ -1,13 +1,13 @@
 //! The board: its peripherals and tasks.
 //!
-//! | priority | what |
+//! | priority | task or interrupt |
 //! | --- | --- |
-//! | [`CAN_PRIORITY`] | the interrupts of the CAN controller: frames into a queue, the next frame into a mailbox |
-//! | [`CLOCK_PRIORITY`] | the clock: timers that ring |
-//! | [`DEVICE_PRIORITY`] | the device's task, on an executor of its own |
-//! | [`SERIAL_PRIORITY`] | the interrupt of the console's UART: damaged characters are known before they are taken |
-//! | [`SERVICE_PRIORITY`] | console, LEDs, button, on an executor of their own; the interrupts of DMA and flash |
-//! | thread | the memory's task, which lets nobody else run while it waits for the flash |
+//! | [`CAN_PRIORITY`] | the CAN interrupts: move received frames to a queue, load the next frame into a mailbox |
+//! | [`CLOCK_PRIORITY`] | the interrupt of the clock, for timers |
+//! | [`DEVICE_PRIORITY`] | the device's task, with its own executor |
+//! | [`SERIAL_PRIORITY`] | the UART interrupt of the console: detects damaged characters before they are used |
+//! | [`SERVICE_PRIORITY`] | console, LEDs, button, with their own executor; the interrupts of DMA and flash |
+//! | thread | the memory's task, which blocks while it waits for the flash |
 
 mod button;
 mod can;
@@ -45,16 +45,16 @@ const DEVICE_PRIORITY: Priority = Priority::P8;
 const SERIAL_PRIORITY: Priority = Priority::P10;
 const SERVICE_PRIORITY: Priority = Priority::P12;
 
-/// Runs the device's task in the interrupt of a peripheral that is not used.
+/// Runs the device's task in the interrupt of an unused peripheral.
 static DEVICE: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
 fn UART5() {
-    // SAFETY: this is the handler of the interrupt that the executor is started with, which enables it.
+    // SAFETY: this is the handler of the interrupt with which the executor is started.
     unsafe { DEVICE.on_interrupt() }
 }
 
-/// Runs console, LEDs and button in the same way, above the memory's task: that blocks while the flash is busy.
+/// Runs console, LEDs and button likewise, above the memory's task, which blocks while the flash is busy.
 static SERVICES: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
@@ -74,7 +74,7 @@ struct Nucleo {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    // Between the device and the memory, the console, the button, the LEDs.
+    // The channels and signals of the device with the memory, the console, the button and the LEDs.
     static REQUESTS: storage::Requests = Channel::new();
     static RESULTS: storage::Results = Channel::new();
     static LINES: console::Lines = Signal::new();
@@ -102,7 +102,7 @@ async fn main(spawner: Spawner) {
     let memory = storage::Client::new(REQUESTS.sender(), RESULTS.receiver());
     let controls = LocalControls::new(&LINES, &ANSWERS, &PRESSES);
 
-    // Each task is spawned once: there is room for it.
+    // Each task is spawned once, so spawning cannot fail.
     if let Ok(task) = device::run(can, watchdog, cause, memory, controls, &LIGHTS) {
         DEVICE.start(Interrupt::UART5).spawn(task);
     }

@@ -24,7 +24,7 @@ pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM3;
 /// The time, in microseconds, after which the watchdog resets the processor.
 pub(super) const WATCHDOG_US: u32 = 500_000;
 
-/// The longest time for which the processor stands: it runs from bank 1 while bank 2 is erased.
+/// The maximum time for which the processor stalls: none, because it executes from bank 1 while bank 2 is erased.
 pub(super) const STANDSTILL: Duration = Duration::MIN;
 
 /// The level of the button while it is pressed.
@@ -44,10 +44,10 @@ fn USART3() {
     serial::on_interrupt();
 }
 
-/// Takes the peripherals of the board.
+/// Opens the peripherals of the board.
 pub(super) fn open(board: Peripherals) -> Nucleo {
-    // Silicon before revision 3 reads bank 2 wrongly unless this pin is a push-pull output that is low (ES0206); the
-    // flash driver's check of that wants the pull-down, too.
+    // Silicon before revision 3 reads bank 2 incorrectly unless this pin is a push-pull output at low level (ES0206).
+    // The flash driver checks this, and also requires the pull-down.
     core::mem::forget(Output::new(board.PA12, Level::Low, Speed::Low));
     GPIOA.pupdr().modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
     Nucleo {
@@ -62,14 +62,14 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     }
 }
 
-/// LD3 is red, LD1 is green; both together are yellow.
+/// LD3 is red, LD1 green; both together are yellow.
 pub(super) struct Leds {
     red: Output<'static>,
     green: Output<'static>,
 }
 
 impl Leds {
-    /// Shows a step of what the valve's LED shows.
+    /// Shows a step of the valve's LED.
     pub(super) fn show(&mut self, led: Led, step: u8) {
         let on = is_on(led, step);
         self.red.set_level(Level::from(on && led.color != Color::Green));

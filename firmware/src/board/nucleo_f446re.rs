@@ -1,7 +1,7 @@
 //! The NUCLEO-F446RE (UM1724): one LED, and one flash bank for image and memory.
 //!
-//! While the memory is written or erased, the processor stands: it has nowhere else to read its instructions from
-//! (RM0390 3.4). The peripherals go on, so the CAN controller acknowledges, and holds three frames.
+//! While the memory is written or erased the processor stalls, because it cannot fetch instructions (RM0390 3.4). The
+//! peripherals keep running: the CAN controller acknowledges frames and holds three.
 
 use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
@@ -26,11 +26,10 @@ pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM6;
 /// The time, in microseconds, after which the watchdog resets the processor.
 pub(super) const WATCHDOG_US: u32 = 1_000_000;
 
-/// The longest time for which the processor stands: while a sector is erased.
+/// The maximum time for which the processor stalls: the erase of a sector.
 pub(super) const STANDSTILL: Duration = LONGEST_ERASE;
 
-/// Ticks between two interrupts of the clock, which counts 16 bits. It would lose time if two of them fell into an
-/// erase.
+/// The ticks between two interrupts of the 16-bit clock. If two occurred during one erase, the clock would lose time.
 const CLOCK_HALF: u64 = 0x8000;
 const _: () = assert!(CLOCK_HALF * 1000 > STANDSTILL.as_millis() * TICK_HZ);
 
@@ -51,7 +50,7 @@ fn USART2() {
     serial::on_interrupt();
 }
 
-/// Takes the peripherals of the board.
+/// Opens the peripherals of the board.
 pub(super) fn open(board: Peripherals) -> Nucleo {
     Nucleo {
         can: Can1::new(board.PB8, board.PB9, CAN_PRIORITY),
@@ -62,18 +61,18 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     }
 }
 
-/// LD2 is green, and shows the colours by its rhythm.
+/// LD2 is green and indicates the colours by rhythm.
 pub(super) struct Leds(Output<'static>);
 
-/// Two short flashes a second.
+/// A pair of short flashes per second.
 const PAIRS: u32 = 0b000000101_000000101;
-/// Dark and lit in turn.
+/// Alternately dark and lit.
 const FLICKER: u32 = 0b010101010_101010101;
 const _: () = assert!(STEPS == 18);
 
 impl Leds {
-    /// Shows a step of what the valve's LED shows: green as it is, yellow as one short flash every two seconds, red
-    /// flashing as pairs of short flashes, red as a flicker.
+    /// Shows a step of the valve's LED: green unchanged, yellow as one short flash every two seconds, flashing red as
+    /// pairs of short flashes, red as a flicker.
     pub(super) fn show(&mut self, led: Led, step: u8) {
         let on = match led.color {
             Color::Green => is_on(led, step),

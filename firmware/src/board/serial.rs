@@ -1,10 +1,10 @@
-//! The serial port of the console: 115200 baud, by DMA in both directions, so that characters arrive while the processor
-//! stands in an erase.
+//! The serial port of the console: 115200 baud, with DMA in both directions, so that characters are received while the
+//! processor stalls during an erase.
 //!
-//! The drivers of embassy-stm32 0.6 do not tell all that was damaged. `BufferedUart` drops the error flags of the
-//! receiver. `RingBufferedUartRx` goes on after an error with positions of the time before, and takes two rounds of its
-//! ring during an erase for one. Here the DMA fills a buffer once and stops: what comes after that is an overrun, which
-//! the receiver tells.
+//! The drivers of embassy-stm32 0.6 do not report all damage: `BufferedUart` drops the error flags of the receiver.
+//! `RingBufferedUartRx` continues after an error with old positions, and mistakes two rounds of its ring during an
+//! erase for one. Here the DMA fills a buffer once and stops; further characters cause an overrun, which the receiver
+//! reports.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -20,19 +20,18 @@ use embassy_sync::signal::Signal;
 
 use super::nucleo::UART;
 
-/// Bytes that the DMA moves at a time: a line and the beginning of the next one.
+/// The number of bytes per DMA transfer: a line and the beginning of the next one.
 pub(super) const BUFFER: usize = 64;
 
 /// The line became idle after a character, or a character arrived damaged.
 static ARRIVED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
-/// Characters came damaged or were lost.
+/// Characters were damaged or lost.
 static DAMAGED: AtomicBool = AtomicBool::new(false);
 
-/// Handles the interrupt of the UART. It must preempt the console's task, which asks for damage when it has taken the
-/// characters.
+/// Handles the UART interrupt. It must preempt the console's task, which checks for damage after taking the characters.
 pub(super) fn on_interrupt() {
     let status = UART.sr().read();
-    // The second half of the sequence that clears the flags. It takes a character that the DMA has not.
+    // The second step of clearing the flags. It consumes a character not yet transferred by the DMA.
     UART.dr().read();
     if status.ore() || status.fe() || status.ne() || status.rxne() {
         DAMAGED.store(true, Ordering::Relaxed);
@@ -44,7 +43,7 @@ pub(super) fn on_interrupt() {
 pub(super) struct Port {
     pub(super) receiver: Receiver,
     pub(super) transmitter: Transmitter,
-    /// Keeps the pins and the clock of the UART.
+    /// Keeps the pins and the clock of the UART enabled.
     _uart: Uart<'static, Blocking>,
 }
 
@@ -63,7 +62,7 @@ impl Port {
         };
         let receiver = Receiver { request: receive.request(), channel: Channel::new(receive, interrupts) };
         let mut config = Config::default();
-        // Without an ST-LINK nobody drives the pin.
+        // Without an ST-LINK nothing drives the pin.
         config.rx_pull = Pull::Up;
         let uart = Uart::new_blocking(uart, rx, tx, config).ok()?;
         UART.cr3().modify(|control| {
@@ -83,23 +82,23 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    /// Starts to fill a buffer.
+    /// Starts filling a buffer.
     pub(super) fn fill<'a>(&'a mut self, buffer: &'a mut [u8; BUFFER]) -> Transfer<'a> {
         let data = UART.dr().as_ptr().cast::<u8>();
-        // SAFETY: the data register is read by nobody else but the interrupt's handler, which counts what it takes as
-        // damage. The transfer ends before the borrow of the buffer does: nobody in this crate forgets one.
+        // SAFETY: only the interrupt handler also reads the data register, and counts a character that it takes as
+        // damage. The transfer ends before the borrow of the buffer does: no transfer in this crate is forgotten.
         unsafe { self.channel.read(self.request, data, buffer, Default::default()) }
     }
 }
 
-/// Waits until characters have arrived, and stops the transfer. Returns their number, and whether some were damaged or
-/// lost. A loss that is found before the next characters arrive is reported with those.
+/// Waits for characters and stops the transfer. Returns their number, and whether any were damaged or lost. A loss
+/// detected before the next characters is reported with those.
 pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     select(&mut transfer, ARRIVED.wait()).await;
     transfer.request_pause();
     while transfer.is_running() {}
     let left = transfer.get_remaining_transfers() as usize;
-    // Until the next transfer one character waits in the receiver.
+    // Until the next transfer, the receiver can hold one character.
     drop(transfer);
     let count = BUFFER - left;
     (count, count > 0 && DAMAGED.swap(false, Ordering::Relaxed))
@@ -109,18 +108,19 @@ pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
 pub(super) struct Transmitter {
     channel: Channel<'static>,
     request: Request,
-    /// A copy of what is sent. From the flash itself the DMA could not read during an erase, and would not receive either.
+    /// A copy of the bytes to send: during an erase the DMA could not read them from the flash, and would not receive
+    /// either.
     buffer: &'static mut [u8; BUFFER],
 }
 
 impl Transmitter {
-    /// Sends bytes, until the last two are in the transmitter.
+    /// Sends bytes; returns when the last two are in the transmitter.
     pub(super) async fn send(&mut self, bytes: &[u8]) {
         let data = UART.dr().as_ptr().cast::<u8>();
         for chunk in bytes.chunks(BUFFER) {
             let (copy, _) = self.buffer.split_at_mut(chunk.len());
             copy.copy_from_slice(chunk);
-            // SAFETY: as above, for the register that is written here.
+            // SAFETY: as above, for writing the register.
             unsafe { self.channel.write(self.request, copy, data, Default::default()) }.await;
         }
     }

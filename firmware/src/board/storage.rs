@@ -1,4 +1,4 @@
-//! The memory's task: writes the records of the device while the bus goes on.
+//! The memory's task: writes the records of the device while the bus keeps running.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::{Channel, Receiver, Sender};
@@ -11,10 +11,10 @@ use static_cell::ConstStaticCell;
 use super::flash::{LONGEST_ERASE, Sectors};
 use super::wake_up::{Event, notify};
 
-/// The number of requests that can wait: one of each kind.
+/// The capacity of the queue: one request of each kind.
 const REQUESTS: usize = 3;
 
-/// The longest time of a request: four erases, and the words written between them.
+/// The maximum duration of a request: four erases, and the words written in between.
 const LONGEST: Duration = Duration::from_secs(3);
 const _: () = assert!(LONGEST.as_millis() > 4 * LONGEST_ERASE.as_millis());
 
@@ -22,41 +22,41 @@ const _: () = assert!(LONGEST.as_millis() > 4 * LONGEST_ERASE.as_millis());
 pub(super) enum Request {
     /// Write a record.
     Store(RecordKey, Record),
-    /// Read everything, into this place.
+    /// Read all contents into this place.
     Read(&'static mut Contents),
-    /// Make the board another device at the next start.
+    /// Make the board a different device at the next start.
     Become(Settings),
 }
 
-/// The answer to a [`Request`].
+/// The result of a [`Request`].
 pub(super) enum Done {
-    /// The settings of the board, and everything that is stored. Comes first, without a request.
+    /// The first result, sent without a request: the settings of the board and all contents of the memory.
     Started(Settings, &'static mut Contents),
-    /// A record was written, or not.
+    /// The result of writing a record.
     Stored(RecordKey, Result<(), StoreError>),
-    /// Everything that is stored.
+    /// All contents.
     Read(&'static mut Contents),
-    /// The board is another device at the next start, or not.
+    /// The result of making the board a different device.
     Became(Result<(), StoreError>),
 }
 
-/// From the device's task to the memory's.
+/// The channel from the device's task to the memory's task.
 pub(super) type Requests = Channel<CriticalSectionRawMutex, Request, REQUESTS>;
-/// From the memory's task to the device's.
+/// The channel from the memory's task to the device's task.
 pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
 
-/// The memory, as the device's task has it.
+/// The memory as seen by the device's task.
 pub(super) struct Client {
     requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
     /// The number of results still expected.
     awaited: u8,
-    /// The instant at which the next result is overdue.
+    /// The time at which the next result is overdue.
     overdue: Instant,
 }
 
 impl Client {
-    /// Returns the memory of a board that starts: [`Done::Started`] is awaited.
+    /// Creates the client at a start, when [`Done::Started`] is expected.
     pub(super) fn new(
         requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
         results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
@@ -64,10 +64,10 @@ impl Client {
         Self { requests, results, awaited: 1, overdue: Instant::now() + LONGEST }
     }
 
-    /// Sends a request; [`take`](Self::take) returns the answer.
+    /// Sends a request, whose result [`take`](Self::take) returns.
     ///
     /// # Errors
-    /// When the queue of requests is full.
+    /// If the queue of requests is full.
     pub(super) fn ask(&mut self, request: Request) -> Result<(), StoreError> {
         self.requests.try_send(request).map_err(|_| StoreError)?;
         self.overdue = if self.awaited == 0 { Instant::now() + LONGEST } else { self.overdue };
@@ -75,7 +75,7 @@ impl Client {
         Ok(())
     }
 
-    /// Takes the next answer, if there is one.
+    /// Returns the next result, if any.
     pub(super) fn take(&mut self) -> Option<Done> {
         let done = self.results.try_receive().ok()?;
         self.awaited -= 1;
@@ -83,7 +83,7 @@ impl Client {
         Some(done)
     }
 
-    /// Returns whether an answer takes longer than any can.
+    /// Returns whether a result is overdue.
     pub(super) fn hangs(&self, now: Instant) -> bool {
         self.awaited != 0 && now > self.overdue
     }
@@ -95,7 +95,7 @@ pub(super) async fn run(
     requests: Receiver<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Sender<'static, CriticalSectionRawMutex, Done, REQUESTS>,
 ) -> ! {
-    // A static: too large for the stack.
+    // Static, because it is too large for the stack.
     static CONTENTS: ConstStaticCell<Contents> = ConstStaticCell::new(Contents::empty());
     let contents = CONTENTS.take();
     let mut memory = Memory { sectors, buffer: [0; BUFFER] };
@@ -120,23 +120,23 @@ struct Memory {
 }
 
 impl Memory {
-    /// Reads everything, as after power-up: what a new device is to forget is forgotten first.
+    /// Reads all contents after power-up. The records of a previous device are cleared first.
     fn start(&mut self, contents: &mut Contents) -> Settings {
         let stored = self.read(contents);
         let mut settings = Settings::at_start(stored);
         if settings.fresh {
-            // One that fails is tried again at the next start.
+            // A failed clear is repeated at the next start.
             settings.fresh = self.clear().is_err();
             contents.image.clear();
         }
         if stored != Some(settings) {
-            // One that fails is stored at the next start.
+            // A failed write is repeated at the next start.
             let _ = self.set(settings);
         }
         settings
     }
 
-    /// Reads everything; the setting, if there is one.
+    /// Reads all contents. Returns the stored settings, if any.
     fn read(&mut self, contents: &mut Contents) -> Option<Settings> {
         if let Err(Unreadable) = self.records().read(contents) {
             self.begin_anew(contents);
@@ -144,12 +144,12 @@ impl Memory {
         contents.setting.as_deref().and_then(Settings::decode)
     }
 
-    /// Erases a memory in which nothing makes sense, but for the setting, and logs it.
+    /// Erases a memory that makes no sense, except for the settings, and logs this.
     fn begin_anew(&mut self, contents: &mut Contents) {
         let erased = self.sectors.erase_all().is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);
         if let Some(setting) = &contents.setting {
-            // Without it the board would be the kind that the image was built for.
+            // Without the settings the board would revert to the kind for which the image was built.
             let _ = self.records().store_setting(setting);
         }
         contents.image.clear();

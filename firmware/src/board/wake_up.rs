@@ -1,7 +1,7 @@
 //! The events and the timer that wake the device's task.
 //!
-//! An `AtomicWaker` and `with_deadline` do the same, and cost more from interrupt to sleep: 74 instructions for a frame
-//! that is for nobody, 229 for an SDO upload.
+//! An `AtomicWaker` with `with_deadline` is equivalent, but costs more from interrupt to sleep: 74 instructions for a
+//! frame not for the device, 229 for an SDO upload.
 
 use core::cell::Cell;
 use core::future::{Future as _, poll_fn};
@@ -17,22 +17,22 @@ use embassy_time::{Duration, Instant, Timer};
 #[derive(Clone, Copy)]
 #[repr(u8)]
 pub(super) enum Event {
-    /// The CAN controller: a frame was received.
+    /// CAN controller: a frame was received.
     Received = 1 << 0,
-    /// The CAN controller: a frame was sent, or taken back.
+    /// CAN controller: a frame was sent or aborted.
     Sent = 1 << 1,
-    /// The CAN controller: its error mode has changed.
+    /// CAN controller: the error mode has changed.
     Errors = 1 << 2,
-    /// The memory has an answer.
+    /// The memory has a result.
     Memory = 1 << 3,
-    /// Something was typed, or the button was pressed.
+    /// A line was received, or the button was pressed.
     Controls = 1 << 4,
-    /// The LEDs are to be updated.
+    /// The LEDs need an update.
     Leds = 1 << 5,
 }
 
 static PENDING: AtomicU8 = AtomicU8::new(0);
-/// The device's task. Not a waker: that costs twice as much to wake.
+/// The device's task. Waking by a waker would cost twice as much.
 static TASK: Mutex<Cell<Option<TaskRef>>> = Mutex::new(Cell::new(None));
 
 /// Wakes the device's task with an event.
@@ -58,14 +58,14 @@ impl Events {
     }
 }
 
-/// The wake-up of the device's task: events, and the only timer of the task.
+/// The wake-up of the device's task by events and by its only timer.
 pub(super) struct WakeUp {
-    /// The time at which the timer rings at the latest.
+    /// The latest time at which the timer expires.
     armed: Instant,
 }
 
 impl WakeUp {
-    /// Returns the wake-up of the calling task.
+    /// Creates the wake-up of the calling task.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
             let task = task_from_waker(context.waker());
@@ -76,7 +76,7 @@ impl WakeUp {
         Self { armed: Instant::MIN }
     }
 
-    /// Waits for an event, at most until `due`. A wake-up without an event can come earlier. `now` is recent.
+    /// Waits for an event, at most until `due`; may return earlier without an event. `now` must be recent.
     pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Events {
         let mut waited = false;
         poll_fn(|context| {
@@ -105,11 +105,12 @@ impl WakeUp {
         .await;
     }
 
-    /// Sets the timer, unless it rings earlier: a wake-up for nothing costs less than setting the timer for each frame.
+    /// Sets the timer, unless it expires earlier: an unneeded wake-up costs less than setting the timer for every
+    /// frame.
     fn arm(&mut self, due: Instant, now: Instant, context: &mut Context<'_>) {
         if self.armed <= now || due < self.armed {
             self.armed = due;
-            // The timer queue holds the task; the timer itself can go.
+            // The timer queue holds the task, so the timer can be dropped.
             let _ = pin!(Timer::at(due)).poll(context);
         }
     }

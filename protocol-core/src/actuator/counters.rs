@@ -10,35 +10,35 @@ pub const COUNTER_MAX: u8 = 127;
 pub struct Counters([u8; Fault::ALL.len()]);
 
 impl Counters {
-    /// No fault has occurred.
+    /// All counters at 0.
     pub const NONE: Self = Self([0; Fault::ALL.len()]);
 
-    /// Returns the counters of stored bytes, by priority; a byte above 127 counts as 127.
+    /// Decodes stored bytes in priority order; a byte above 127 counts as 127.
     #[must_use]
     pub fn from_bytes(bytes: [u8; Fault::ALL.len()]) -> Self {
         Self(bytes.map(|count| count.min(COUNTER_MAX)))
     }
 
-    /// Returns the bytes to be stored, by priority.
+    /// Encodes the counters in priority order.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; Fault::ALL.len()] {
         self.0
     }
 
-    /// Returns how often the fault has occurred, the present activation included (R: the manual says "previously").
+    /// Returns the number of occurrences, including a present activation (R: the manual says "previously").
     #[must_use]
     pub fn get(&self, fault: Fault) -> u8 {
         self.0.get(fault.index()).copied().unwrap_or(0)
     }
 
-    /// Returns the same with those of these faults at 0.
+    /// Returns the counters with those of `faults` at 0.
     #[must_use]
     pub fn without(mut self, faults: FaultSet) -> Self {
         self.clear(faults);
         self
     }
 
-    /// Returns the sums of two counts.
+    /// Adds other counters.
     #[must_use]
     pub fn plus(mut self, other: Self) -> Self {
         for (count, more) in self.0.iter_mut().zip(other.0) {
@@ -54,7 +54,7 @@ impl Counters {
         }
     }
 
-    /// Counts one more. Returns whether the counter changed: it stops at 127.
+    /// Increments a counter. Returns whether it changed: counters stop at 127.
     pub(super) fn count(&mut self, fault: Fault) -> bool {
         self.set(fault, self.get(fault).saturating_add(1).min(COUNTER_MAX))
     }

@@ -1,4 +1,4 @@
-//! Supply and temperature: limits, hysteresis, and the monitors that watch them (SPEC 2, table of the monitors).
+//! Supply and temperature: limits, hysteresis and monitors (SPEC 2, table of the monitors).
 
 use core::ops::RangeInclusive;
 
@@ -7,13 +7,13 @@ use super::monitor::{Monitor, Reading};
 use super::register::FaultRegister;
 use crate::time::{Duration, Instant, NEVER};
 
-/// The time for which the temperature may be out of its limits.
+/// The time for which the temperature may exceed its limits.
 pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
-/// The time for which the supply may be out of its limits.
+/// The time for which the supply voltage may exceed its limits.
 pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
 /// Highest temperature, °C.
 const TEMPERATURE_MAX: i32 = 120;
-/// Lowest temperature, of the kinds that monitor it, °C.
+/// Lowest temperature, °C, for the kinds that monitor it.
 const TEMPERATURE_MIN: i32 = -40;
 /// The hysteresis of the temperature inside its limits, K (A).
 const TEMPERATURE_HYSTERESIS: i32 = 5;
@@ -30,10 +30,10 @@ impl Limits {
     const SUPPLY_HIGH: Self = Self { allowed: i32::MIN..=36_000, safe: i32::MIN..=31_999 };
     /// Supply, mV: trips below 9 V, clears above 11 V (R), not at exactly 11 V (A).
     const SUPPLY_LOW: Self = Self { allowed: 9_000..=i32::MAX, safe: 11_001..=i32::MAX };
-    /// °C.
+    /// °C, upper limit only.
     const TEMPERATURE_HIGH: Self =
         Self { allowed: i32::MIN..=TEMPERATURE_MAX, safe: i32::MIN..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS };
-    /// °C, for the kinds that watch the cold too: those on CANopen (R).
+    /// °C, both limits, for the CANopen kinds (R).
     const TEMPERATURE_BOTH: Self = Self {
         allowed: TEMPERATURE_MIN..=TEMPERATURE_MAX,
         safe: TEMPERATURE_MIN + TEMPERATURE_HYSTERESIS..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS,
@@ -44,7 +44,7 @@ impl Limits {
     }
 }
 
-/// Watches supply and temperature.
+/// The monitors of supply and temperature.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Environment {
     low_temperature: bool,
@@ -74,7 +74,7 @@ impl Environment {
         self.due = self.temperature.due().min(self.supply_high.due()).min(self.supply_low.due());
     }
 
-    /// Returns when a fault activates if all stays as it is.
+    /// Returns the time at which a fault activates if the inputs do not change.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }

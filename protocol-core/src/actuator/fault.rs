@@ -1,6 +1,6 @@
 //! The faults of the valve, and sets of them (SPEC 2).
 
-/// A fault, in the order of priority (SPEC 2, table of the monitors).
+/// A fault, in order of priority (SPEC 2, table of the monitors).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Fault {
@@ -8,22 +8,22 @@ pub enum Fault {
     SpoolNotAtSetPoint = 1,
     /// The spool does not reach the float position.
     FloatNotReached = 2,
-    /// Something inside: see [`InternalCause`].
+    /// Internal error, see [`InternalCause`].
     Internal = 3,
     /// The CAN controller is bus-off.
     CanBus = 4,
-    /// Too hot, or too cold.
+    /// The temperature is too high or too low.
     Temperature = 5,
     /// The supply voltage is too high.
     SupplyHigh = 6,
     /// The supply voltage is too low.
     SupplyLow = 7,
-    /// No valid set-point in time.
+    /// No valid set-point was received in time.
     TimeGuarding = 8,
 }
 
 impl Fault {
-    /// All of them, highest priority first.
+    /// All faults, highest priority first.
     pub const ALL: [Self; 8] = [
         Self::SpoolNotAtSetPoint,
         Self::FloatNotReached,
@@ -35,14 +35,14 @@ impl Fault {
         Self::TimeGuarding,
     ];
 
-    /// Returns the priority: 1, the highest, … 8.
+    /// Returns the priority, from 1 (highest) to 8.
     #[inline]
     #[must_use]
     pub const fn priority(self) -> u8 {
         self as u8
     }
 
-    /// Returns the name used everywhere.
+    /// Returns the name of the fault in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -57,13 +57,13 @@ impl Fault {
         }
     }
 
-    /// Returns whether it is one of the two faults of the spool's position.
+    /// Returns whether this is a fault of the spool position.
     #[must_use]
     pub const fn is_of_spool(self) -> bool {
         matches!(self, Self::SpoolNotAtSetPoint | Self::FloatNotReached)
     }
 
-    /// Returns the place in [`ALL`](Self::ALL).
+    /// Returns the index in [`ALL`](Self::ALL).
     pub(crate) const fn index(self) -> usize {
         (self as usize).wrapping_sub(1)
     }
@@ -74,73 +74,73 @@ impl Fault {
 pub struct FaultSet(u8);
 
 impl FaultSet {
-    /// None.
+    /// No fault.
     pub const EMPTY: Self = Self(0);
-    /// All eight.
+    /// All eight faults.
     pub const ALL: Self = Self(0xFF);
 
-    /// Returns the set of this fault alone.
+    /// Creates a set of one fault.
     #[must_use]
     pub const fn of(fault: Fault) -> Self {
         Self(1_u8.wrapping_shl(fault.index() as u32))
     }
 
-    /// Returns the set of these bits: bit 0 is the fault of priority 1, bit 7 that of priority 8.
+    /// Creates a set from bits: bit 0 is the fault of priority 1, bit 7 that of priority 8.
     #[must_use]
     pub const fn from_bits(bits: u8) -> Self {
         Self(bits)
     }
 
-    /// Returns the bits, for [`from_bits`](Self::from_bits).
+    /// Returns the set as bits, see [`from_bits`](Self::from_bits).
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0
     }
 
-    /// Returns whether it has none.
+    /// Returns whether the set is empty.
     #[inline]
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Returns how many it has.
+    /// Returns the number of faults.
     #[must_use]
     pub const fn len(self) -> u32 {
         self.0.count_ones()
     }
 
-    /// Returns whether it has this fault.
+    /// Returns whether the set contains a fault.
     #[inline]
     #[must_use]
     pub const fn contains(self, fault: Fault) -> bool {
         self.0 & Self::of(fault).0 != 0
     }
 
-    /// Returns this set and `other`.
+    /// Returns the faults in either set.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Returns what is in both.
+    /// Returns the faults in both sets.
     #[must_use]
     pub const fn intersection(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
-    /// Returns this set without what is in `other`.
+    /// Returns the faults of this set that are not in `other`.
     #[must_use]
     pub const fn difference(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    /// Puts a fault in.
+    /// Adds a fault.
     pub const fn insert(&mut self, fault: Fault) {
         *self = self.union(Self::of(fault));
     }
 
-    /// Takes a fault out.
+    /// Removes a fault.
     pub const fn remove(&mut self, fault: Fault) {
         *self = self.difference(Self::of(fault));
     }
@@ -182,17 +182,17 @@ impl Iterator for FaultIter {
     }
 }
 
-/// Why there is an internal error (SPEC 2, a fault's life; SPEC 6).
+/// A cause of the internal error (SPEC 2, a fault's life; SPEC 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InternalCause {
-    /// Injected from outside.
+    /// Injected by the user.
     Injected,
-    /// The watchdog reset the processor. To be taken back once it has been reported.
+    /// The watchdog reset the processor. The caller clears the cause once it has been reported.
     Watchdog,
-    /// The memory as a whole was found damaged. Lasts until the next start.
+    /// The entire memory was found damaged. Lasts until the next start.
     Memory,
-    /// A record is corrupt or could not be written: which one, 0–7; numbers above count as 7. Lasts until the record is
-    /// written.
+    /// The record with this number, 0–7, is corrupt or could not be written; higher numbers count as 7. Lasts until the
+    /// record is written.
     Record(u8),
 }
 
@@ -218,7 +218,7 @@ impl InternalCauses {
     }
 }
 
-/// The faults of the spool's position.
+/// The faults of the spool position.
 pub(super) const SPOOL_FAULTS: FaultSet =
     FaultSet::of(Fault::SpoolNotAtSetPoint).union(FaultSet::of(Fault::FloatNotReached));
 

@@ -13,44 +13,43 @@ pub enum Color {
     Red,
 }
 
-/// The state of the LED. The platform flashes it with 1.5 Hz: 333 ms on, 333 ms off.
+/// The state of the LED. The platform flashes it at 1.5 Hz: 333 ms on, 333 ms off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Led {
     /// The colour.
     pub color: Color,
-    /// The LED flashes.
+    /// Whether the LED flashes.
     pub flashing: bool,
 }
 
-/// The condition of the valve that the LED signals.
+/// The state of the valve that the LED indicates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Condition {
     /// The active faults.
     pub faults: FaultSet,
-    /// The device waits to be let out of a shutdown.
+    /// Whether the device waits to be released from a shutdown.
     pub fault_hold: bool,
-    /// The device does not regulate: no node ID, not enabled, hand operation,
-    /// emergency stop, no address.
+    /// Whether the device does not regulate: no node ID, not enabled, hand operation, emergency stop, no address.
     pub disabled: bool,
-    /// The solenoids rest.
+    /// Whether the solenoids are off to save power.
     pub power_save: bool,
 }
 
 impl Led {
-    /// Healthy and at work.
+    /// Healthy and active.
     pub const GREEN: Self = Self { color: Color::Green, flashing: false };
     /// Power save.
     pub const GREEN_FLASHING: Self = Self { color: Color::Green, flashing: true };
-    /// Disabled; hold, hand operation and emergency stop count as that (A).
+    /// Disabled; hold, hand operation and emergency stop count as disabled (A).
     pub const YELLOW: Self = Self { color: Color::Yellow, flashing: false };
     /// Bus-off (R), or an internal error.
     pub const RED: Self = Self { color: Color::Red, flashing: false };
     /// Any other fault.
     pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };
-    /// A shutdown whose cause is gone (A).
+    /// A shutdown whose cause has cleared (A).
     pub const FAULT_HOLD: Self = Self::RED_FLASHING;
 
-    /// Returns what the LED shows: the first that applies.
+    /// Returns the indication of a condition: the first that applies.
     #[must_use]
     pub fn of(condition: Condition) -> Self {
         let Condition { faults, fault_hold, disabled, power_save } = condition;
@@ -73,7 +72,7 @@ mod tests {
     use super::*;
 
     fn with(faults: &[Fault]) -> Condition {
-        // All that is lower in the order is set too: none of it may show through.
+        // Also sets every condition of lower precedence: none may show.
         Condition { faults: faults.iter().copied().collect(), fault_hold: true, disabled: true, power_save: true }
     }
 

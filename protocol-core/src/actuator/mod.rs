@@ -1,19 +1,19 @@
-//! The valve without a protocol: set-point, spool, monitors, faults, power save and LED (SPEC 2).
+//! The protocol-independent valve: set-point, spool, monitors, faults, power save and LED (SPEC 2).
 //!
-//! Nothing here knows a CAN identifier, an object dictionary or a diagnostic code: the protocols present what the
-//! [`Valve`] says.
+//! This module uses no CAN identifiers, object dictionaries or diagnostic codes; the protocols present the state of the
+//! [`Valve`].
 //!
 //! ```text
-//! set_point    what is asked for, and the scales in which protocols write it
-//! travel       where the spool is at any instant: whole numbers, no rounding
-//! spool        what solenoids, springs, lever and faults of the spool make of it
-//! power_save   when the solenoids rest
+//! set_point    set-points, positions, and the scales of the protocols
+//! travel       the travel of the spool over time, in integers without rounding
+//! spool        the effect of solenoids, springs, lever and spool faults
+//! power_save   when the solenoids switch off
 //! environment  supply and temperature
-//! monitor      what all monitors are made of, and the guard of set-points
-//! fault        the faults, by priority        counters   how often each occurred
-//! register     which are active, and what has changed
-//! led          what the LED shows
-//! valve        ties them together
+//! monitor      the base of all monitors, and the guard of set-points
+//! fault        the faults, by priority        counters   their occurrence counters
+//! register     the active faults and their changes
+//! led          the indication of the LED
+//! valve        combines them
 //! ```
 
 mod counters;

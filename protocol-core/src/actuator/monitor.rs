@@ -1,36 +1,35 @@
-//! For how long something must be wrong before it is a fault, and what guards the set-points (SPEC 2, table of the
-//! monitors).
+//! Monitors, which delay a fault, and the time guard of the set-points (SPEC 2, table of the monitors).
 
 use super::fault::{Fault, FaultSet};
 use super::register::FaultRegister;
 use super::travel::{Band, Travel};
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The tolerance of the spool's position around its set-point, in percent of the full stroke (A).
+/// The tolerance of the spool position around its set-point, in percent of the full stroke (A).
 pub const SET_POINT_PERCENT: i32 = 15;
-/// The time for which the spool may be away from its set-point (A).
+/// The time for which the spool may be outside that tolerance (A).
 pub const SET_POINT_DELAY: Duration = Duration::from_millis(500);
 /// The time within which the spool must reach float (A).
 pub const FLOAT_DELAY: Duration = Duration::from_millis(1000);
-/// The time for which valid set-points may be missing.
+/// The time for which valid set-points may be absent.
 pub const GUARD_TIME: Duration = Duration::from_millis(250);
 
-/// Returns where monitor 1 lets the spool be: within [`SET_POINT_PERCENT`] of its target.
+/// Returns the band that monitor 1 allows: within [`SET_POINT_PERCENT`] of the target.
 #[inline]
 pub(super) const fn tolerance(target: Travel) -> Band {
     Band::around(target, Travel::percent(SET_POINT_PERCENT))
 }
 
-/// The state of a monitored value.
+/// The evaluation of a monitored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
-    /// The value is beyond its limit.
+    /// Whether the value exceeds its limit.
     pub(super) trips: bool,
-    /// The value is in the range that clears an active fault.
+    /// Whether the value is in the range that clears an active fault.
     pub(super) clears: bool,
 }
 
-/// Watches for one fault: the cause must last for the whole delay, its end counts at once.
+/// The monitor of one fault: activates it after the cause has lasted for the delay, clears it without delay.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Monitor {
     due: Instant,
@@ -39,15 +38,15 @@ pub(super) struct Monitor {
 }
 
 impl Monitor {
-    /// Returns a monitor that watches for a fault. For constants only: the compiler checks that the delay fits.
+    /// Creates the monitor of a fault. For constants only: the compiler checks that the delay fits.
     pub(super) const fn new(fault: Fault, delay: Duration) -> Self {
         assert!(delay.as_micros() <= u32::MAX as u64);
         Self { due: NEVER, delay_us: delay.as_micros() as u32, fault }
     }
 
-    /// Takes what the value says now.
+    /// Evaluates the monitored value.
     ///
-    /// A fault that is gone the moment it activates, while its cause lasts, comes again after another delay.
+    /// A fault that clears as soon as it activates, while its cause lasts, activates again after another delay.
     pub(super) fn observe(&mut self, reading: Reading, faults: &mut FaultRegister, now: Instant) {
         if !faults.active.contains(self.fault) {
             if !reading.trips {
@@ -71,7 +70,7 @@ impl Monitor {
         }
     }
 
-    /// Does what [`observe`](Self::observe) does for a fault that is not active and cannot become so now.
+    /// Like [`observe`](Self::observe), for a fault that is not active and cannot activate now.
     #[inline]
     pub(super) fn watch(&mut self, trips: bool, now: Instant) {
         if !trips {
@@ -81,31 +80,31 @@ impl Monitor {
         }
     }
 
-    /// Returns when a delay that begins now ends.
+    /// Returns the end of a delay that begins now.
     #[inline]
     const fn end(&self, now: Instant) -> Instant {
         delayed(now, Duration::from_micros(self.delay_us as u64))
     }
 
-    /// Lets the delay begin anew.
+    /// Restarts the delay.
     pub(super) const fn restart(&mut self) {
         self.due = NEVER;
     }
 
-    /// Lets the delay begin anew if the fault is among those.
+    /// Restarts the delay if the fault has cleared.
     pub(super) const fn restart_after(&mut self, cleared: FaultSet) {
         if cleared.contains(self.fault) {
             self.restart();
         }
     }
 
-    /// Returns when the fault activates if the value stays as it is.
+    /// Returns the time at which the fault activates if the value does not change.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }
 }
 
-/// Watches that set-points keep coming (fault 8).
+/// The guard that monitors the arrival of set-points (fault 8).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimeGuard {
     running: bool,
@@ -119,13 +118,13 @@ impl TimeGuard {
         *self = Self { running: true, due: delayed(now, GUARD_TIME) };
     }
 
-    /// Takes note of a valid set-point: winds up the guard, and ends fault 8.
+    /// Handles a valid set-point: restarts the guard time and clears fault 8.
     pub(super) fn feed(&mut self, faults: &mut FaultRegister, now: Instant) {
         self.wind_up(now);
         faults.clear(Fault::TimeGuarding);
     }
 
-    /// Does what [`feed`](Self::feed) does while fault 8 is not active.
+    /// Like [`feed`](Self::feed), while fault 8 is not active.
     #[inline]
     pub(super) fn wind_up(&mut self, now: Instant) {
         if self.running {
@@ -133,7 +132,7 @@ impl TimeGuard {
         }
     }
 
-    /// Activates fault 8 when the time without a set-point is over. The guard then waits for the next set-point.
+    /// Activates fault 8 if the guard time is over. The guard then waits for the next set-point.
     pub(super) fn observe(&mut self, faults: &mut FaultRegister, now: Instant) {
         if now >= self.due {
             self.due = NEVER;

@@ -1,17 +1,17 @@
-//! The register of faults: which are active, what has changed, and how often each has occurred (SPEC 2).
+//! The fault register: active faults, changes and occurrence counters (SPEC 2).
 
 use super::counters::Counters;
 use super::fault::{Fault, FaultSet, SPOOL_FAULTS};
 
-/// The changes of the faults since they were last taken.
+/// The changes of the faults since the last [`Valve::take_changes`](super::Valve::take_changes).
 ///
-/// Changes are reported by priority, activations first. A fault in both sets was activated and cleared; one that was
-/// activated last is not in `cleared`.
+/// Changes are reported by priority, activations first. A fault in both sets was activated, then cleared; a fault whose
+/// last change was an activation is not in `cleared`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// The faults that became active.
     pub activated: FaultSet,
-    /// The faults that are gone.
+    /// The faults that cleared.
     pub cleared: FaultSet,
 }
 
@@ -48,7 +48,7 @@ impl FaultRegister {
         }
     }
 
-    /// Activates a fault and counts it, unless it is active already.
+    /// Activates and counts a fault, unless it is already active.
     pub(super) fn activate(&mut self, fault: Fault) {
         if self.active.contains(fault) {
             return;

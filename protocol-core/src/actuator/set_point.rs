@@ -1,7 +1,7 @@
-//! Set-point and position, and the scales in which the protocols write them (SPEC 2).
+//! Set-points and positions, and the scales of the protocols (SPEC 2).
 
-/// Where the spool is or is to be: −16384 (−100 %, retract, towards the A-port) … 0 (neutral) … +16384 (+100 %, extend,
-/// towards the B-port).
+/// An actual or commanded spool position: −16384 (−100 %, retract, towards the A-port) … 0 (neutral) … +16384 (+100 %,
+/// extend, towards the B-port).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Position(i16);
 
@@ -15,55 +15,55 @@ impl Position {
     /// +100 %: the B-port side.
     pub const MAX: Self = Self(Self::FULL);
 
-    /// Returns a position of −16384 … 16384; `None` outside.
+    /// Creates a position of −16384 … 16384; `None` outside.
     #[must_use]
     pub const fn new(raw: i16) -> Option<Self> {
         if raw >= -Self::FULL && raw <= Self::FULL { Some(Self(raw)) } else { None }
     }
 
-    /// Returns the nearest position to `raw`.
+    /// Returns the position nearest to `raw`.
     #[must_use]
     #[inline]
     pub fn clamped(raw: i32) -> Self {
-        // Within an i16 by then.
+        // The clamped value fits an i16.
         Self(raw.clamp(Self::MIN.0 as i32, Self::MAX.0 as i32) as i16)
     }
 
-    /// Returns the position in 1/16384 of the full stroke.
+    /// Returns the position in units of 1/16384 of the full stroke.
     #[inline]
     #[must_use]
     pub const fn raw(self) -> i16 {
         self.0
     }
 
-    /// Returns the same distance from neutral on the other side.
+    /// Returns the position at the same distance on the other side of neutral.
     #[must_use]
     pub const fn mirrored(self) -> Self {
         Self(self.0.saturating_neg())
     }
 
-    /// Returns whether this is neutral exactly.
+    /// Returns whether this is exactly neutral.
     #[must_use]
     pub const fn is_neutral(self) -> bool {
         self.0 == 0
     }
 }
 
-/// A scale in which a protocol writes positions: ±N for ±100 % (SPEC 2).
+/// The scale of a position in a protocol: ±N for ±100 % (SPEC 2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// ±127, the 8-bit objects.
     Per127,
     /// ±1000, the 16-bit objects.
     Per1000,
-    /// ±250, the port flow command, 0.4 % a bit.
+    /// ±250, the port flow command, 0.4 % per bit.
     Per250,
     /// ±100, percent.
     Percent,
 }
 
 impl Scale {
-    /// Returns N, the value that stands for 100 %.
+    /// Returns N, the value for 100 %.
     #[must_use]
     pub const fn full(self) -> i16 {
         match self {
@@ -74,7 +74,7 @@ impl Scale {
         }
     }
 
-    /// Returns the position of a value on this scale; `None` beyond ±N.
+    /// Converts a value to a position; `None` beyond ±N.
     #[must_use]
     pub fn to_position(self, value: i16) -> Option<Position> {
         let full = self.full();
@@ -82,26 +82,26 @@ impl Scale {
             .then(|| Position::clamped(rescale(i32::from(value), i32::from(Position::FULL), i32::from(full))))
     }
 
-    /// Returns the value of a position on this scale.
+    /// Converts a position to a value.
     #[must_use]
     #[inline]
     pub fn of_position(self, position: Position) -> i16 {
-        // Not beyond ±N.
+        // At most ±N.
         rescale(i32::from(position.0), i32::from(self.full()), i32::from(Position::FULL)) as i16
     }
 }
 
-/// The command of the protocol to the valve.
+/// The command from the protocol to the valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetPoint {
-    /// Move the spool there.
+    /// Move the spool to this position.
     Position(Position),
-    /// Move the spool fully to the B-port side, where both ports are connected to tank. Not a position.
+    /// Move the spool fully to the B-port side, which connects both ports to tank. Not a position.
     Float,
 }
 
 impl SetPoint {
-    /// The spool in neutral: the safe set-point.
+    /// Neutral, the safe set-point.
     pub const NEUTRAL: Self = Self::Position(Position::NEUTRAL);
 }
 

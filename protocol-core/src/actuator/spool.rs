@@ -1,6 +1,7 @@
-//! The spool: a model of the real one, or a measured position (SPEC 2).
+//! The spool: modelled or measured (SPEC 2).
 //!
-//! Two solenoids move it at a bounded rate, springs bring it back to neutral, the hand lever wins over both.
+//! In the model two solenoids move the spool at a limited rate, springs return it to neutral, and the hand lever
+//! overrides both.
 
 use core::ops::RangeInclusive;
 
@@ -8,20 +9,21 @@ use super::Position;
 use super::travel::{Band, Path, Rate, Travel};
 use crate::time::{Duration, Instant};
 
-/// The time that the solenoids take from neutral to full stroke (A).
+/// The time for the solenoids to move the spool from neutral to full stroke (A).
 pub const SOLENOID_STROKE: Duration = Duration::from_millis(250);
-/// The time that the springs take from full stroke to neutral (A).
+/// The time for the springs to return the spool from full stroke to neutral (A).
 pub const SPRING_STROKE: Duration = Duration::from_millis(150);
-/// The factor by which a [`SpoolFault::Slow`] spool is slower (A).
+/// The factor by which a [`SpoolFault::Slow`] spool moves more slowly (A).
 pub const SLOWNESS: i32 = 8;
-/// The time in which a [`SpoolFault::Drifting`] spool would creep over the full stroke (A).
+/// The time for a [`SpoolFault::Drifting`] spool to creep a full stroke (A).
 pub const DRIFT_STROKE: Duration = Duration::from_secs(8);
 /// The distance that a [`SpoolFault::Drifting`] spool creeps, in percent of the full stroke: more than monitor 1 allows
 /// (A).
 pub const DRIFT_PERCENT: i32 = 20;
-/// The stop of a [`SpoolFault::NoFloat`] spool in float, in percent of the full stroke: short of the float band (A).
+/// The end position of a [`SpoolFault::NoFloat`] spool in float, in percent of the full stroke: short of the float band
+/// (A).
 pub const NO_FLOAT_PERCENT: i32 = 80;
-/// The spool is in neutral, or has reached float, when it is so many percent of the full stroke away at most (A).
+/// The maximum distance from neutral or float at which the spool counts as there, in percent of the full stroke (A).
 pub const END_BAND_PERCENT: i32 = 5;
 
 const DRIFT: Rate = Rate::of_full_stroke(DRIFT_STROKE);
@@ -34,20 +36,20 @@ pub(super) const IN_FLOAT: Band = Band::around(Travel::FULL_B, Travel::percent(E
 /// A fault of the spool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SpoolFault {
-    /// Nothing.
+    /// No fault.
     #[default]
     None,
-    /// Jammed: stays where it is, whoever pushes.
+    /// Jammed: does not move under any force.
     Stuck,
-    /// Moves at a fraction of its rate, by solenoids and springs alike.
+    /// Moves too slowly, by solenoids and springs alike.
     Slow,
-    /// Does not stay where the solenoids put it: creeps on towards B, or towards A when there is no room.
+    /// Does not hold its position: creeps towards B, or towards A if there is no room.
     Drifting,
     /// Does not reach the float position.
     NoFloat,
 }
 
-/// The times of a spool that is sound, as they were measured at a real one.
+/// The stroke times of a healthy spool, as measured on a real one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpoolTimes {
     stroke_ms: u16,
@@ -55,27 +57,27 @@ pub struct SpoolTimes {
 }
 
 impl SpoolTimes {
-    /// The times that a spool can have, in milliseconds (A).
+    /// The permitted times, in milliseconds (A).
     pub const RANGE_MS: RangeInclusive<u16> = 10..=5000;
     /// [`SOLENOID_STROKE`] and [`SPRING_STROKE`].
     pub const DEFAULT: Self =
         Self { stroke_ms: SOLENOID_STROKE.as_millis() as u16, return_ms: SPRING_STROKE.as_millis() as u16 };
 
-    /// Returns the times of a spool that the solenoids move from neutral to full stroke in `stroke_ms`, and the springs
-    /// back in `return_ms`; `None` outside of [`RANGE_MS`](Self::RANGE_MS). The model keeps them within 0.4 %.
+    /// Creates times: `stroke_ms` for the solenoids from neutral to full stroke, `return_ms` for the springs back.
+    /// `None` outside [`RANGE_MS`](Self::RANGE_MS). The model is accurate to 0.4 %.
     #[must_use]
     pub fn new(stroke_ms: u16, return_ms: u16) -> Option<Self> {
         let are_possible = [stroke_ms, return_ms].iter().all(|ms| Self::RANGE_MS.contains(ms));
         are_possible.then_some(Self { stroke_ms, return_ms })
     }
 
-    /// Returns the time of the solenoids from neutral to full stroke, in milliseconds.
+    /// Returns the time for the solenoids from neutral to full stroke, in milliseconds.
     #[must_use]
     pub const fn stroke_ms(self) -> u16 {
         self.stroke_ms
     }
 
-    /// Returns the time of the springs from full stroke to neutral, in milliseconds.
+    /// Returns the time for the springs from full stroke to neutral, in milliseconds.
     #[must_use]
     pub const fn return_ms(self) -> u16 {
         self.return_ms
@@ -108,38 +110,38 @@ pub struct SpoolSense {
     pub fault: SpoolFault,
     /// The position to which the hand lever pushes the spool.
     pub lever: Option<Position>,
-    /// The position that a sensor reads, on a board that has one: takes the model's place.
+    /// The position measured by a sensor, if the board has one; replaces the model.
     pub measured: Option<Position>,
     /// The times of a stroke.
     pub times: SpoolTimes,
 }
 
 impl SpoolSense {
-    /// Nothing acts on a sound spool.
+    /// A healthy spool without external influences.
     pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None, times: SpoolTimes::DEFAULT };
 }
 
 /// The action of the device on the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
-    /// The solenoids are off, and the springs move the spool.
+    /// The solenoids are off; the springs move the spool.
     Release,
-    /// The solenoids move the spool to this travel and hold it.
+    /// The solenoids move the spool to this travel and hold it there.
     Move(Travel),
-    /// The solenoids move the spool to the float position and hold it.
+    /// The solenoids move the spool to the float position and hold it there.
     Float,
 }
 
-/// The strongest influence on the spool, which decides its travel.
+/// The dominant influence on the spool, which determines its travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Influence {
     /// The device alone.
     Device,
-    /// The device, with a fault that lets the spool move.
+    /// The device, on a faulty spool that can still move.
     Faulty(SpoolFault),
-    /// The spool is where the lever or the sensor says, whoever pushes.
+    /// The lever or the sensor determines the position.
     At(Position),
-    /// The spool stays where it is.
+    /// The spool cannot move.
     Stuck,
 }
 
@@ -155,7 +157,7 @@ impl From<SpoolSense> for Influence {
     }
 }
 
-/// The spool and what acts on it.
+/// The spool and the influences on it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spool {
     path: Path,
@@ -165,7 +167,7 @@ pub(super) struct Spool {
 }
 
 impl Spool {
-    /// Returns a spool at rest in neutral.
+    /// Creates a spool at rest in neutral.
     pub(super) const fn new(now: Instant) -> Self {
         Self {
             path: Path::rest(Travel::NEUTRAL, now),
@@ -184,7 +186,7 @@ impl Spool {
         }
     }
 
-    /// Takes what the device does to the spool. `here` is the travel at `now`.
+    /// Applies an action of the device. `here` is the travel at `now`.
     pub(super) fn act(&mut self, action: Action, here: Travel, now: Instant) {
         if action != self.action {
             self.action = action;
@@ -192,14 +194,14 @@ impl Spool {
         }
     }
 
-    /// Returns whether nothing but the device acts on the spool, and it is sound: it then comes closer to where it is
-    /// sent all the time, and stays there.
+    /// Returns whether the spool is healthy and influenced by the device only: it then approaches its destination
+    /// steadily and stays there.
     #[inline]
     pub(super) fn is_free(&self) -> bool {
         self.influence == Influence::Device
     }
 
-    /// Does what [`act`](Self::act) does for a spool that [is free](Self::is_free) and has another target now: straight
+    /// Like [`act`](Self::act), for a spool that [is free](Self::is_free) and gets a new target: it moves straight
     /// there.
     #[inline]
     pub(super) fn retarget(&mut self, target: Travel, here: Travel, now: Instant) {
@@ -212,33 +214,33 @@ impl Spool {
         self.path.at(now)
     }
 
-    /// Returns what [`at`](Self::at) returns, in line: for what happens in each cycle.
+    /// Like [`at`](Self::at), inlined for the cyclic path.
     #[inline]
     pub(super) fn at_in_cycle(&self, now: Instant) -> Travel {
         self.path.at(now)
     }
 
-    /// Returns the next instant after `now` at which the spool may no longer go on as it goes now.
+    /// Returns the next time after `now` at which the velocity may change.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         self.path.bends(now)
     }
 
-    /// Returns the travel that the spool is sent to.
+    /// Returns the destination of the spool.
     pub(super) const fn destination(&self) -> Travel {
         self.path.destination()
     }
 
-    /// Returns since when the spool rests, or will, if nothing else happens to it.
+    /// Returns the time from which the undisturbed spool is at rest.
     pub(super) const fn rests(&self) -> Instant {
         self.path.rests()
     }
 
-    /// Returns when the spool next enters or leaves the band, after `now`.
+    /// Returns the next time after `now` at which the spool enters or leaves the band.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         self.path.crosses(band, now)
     }
 
-    /// Plans its way from `here`.
+    /// Plans the path from `here`.
     fn plan(&mut self, here: Travel, now: Instant) {
         self.path = match self.influence {
             Influence::Device => self.action.path(here, SpoolFault::None, self.rates, now),
@@ -250,7 +252,7 @@ impl Spool {
 }
 
 impl Action {
-    /// Returns the way from `here` of a spool that is free to move.
+    /// Returns the path from `here` of a spool that can move.
     fn path(self, here: Travel, fault: SpoolFault, rates: Rates, now: Instant) -> Path {
         let (to, rate) = match self {
             Self::Release => (Travel::NEUTRAL, rates.springs),
@@ -265,7 +267,7 @@ impl Action {
 
 const NO_FLOAT: Travel = Travel::new(Travel::percent(NO_FLOAT_PERCENT));
 
-/// Returns where a spool that drifts away from `target` ends.
+/// Returns the end position of a spool that drifts away from `target`.
 fn drifted(target: Travel) -> Travel {
     let offset = Travel::percent(DRIFT_PERCENT);
     let towards_b = target.shifted(offset);

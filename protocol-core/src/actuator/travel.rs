@@ -1,8 +1,8 @@
-//! The travel of the spool at any instant: straight lines in time, in whole numbers.
+//! The travel of the spool over time: straight lines, in integers.
 //!
-//! Travel is counted in steps so fine that every rate of the model is a whole number of them in a microsecond: those of
-//! the defaults exactly, those of other times to the nearest. So no position is ever rounded on the way, and none
-//! depends on how often it was asked for.
+//! Travel is counted in steps so fine that every rate of the model is an integer number of steps per microsecond: exact
+//! for the default times, rounded for other times. Travel itself is therefore never rounded, and does not depend on how
+//! often it is computed.
 
 use super::Position;
 use crate::time::{Duration, Instant, NEVER, delayed, since};
@@ -12,8 +12,8 @@ use crate::time::{Duration, Instant, NEVER, delayed, since};
 pub(super) struct Travel(i32);
 
 impl Travel {
-    /// Steps of the full stroke: the least multiple of the 16384 of a [`Position`] that 250 000 and 150 000 µs, eight
-    /// times as much, and whole percents divide.
+    /// Steps of the full stroke: the least common multiple of the 16384 units of a [`Position`], 250 000 and 150 000
+    /// µs, eight times those, and 100 percent.
     pub(super) const FULL: i32 = 768_000_000;
     /// Steps of one unit of a [`Position`].
     const UNIT: i32 = Self::FULL / Position::FULL as i32;
@@ -27,7 +27,7 @@ impl Travel {
         self.0
     }
 
-    /// Returns so many percent of the full stroke, in steps.
+    /// Converts a percentage of the full stroke to steps.
     pub(super) const fn percent(percent: i32) -> i32 {
         (Self::FULL / 100).saturating_mul(percent)
     }
@@ -36,14 +36,12 @@ impl Travel {
         Self(steps)
     }
 
-    /// Returns the travel `steps` further towards B, negative towards A. An i32 holds more than two full strokes: no
-    /// sum here wraps.
+    /// Returns the travel `steps` further towards B, or towards A if negative. The sum of two full strokes fits an i32.
     pub(super) const fn shifted(self, steps: i32) -> Self {
         Self(self.0.wrapping_add(steps))
     }
 
-    /// Returns the position. A unit of it is complete only when all its steps are: full stroke is not shown before it
-    /// is reached.
+    /// Converts the travel to a position, truncated towards neutral: full stroke appears only when it is reached.
     #[inline]
     pub(super) fn position(self) -> Position {
         Position::clamped(self.0 / Self::UNIT)
@@ -66,44 +64,44 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// Returns the band up to `steps` away from `centre`.
+    /// Returns the band of `steps` on either side of `centre`.
     pub(super) const fn around(centre: Travel, steps: i32) -> Self {
         Self { low: centre.shifted(steps.wrapping_neg()).0, high: centre.shifted(steps).0 }
     }
 
-    /// Returns whether the travel is in the band, by one comparison: what lies below the band wraps around to far above
-    /// it.
+    /// Returns whether the band contains the travel. One comparison suffices: a travel below the band wraps around to
+    /// far above it.
     pub(super) const fn contains(self, travel: Travel) -> bool {
         let width = self.high.wrapping_sub(self.low) as u32;
         travel.0.wrapping_sub(self.low) as u32 <= width
     }
 }
 
-/// The speed of the spool, in steps a microsecond.
+/// The speed of the spool, in steps per microsecond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Rate(i32);
 
 impl Rate {
-    /// Returns the rate that takes `full_stroke` from neutral to full stroke. To be called for constants only: that the
-    /// rate comes out whole is checked when they are made.
+    /// Returns the rate that covers the full stroke in this time. For constants only: an assertion checks that the rate
+    /// is an integer.
     pub(super) const fn of_full_stroke(full_stroke: Duration) -> Self {
         let micros = full_stroke.as_micros();
         assert!(micros <= Travel::FULL as u64);
         Self(divide(Travel::FULL, micros as i32))
     }
 
-    /// Returns the rate that comes closest to `millis` from neutral to full stroke: by 0.4 % up to 5000 ms.
+    /// Returns the rate that covers the full stroke in about `millis`, accurate to 0.4 % up to 5000 ms.
     pub(super) const fn nearest(millis: u16) -> Self {
         Self(rounded(Travel::FULL, (millis as i32).saturating_mul(1000)))
     }
 
-    /// Returns `1/divisor` of the rate, or what comes closest to it.
+    /// Returns the rate divided by `divisor`, rounded.
     pub(super) const fn slowed(self, divisor: i32) -> Self {
         Self(rounded(self.0, divisor))
     }
 }
 
-/// Returns a quotient, rounded; 1 at least: whoever moves arrives.
+/// Returns a rounded quotient, at least 1: a rate of 0 would never arrive.
 const fn rounded(dividend: i32, divisor: i32) -> i32 {
     let halved = match divisor.checked_div(2) {
         Some(half) => dividend.saturating_add(half),
@@ -115,7 +113,7 @@ const fn rounded(dividend: i32, divisor: i32) -> i32 {
     }
 }
 
-/// Returns a quotient that must come out even.
+/// Returns a quotient that must be exact.
 const fn divide(dividend: i32, divisor: i32) -> i32 {
     let quotient = match dividend.checked_div(divisor) {
         Some(quotient) => quotient,
@@ -125,7 +123,7 @@ const fn divide(dividend: i32, divisor: i32) -> i32 {
     quotient
 }
 
-/// A straight line in time from one place to another.
+/// A straight line in time from one travel to another.
 #[derive(Clone, Copy, Debug)]
 struct Leg {
     from: Travel,
@@ -133,7 +131,7 @@ struct Leg {
     start: Instant,
     /// The first microsecond at `to`.
     end: Instant,
-    /// In steps a microsecond, negative towards A.
+    /// In steps per microsecond, negative towards A.
     velocity: i32,
 }
 
@@ -149,12 +147,12 @@ impl Leg {
         if now >= self.end {
             return self.to;
         }
-        // Before the end this is less than the way from one end of the stroke to the other, which an i32 holds.
+        // Before the end, the product is at most two full strokes, which fit an i32.
         let micros = since(now, self.start).as_micros() as i32;
         self.from.shifted(micros.wrapping_mul(self.velocity))
     }
 
-    /// Returns the first microsecond at which the line has come as far as `level`, which lies on it.
+    /// Returns the first microsecond at which the line has reached `level`, which must be on it.
     #[inline]
     fn reaches(&self, level: i32) -> Instant {
         let way = level.abs_diff(self.from.0);
@@ -163,7 +161,7 @@ impl Leg {
         delayed(self.start, Duration::from_micros(u64::from(micros)))
     }
 
-    /// Returns when, after `now`, the line next enters or leaves the band; [`NEVER`] if it does not.
+    /// Returns the next time after `now` at which the line enters or leaves the band; [`NEVER`] if it does not.
     fn crosses(&self, band: Band, now: Instant) -> Instant {
         if now >= self.end {
             return NEVER;
@@ -182,7 +180,7 @@ impl Leg {
     }
 }
 
-/// The path of the spool: an approach to a place, and for a drifting spool a slow creep from there.
+/// The path of the spool: the approach to a destination, and for a drifting spool a slow creep from there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
     approach: Leg,
@@ -191,18 +189,18 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// Rests at `place`.
+    /// Creates a path at rest.
     pub(super) const fn rest(place: Travel, now: Instant) -> Self {
         let leg = Leg { from: place, to: place, start: now, end: now, velocity: 1 };
         Self { approach: leg, creep: None }
     }
 
-    /// Goes from `from` to `to` and stays.
+    /// Creates a path from `from` to `to`.
     pub(super) fn new(from: Travel, to: Travel, rate: Rate, now: Instant) -> Self {
         Self { approach: Leg::new(from, to, rate, now), creep: None }
     }
 
-    /// Returns the path that goes on, once arrived, to `to`.
+    /// Continues the path from its destination to `to`.
     pub(super) fn then(self, to: Travel, rate: Rate) -> Self {
         let Self { approach, .. } = self;
         Self { approach, creep: Some(Leg::new(approach.to, to, rate, approach.end)) }
@@ -216,8 +214,8 @@ impl Path {
         }
     }
 
-    /// Returns the next instant after `now` at which the spool may no longer go on as it goes now; [`NEVER`] once it
-    /// rests. The last microsecond of a line is shorter than the others: it counts for itself.
+    /// Returns the next time after `now` at which the velocity may change; [`NEVER`] once the spool is at rest. The
+    /// last microsecond of a line can be shorter, so it counts as a line of its own.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         let ends = |leg: &Leg| {
             let last = Instant::from_ticks(leg.end.as_ticks().saturating_sub(1));
@@ -226,12 +224,12 @@ impl Path {
         ends(&self.approach).or_else(|| self.creep.as_ref().and_then(ends)).unwrap_or(NEVER)
     }
 
-    /// Returns where the spool goes first, and stays if it does not creep on.
+    /// Returns the end of the approach, where a spool without creep stays.
     pub(super) const fn destination(&self) -> Travel {
         self.approach.to
     }
 
-    /// Returns since when the spool rests, or will.
+    /// Returns the time from which the spool is at rest.
     pub(super) const fn rests(&self) -> Instant {
         match &self.creep {
             Some(creep) => creep.end,

@@ -1,8 +1,8 @@
-//! The valve: ties spool, power save, monitors and faults together (SPEC 2).
+//! The valve: combines spool, power save, monitors and faults (SPEC 2).
 //!
 //! ```text
-//! valve   what the protocol tells the valve and asks it
-//! steps   what happens to it in time
+//! valve   the interface to the protocol
+//! steps   the progress in time
 //! ```
 
 mod steps;
@@ -18,34 +18,34 @@ use super::spool::{IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
 use super::travel::Travel;
 use crate::time::{Instant, NEVER};
 
-/// The type of actuator: how a set-point moves the spool (SPEC 1).
+/// The type of actuator: the effect of a set-point on the spool (SPEC 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ActuatorType {
-    /// PVEA: to the set-point.
+    /// PVEA: moves to the set-point.
     Proportional,
-    /// PVEO: to full stroke in the direction of any set-point that is not neutral (A).
+    /// PVEO: moves to full stroke in the direction of a set-point that is not neutral (A).
     OnOff,
 }
 
-/// The states in which the two monitors of the spool's position run.
+/// The states in which the two spool-position monitors run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpoolMonitors {
     /// Only in [`Drive::Regulate`].
     WhileRegulating,
-    /// Always but in [`Drive::Hand`] and [`Drive::EmergencyStop`]; with the drive off the spool has to be in neutral.
+    /// All but [`Drive::Hand`] and [`Drive::EmergencyStop`]; with the drive off the spool must be in neutral.
     ExceptHandAndStop,
 }
 
-/// In what the valves differ.
+/// The differences between valves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveConfig {
     /// Proportional or on/off.
     pub actuator_type: ActuatorType,
-    /// The temperature has a lower limit as well.
+    /// Whether the temperature has a lower limit too.
     pub low_temperature: bool,
-    /// Both faults of the spool share one occurrence counter: either activation counts for both.
+    /// Whether both spool faults share an occurrence counter: each activation counts for both.
     pub shared_spool_counter: bool,
-    /// The states in which the monitors of the spool run.
+    /// The states in which the spool-position monitors run.
     pub spool_monitors: SpoolMonitors,
 }
 
@@ -61,7 +61,7 @@ pub struct ValveInputs {
 }
 
 impl ValveInputs {
-    /// A healthy valve on a 24 V supply at room temperature.
+    /// A healthy valve with a 24 V supply at room temperature.
     pub const HEALTHY: Self = Self { supply_mv: 24_000, temperature_c: 25, spool: SpoolSense::FREE };
 }
 
@@ -74,30 +74,31 @@ impl Default for ValveInputs {
 /// The drive that the protocol permits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Drive {
-    /// Nothing: solenoids off.
+    /// No drive: solenoids off.
     Off,
     /// Hand operation: solenoids off; spool-position faults are not monitored.
     Hand,
     /// Emergency stop: solenoids off; spool-position faults are not monitored.
     EmergencyStop,
-    /// Follow the set-point; a neutral one is *blocked*.
+    /// Follow the set-point; with a neutral one the valve is *blocked*.
     Regulate(SetPoint),
 }
 
-/// A valve without a protocol.
+/// A protocol-independent valve.
 ///
-/// The protocol gives it the inputs ([`sense`](Self::sense)), the permitted drive ([`drive`](Self::drive)) and each valid
-/// set-point ([`feed_guard`](Self::feed_guard)), and after every call reports [`take_changes`](Self::take_changes) to the
-/// bus. **A fault does not switch the drive**: the protocol shuts the regulation down, by `drive(Drive::Off, now)`.
+/// The protocol supplies the inputs ([`sense`](Self::sense)), the permitted drive ([`drive`](Self::drive)) and each
+/// valid set-point ([`feed_guard`](Self::feed_guard)), and after every call reports
+/// [`take_changes`](Self::take_changes) on the bus. **A fault does not change the drive**: the protocol must stop
+/// regulation with `drive(Drive::Off, now)`.
 ///
-/// Timers due up to an instant act before a call at that instant, polled for or not: the number of
-/// [`poll`](Self::poll)s, and their order among the frames of an instant, do not matter. An instant earlier than the last
-/// counts as the last. In a late call, timers act as in time up to the first change of a fault, and the rest acts now.
+/// A call first handles the timers due up to its time, so the number of [`poll`](Self::poll)s and their order among
+/// frames of the same time do not matter. A time earlier than that of the last call counts as the last. A late call
+/// handles timers as if on time up to the first change of a fault, and the others at its own time.
 #[derive(Clone, Debug)]
 pub struct Valve {
-    /// The earliest of all deadlines.
+    /// The earliest deadline.
     deadline: Instant,
-    /// The earliest deadline of the spool: a monitor, a level that it crosses, power save.
+    /// The earliest deadline of the spool: a monitor, a band limit, power save.
     spool_due: Instant,
     now: Instant,
     config: ValveConfig,
@@ -114,13 +115,13 @@ pub struct Valve {
 }
 
 impl Valve {
-    /// The full stroke in the unit of [`opening`](Self::opening).
+    /// The full stroke in the units of [`opening`](Self::opening).
     pub const STROKE: i32 = Travel::FULL;
 
-    /// Returns a valve that is powered up: off, its spool in neutral, all well until [`sense`](Self::sense) says
+    /// Creates a powered-up valve: off, with its spool in neutral, and healthy until [`sense`](Self::sense) reports
     /// otherwise.
     #[must_use]
-    // 250 bytes, wanted by each device twice: as it is made and as it starts.
+    // 250 bytes, called twice by each device: at creation and at start.
     #[inline(never)]
     pub const fn new(config: ValveConfig, counters: Counters, now: Instant) -> Self {
         Self {
@@ -141,9 +142,9 @@ impl Valve {
         }
     }
 
-    /// Starts anew without a loss of the supply: as [`new`](Self::new), but the spool is where it is and what
-    /// was sensed still holds. Faults are forgotten, and found again after their delay where their causes last; those
-    /// without delay have to be set again.
+    /// Restarts without loss of supply: like [`new`](Self::new), but the spool position and the inputs stay. Faults are
+    /// cleared and activate again after their delay if their causes last; the caller must set those without delay
+    /// again.
     pub fn restart(&mut self, counters: Counters, now: Instant) {
         let now = self.catch_up(now);
         let Self { inputs, spool, .. } = *self;
@@ -153,7 +154,7 @@ impl Valve {
         self.step(now);
     }
 
-    /// Takes the inputs; costs next to nothing when nothing has changed.
+    /// Updates the inputs; cheap if they have not changed.
     pub fn sense(&mut self, inputs: &ValveInputs, now: Instant) {
         let now = self.catch_up(now);
         if *inputs != self.inputs {
@@ -164,45 +165,45 @@ impl Valve {
         }
     }
 
-    /// Lets what is due act; returns after one comparison when nothing is.
+    /// Handles the timers that are due; costs one comparison if none is.
     #[inline]
     pub fn poll(&mut self, now: Instant) {
         self.catch_up(now);
     }
 
-    /// Tells the valve what it may do from now on.
+    /// Changes the permitted drive.
     ///
-    /// The same drive again changes nothing and restarts no timer. Another set-point moves the spool, and monitor 1
-    /// goes on counting as long as the spool is away. Coming from another drive, regulation begins with fresh monitors
-    /// 1 and 2.
+    /// The same drive has no effect and restarts no timer. With a new set-point the spool moves, and the delay of
+    /// monitor 1 continues while the spool is outside the tolerance. When regulation begins after another drive,
+    /// monitors 1 and 2 restart.
     pub fn drive(&mut self, drive: Drive, now: Instant) {
         let now = self.catch_up(now);
         if drive == self.drive {
             return;
         }
         self.note_arrival(now);
-        // Where the monitors also run while the drive is off, the end of that is no beginning for them.
+        // If the monitors also run while the drive is off, the start of regulation does not restart them.
         let begins = match self.config.spool_monitors {
             SpoolMonitors::WhileRegulating => matches!(drive, Drive::Regulate(_)) && !self.regulating(),
             SpoolMonitors::ExceptHandAndStop => matches!(self.drive, Drive::Hand | Drive::EmergencyStop),
         };
         self.drive = drive;
         if begins {
-            // Monitor 2 runs in float alone and begins anew by itself.
+            // Monitor 2 runs in float only and restarts on its own.
             self.at_set_point.restart();
         }
         self.step_spool(now);
         self.schedule();
     }
 
-    /// Restarts monitor 1 of a spool that has come within the tolerance since the last look. Call it before a change.
+    /// Restarts monitor 1 if the spool has reached the tolerance since the last step. Called before a change.
     fn note_arrival(&mut self, now: Instant) {
         if self.wanted().is_some_and(|band| band.contains(self.spool.at(now))) {
             self.at_set_point.restart();
         }
     }
 
-    /// Begins to guard that set-points come, or begins anew.
+    /// Starts or restarts the time guard of the set-points.
     pub fn start_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.start(now);
@@ -216,15 +217,15 @@ impl Valve {
         self.schedule();
     }
 
-    /// Takes note of a valid set-point, acting or not: winds up the guard if it runs, and ends fault 8 in any case.
+    /// Handles a valid set-point, whether applied or not: restarts a running guard, and clears fault 8.
     pub fn feed_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);
         self.schedule();
     }
 
-    /// Takes a set-point that acts: [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one. A valve that
-    /// follows already, with nothing due, takes 570 instructions less for a new set-point.
+    /// Applies a set-point: combines [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive). For a valve that
+    /// already follows, with no deadline reached, this saves 570 instructions per new set-point.
     #[inline(always)]
     pub fn command(&mut self, drive: Drive, now: Instant) {
         let now = now.max(self.now);
@@ -247,8 +248,8 @@ impl Valve {
         self.drive(drive, now);
     }
 
-    /// Returns whether a sound spool follows a position other than neutral without an active fault. Float, springs and
-    /// power save then play no part, and monitor 1 alone can become due with the spool.
+    /// Returns whether a healthy spool follows a non-neutral position without an active fault. Float, springs and power
+    /// save are then not involved, and the only spool deadline is that of monitor 1.
     #[inline]
     fn follows(&self) -> bool {
         matches!(self.drive, Drive::Regulate(SetPoint::Position(_)))
@@ -257,10 +258,10 @@ impl Valve {
             && self.spool.is_free()
     }
 
-    /// Does what [`drive`](Self::drive) does, for a valve that [follows](Self::follows).
+    /// Like [`drive`](Self::drive), for a valve that [follows](Self::follows).
     ///
-    /// No crossing is computed ahead: the spool only comes closer to its target. Its arrival within the tolerance is
-    /// found at the next call that moves it, or when monitor 1 is due.
+    /// No crossing is scheduled, because the spool only approaches its target. Its arrival within the tolerance is
+    /// detected at the next call that moves it, or when monitor 1 is due.
     #[inline]
     fn follow(&mut self, to: Position, now: Instant) {
         let here = self.spool.at_in_cycle(now);
@@ -274,51 +275,52 @@ impl Valve {
         self.spool_due = self.at_set_point.due();
     }
 
-    /// Notes that a cause of the internal error is there, or gone. The fault is active while any is.
+    /// Sets or clears a cause of the internal error. The fault is active while any cause is present.
     pub fn set_internal(&mut self, cause: InternalCause, present: bool, now: Instant) {
         self.catch_up(now);
         self.internal.set(cause, present);
         self.faults.set(Fault::Internal, self.internal.any());
     }
 
-    /// Notes that the CAN controller is bus-off, or has recovered.
+    /// Sets whether the CAN controller is bus-off.
     pub fn set_bus_off(&mut self, bus_off: bool, now: Instant) {
         self.catch_up(now);
         self.faults.set(Fault::CanBus, bus_off);
     }
 
-    /// Sets the occurrence counters of these faults to 0. It counts as stored: the memory has the zeros already.
+    /// Sets the occurrence counters of these faults to 0, without marking them for storage: the memory already holds
+    /// the zeros.
     pub fn clear_counters(&mut self, faults: FaultSet) {
         self.faults.counters.clear(faults);
     }
 
-    /// Sets all occurrence counters to 0, and returns what they were. It counts as stored: whoever takes them has the
-    /// zeros written.
+    /// Sets all occurrence counters to 0 and returns the previous ones, without marking them for storage: the caller
+    /// has the zeros written.
     pub fn take_counters(&mut self) -> Counters {
         self.faults.counters_changed = false;
         core::mem::take(&mut self.faults.counters)
     }
 
-    /// Adds to the occurrence counters: what was cleared and could not be stored so.
+    /// Adds counters back that were cleared, if the clearing could not be stored.
     pub fn add_counters(&mut self, counters: Counters) {
         self.faults.counters = self.faults.counters.plus(counters);
         self.faults.counters_changed = true;
     }
 
-    /// Returns the changes of the faults since this was last called; to be asked after every call that takes a time.
+    /// Returns the fault changes since the last call of this function; to be called after every call with a time.
     #[inline]
     pub fn take_changes(&mut self) -> Changes {
         core::mem::take(&mut self.faults.changes)
     }
 
-    /// Returns whether [`take_changes`](Self::take_changes) has something to tell.
+    /// Returns whether [`take_changes`](Self::take_changes) will return a change.
     #[inline]
     #[must_use]
     pub const fn has_changes(&self) -> bool {
         !self.faults.changes.is_empty()
     }
 
-    /// Returns whether a counter has changed since this was last called: there is something to be stored.
+    /// Returns whether a counter has changed since the last call of this function and must be stored.
     pub fn take_counters_changed(&mut self) -> bool {
         core::mem::take(&mut self.faults.counters_changed)
     }
@@ -337,7 +339,7 @@ impl Valve {
         self.faults.active.contains(fault)
     }
 
-    /// Returns how often the faults have occurred.
+    /// Returns the occurrence counters.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.faults.counters
@@ -350,34 +352,34 @@ impl Valve {
         matches!(self.drive, Drive::Regulate(_))
     }
 
-    /// Returns where the spool is.
+    /// Returns the position of the spool.
     #[must_use]
     #[inline]
     pub fn position(&self, now: Instant) -> Position {
         self.spool.at_in_cycle(now.max(self.now)).position()
     }
 
-    /// Returns the travel of the spool from neutral towards the B-port, of [`STROKE`](Self::STROKE) at full stroke: exact
+    /// Returns the travel of the spool from neutral towards the B-port, [`STROKE`](Self::STROKE) at full stroke. Exact
     /// in each microsecond, for a simulation of the flow.
     #[must_use]
     pub fn opening(&self, now: Instant) -> i32 {
         self.travel(now).steps()
     }
 
-    /// Returns the end of the present straight line of [`opening`](Self::opening) in time, if no call changes it.
-    /// [`NEVER`] for a spool that rests.
+    /// Returns the time at which the velocity of the spool next changes, if no call intervenes; [`NEVER`] for a spool
+    /// at rest.
     #[must_use]
     pub fn bends(&self, now: Instant) -> Instant {
         self.spool.bends(now)
     }
 
-    /// Returns whether the spool is in neutral: within 5 % (A).
+    /// Returns whether the spool is within 5 % of neutral (A).
     #[must_use]
     pub fn in_neutral(&self, now: Instant) -> bool {
         IN_NEUTRAL.contains(self.travel(now))
     }
 
-    /// Returns whether float acts and the spool has reached it, within 5 % (A).
+    /// Returns whether float is commanded and the spool is within 5 % of it (A).
     #[must_use]
     pub fn float_reached(&self, now: Instant) -> bool {
         self.floats() && IN_FLOAT.contains(self.travel(now))
@@ -390,15 +392,15 @@ impl Valve {
         self.regulating() && !self.power_save()
     }
 
-    /// Returns whether the valve is blocked and spares its solenoids.
+    /// Returns whether power save has switched the solenoids off.
     #[inline]
     #[must_use]
     pub fn power_save(&self) -> bool {
         self.power_save == PowerSave::On
     }
 
-    /// Returns when [`poll`](Self::poll) is next due, to the microsecond; [`NEVER`] when only a call can change
-    /// anything.
+    /// Returns the time at which [`poll`](Self::poll) is next due, to the microsecond; [`NEVER`] if only a call can
+    /// change the state.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {
@@ -414,7 +416,7 @@ impl Valve {
         self.drive == Drive::Regulate(SetPoint::Float)
     }
 
-    /// Returns where a set-point moves the spool.
+    /// Returns the destination for a position set-point.
     fn target(&self, position: Position) -> Travel {
         match self.config.actuator_type {
             ActuatorType::OnOff if position > Position::NEUTRAL => Travel::FULL_B,

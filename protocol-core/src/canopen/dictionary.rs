@@ -1,12 +1,13 @@
-//! The object dictionary (CiA 301 7.4): one const table a product, the single source of truth.
+//! The object dictionary (CiA 301 7.4): one const table per product, the single source of truth.
 //!
-//! From the table come look-up, access checks and their aborts, what can be mapped, what "save" stores, and the
-//! defaults. The compiler splits the table: the [`Entries`] name no product, and the services that work with them alone
-//! are compiled once for all products of an image. What lies behind an object is at the position of its entry.
+//! The table drives look-up, access checks with their abort codes, PDO mapping, "save" and the default values. It is
+//! split at compile time: the [`Entries`] are independent of the product, so the services that need only them are
+//! compiled once for all products of an image. The tag `behind` at the same position selects the code that serves an
+//! object.
 
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
-/// The length of the longest text that an object can hold: a manufacturer software version has 47 characters.
+/// The maximum length of a text object: a manufacturer software version has 47 characters.
 pub const TEXT_MAX: usize = 64;
 
 /// The type of an object.
@@ -24,7 +25,7 @@ pub enum DataType {
     I16,
     /// INTEGER32
     I32,
-    /// VISIBLE_STRING of up to so many characters.
+    /// VISIBLE_STRING of at most this many characters.
     Text(u8),
 }
 
@@ -37,29 +38,29 @@ pub enum Access {
     Rw,
 }
 
-/// The kind of PDO that an object can be mapped into.
+/// The PDO direction that an object can be mapped into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mappable {
-    /// Into none.
+    /// Not mappable.
     No,
-    /// Into an RPDO.
+    /// RPDO.
     Rpdo,
-    /// Into a TPDO.
+    /// TPDO.
     Tpdo,
 }
 
-/// The value of a stored object before anything was stored.
+/// The value of a stored object while the memory holds none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DefaultValue {
     /// A number, in the raw bits of its type.
     Number(u32),
     /// A number plus the node ID, `$NODEID+…` of an EDS.
     NodeIdPlus(u32),
-    /// Given by the product: a text.
+    /// A text that the product supplies.
     Product,
 }
 
-/// The value of an object in a new device, as the EDS has it.
+/// The value of an object in a new device, for its EDS.
 #[cfg(feature = "names")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Initial<'a> {
@@ -67,14 +68,14 @@ pub enum Initial<'a> {
     Fixed(Value<'a>),
     /// A number plus the node ID, `$NODEID+…` of an EDS.
     NodeIdPlus(u32),
-    /// Nothing that can be said of every device: a serial number, an entry that does not exist yet.
+    /// Not the same in every new device: a serial number, or an entry that does not exist yet.
     Individual,
 }
 
-/// A group of objects that "save" stores as one (CiA 301 7.5.2.13).
+/// A group of objects that "save" stores together (CiA 301 7.5.2.13).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// All that "save" stores.
+    /// All stored objects.
     All,
     /// 0x1000–0x1FFF
     Communication,
@@ -92,19 +93,18 @@ impl Group {
     }
 }
 
-/// The description of one object, in eight bytes: a product has some eighty of them.
+/// The description of one object, in eight bytes: a product has about 80 objects.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// Index and sub-index in the upper 24 bits, the sort key of the entries; the [flags](flags) in the lowest byte.
+    /// Index and sub-index in the upper 24 bits, the sort key of the entries; the [`flags`] in the lowest byte.
     packed: u32,
-    /// The one number of an object: the most characters of a text, the default of a stored object, the value of a
-    /// constant.
+    /// The maximum length of a text, the default of a stored object, or the value of a constant.
     number: u32,
-    /// The name in an EDS. That of sub-index 0 of an object with sub-indices is the object's own, a colon, and the
-    /// sub-index's: "Identity object: highest sub-index".
+    /// The name in an EDS. For sub-index 0 of an object with sub-indices: the object's name, a colon, and the name of
+    /// the sub-index ("Identity object: highest sub-index").
     #[cfg(feature = "names")]
     pub name: &'static str,
-    /// The lowest and the highest value that the object takes, or has; `None`: those of its type, or no range.
+    /// The lowest and highest value; `None` for the full range of the type, or when a range does not apply.
     #[cfg(feature = "names")]
     pub limits: Option<(i32, i32)>,
 }
@@ -112,7 +112,7 @@ pub struct Entry {
 /// The flags in the lowest byte of an entry.
 mod flags {
     pub(super) const ALL: u32 = 0xFF;
-    /// The type. Of a number the lower two bits are the binary logarithm of its size.
+    /// The data type. For a number, the lower two bits are the binary logarithm of its size in bytes.
     pub(super) const TYPE: u32 = 0b111;
     pub(super) const U8: u32 = 0b000;
     pub(super) const U16: u32 = 0b001;
@@ -123,11 +123,11 @@ mod flags {
     pub(super) const TEXT: u32 = 0b111;
     /// The access.
     pub(super) const WRITABLE: u32 = 1 << 3;
-    /// The PDO that it can be mapped into.
+    /// The PDO direction.
     pub(super) const MAPPABLE: u32 = 0b11 << 4;
     pub(super) const RPDO: u32 = 0b01 << 4;
     pub(super) const TPDO: u32 = 0b10 << 4;
-    /// The default of a stored object; zero when "save" does not store it.
+    /// The kind of default of a stored object; zero if "save" does not store the object.
     pub(super) const DEFAULT: u32 = 0b11 << 6;
     pub(super) const NUMBER: u32 = 0b01 << 6;
     pub(super) const NODE_ID_PLUS: u32 = 0b10 << 6;
@@ -135,7 +135,7 @@ mod flags {
 }
 
 impl Entry {
-    /// The name is dropped without the feature `names`.
+    /// Without the feature `names` the name is dropped.
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     const fn new(object: Multiplexer, data_type: DataType, access: Access, name: &'static str) -> Self {
         let (data_type, number) = match data_type {
@@ -161,7 +161,7 @@ impl Entry {
         }
     }
 
-    /// Returns index and sub-index.
+    /// Returns the index and sub-index.
     #[inline]
     #[must_use]
     pub const fn object(&self) -> Multiplexer {
@@ -175,7 +175,7 @@ impl Entry {
         (self.packed >> 8) as u8
     }
 
-    /// Returns the type.
+    /// Returns the data type.
     #[must_use]
     pub const fn data_type(&self) -> DataType {
         match self.packed & flags::TYPE {
@@ -196,14 +196,14 @@ impl Entry {
         self.packed & flags::TYPE == flags::TEXT
     }
 
-    /// Returns the size of a number in bytes; of a text the most that it can be.
+    /// Returns the size of a number in bytes, or the maximum length of a text.
     #[inline]
     #[must_use]
     pub const fn size(&self) -> u8 {
         if self.is_text() { self.number as u8 } else { 1_u8.wrapping_shl(self.packed & 0b11) }
     }
 
-    /// Checks whether so many bytes can be a value of the object.
+    /// Checks whether a value of the object can have this length.
     ///
     /// # Errors
     /// [`AbortCode::TOO_LONG`] or [`AbortCode::TOO_SHORT`].
@@ -219,7 +219,7 @@ impl Entry {
         }
     }
 
-    /// Returns the value that little-endian bytes are; missing bytes of a number are zero.
+    /// Decodes little-endian bytes; missing bytes of a number are zero.
     #[inline]
     #[must_use]
     pub fn value<'a>(&self, bytes: &'a [u8]) -> Value<'a> {
@@ -233,7 +233,7 @@ impl Entry {
         if self.packed & flags::WRITABLE == 0 { Access::Ro } else { Access::Rw }
     }
 
-    /// Returns the kind of PDO that the object can be mapped into.
+    /// Returns the PDO direction that the object can be mapped into.
     #[must_use]
     pub const fn mappable(&self) -> Mappable {
         match self.packed & flags::MAPPABLE {
@@ -250,7 +250,7 @@ impl Entry {
         self.packed & flags::DEFAULT != 0
     }
 
-    /// Returns the value before anything was stored; `None` for an object that "save" does not store.
+    /// Returns the default; `None` if "save" does not store the object.
     #[must_use]
     pub const fn default(&self) -> Option<DefaultValue> {
         match self.packed & flags::DEFAULT {
@@ -261,17 +261,17 @@ impl Entry {
         }
     }
 
-    /// Returns the number that was given [with](Row::with) the row.
+    /// Returns the number passed to [`with`](Row::with).
     #[inline]
     pub(super) const fn number(&self) -> u32 {
         self.number
     }
 }
 
-/// One row of the table that an object dictionary is written as: an object's description, and what lies behind it.
+/// One row of the dictionary table: the description of an object, and the tag `behind` that selects the code serving
+/// it.
 ///
-/// A service matches on `behind`, never on an index: a row that nothing serves does not compile, nor does code that
-/// serves no row.
+/// Services match on `behind`, never on an index: a row without code does not compile, nor does code without a row.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<B> {
     entry: Entry,
@@ -279,19 +279,19 @@ pub struct Row<B> {
 }
 
 impl<B: Copy> Row<B> {
-    /// Returns a read-only row: not mappable, not stored.
+    /// Creates a read-only row, not mappable and not stored.
     #[must_use]
     pub const fn ro(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
         Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Ro, name), behind }
     }
 
-    /// Returns a row that can be read and written; otherwise as [`ro`](Self::ro).
+    /// Creates a read-write row, otherwise like [`ro`](Self::ro).
     #[must_use]
     pub const fn rw(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
         Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Rw, name), behind }
     }
 
-    /// Returns the same row, mappable.
+    /// Makes the row mappable.
     #[must_use]
     pub const fn mappable(self, mappable: Mappable) -> Self {
         self.flagged(match mappable {
@@ -301,8 +301,8 @@ impl<B: Copy> Row<B> {
         })
     }
 
-    /// Returns the same row, with the lowest and the highest value that the object takes, or has. What lies behind it
-    /// refuses the others; the limits are for its EDS, and dropped without the feature `names`.
+    /// Sets the lowest and highest value for the EDS; the code behind the row enforces them. Without the feature
+    /// `names` the limits are dropped.
     #[must_use]
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     pub const fn within(self, low: i32, high: i32) -> Self {
@@ -312,10 +312,10 @@ impl<B: Copy> Row<B> {
         self
     }
 
-    /// Returns the same row, stored by "save", with this default.
+    /// Makes "save" store the object, with this default.
     ///
     /// # Panics
-    /// When a text has a number for its default: in a const it does not compile.
+    /// If a text has a numeric default; in a const this is a compile error.
     #[must_use]
     pub const fn stored(self, default: DefaultValue) -> Self {
         match default {
@@ -325,10 +325,10 @@ impl<B: Copy> Row<B> {
         }
     }
 
-    /// Returns the same row, with a number for what lies behind it: the value of a constant.
+    /// Sets the number of the row, such as the value of a constant.
     ///
     /// # Panics
-    /// When it is a text: in a const it does not compile.
+    /// If the object is a text; in a const this is a compile error.
     #[must_use]
     pub(super) const fn with(self, number: u32) -> Self {
         assert!(!self.entry.is_text(), "the number of a text is its length");
@@ -344,7 +344,7 @@ const fn key(object: Multiplexer) -> u32 {
     (object.index as u32) << 8 | object.sub as u32
 }
 
-/// The rows of an object dictionary, split into what knows no product and what does.
+/// The rows of an object dictionary, split into the product-independent entries and the product's tags.
 #[derive(Clone, Copy, Debug)]
 pub struct Table<B, const N: usize> {
     entries: [Entry; N],
@@ -352,10 +352,10 @@ pub struct Table<B, const N: usize> {
 }
 
 impl<B: Copy, const N: usize> Table<B, N> {
-    /// Takes rows sorted by index and sub-index; in a const, rows that are not sorted do not compile.
+    /// Splits rows sorted by index and sub-index.
     ///
     /// # Panics
-    /// When the rows are not strictly ascending, or more than 255.
+    /// If the rows are not strictly ascending or more than 255; in a const this is a compile error.
     #[must_use]
     #[allow(
         clippy::indexing_slicing,
@@ -381,10 +381,10 @@ impl<B: Copy, const N: usize> Table<B, N> {
     }
 }
 
-/// The place of an object in a dictionary.
+/// An object's entry and its position in the dictionary.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
-    /// The description.
+    /// The entry.
     pub entry: &'static Entry,
     /// The position of the row.
     pub position: u8,
@@ -395,25 +395,25 @@ pub struct Place {
 pub struct Entries(&'static [Entry]);
 
 impl Entries {
-    /// Returns the places of all objects in their order.
+    /// Iterates over all objects in order.
     pub fn iter(self) -> impl Iterator<Item = Place> {
         self.0.iter().zip(0..).map(|(entry, position)| Place { entry, position })
     }
 
-    /// Returns the places of the objects of a group that "save" stores.
+    /// Iterates over the objects that "save" stores for a group.
     pub fn stored(self, group: Group) -> impl Iterator<Item = Place> {
         self.iter().filter(move |place| place.entry.is_stored() && group.has(place.entry.object().index))
     }
 
-    /// Returns the place at a position; `None` beyond the end.
+    /// Returns the object at a position; `None` beyond the end.
     pub(super) fn place(self, position: u8) -> Option<Place> {
         self.0.get(usize::from(position)).map(|entry| Place { entry, position })
     }
 
-    /// Returns the place of an object.
+    /// Finds an object.
     ///
     /// # Errors
-    /// [`AbortCode::NO_OBJECT`] without such an index, [`AbortCode::NO_SUB`] without such a sub-index.
+    /// [`AbortCode::NO_OBJECT`] if the index does not exist, [`AbortCode::NO_SUB`] if the sub-index does not.
     pub fn find(self, object: Multiplexer) -> Result<Place, AbortCode> {
         let least = key(object) << 8;
         let position = self.0.partition_point(|entry| entry.packed < least);
@@ -425,7 +425,7 @@ impl Entries {
     }
 }
 
-/// An object dictionary: the entries, and what lies behind each.
+/// An object dictionary: the entries, and the tag of each.
 #[derive(Clone, Copy, Debug)]
 pub struct Dictionary<B: 'static> {
     entries: &'static [Entry],
@@ -433,20 +433,20 @@ pub struct Dictionary<B: 'static> {
 }
 
 impl<B: Copy> Dictionary<B> {
-    /// Returns the dictionary of a table.
+    /// Creates the dictionary of a table.
     #[must_use]
     pub const fn new<const N: usize>(table: &'static Table<B, N>) -> Self {
         Self { entries: &table.entries, behind: &table.behind }
     }
 
-    /// Returns the descriptions.
+    /// Returns the entries.
     #[inline]
     #[must_use]
     pub const fn entries(self) -> Entries {
         Entries(self.entries)
     }
 
-    /// Returns what lies behind the object at a position; `None` without one.
+    /// Returns the tag of the object at a position; `None` beyond the end.
     #[inline]
     pub fn behind(self, position: u8) -> Option<B> {
         self.behind.get(usize::from(position)).copied()
@@ -456,7 +456,7 @@ impl<B: Copy> Dictionary<B> {
 /// The value of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value<'a> {
-    /// A number, in the low bits of its type's size.
+    /// A number, in the low bits that its type has.
     Number(u32),
     /// A text.
     Text(&'a [u8]),
@@ -473,7 +473,7 @@ impl Value<'_> {
     }
 }
 
-/// Returns the number that little-endian bytes are; missing ones are zero.
+/// Decodes a little-endian number; missing bytes are zero.
 #[inline]
 pub(super) fn number(bytes: &[u8]) -> u32 {
     let mut number = [0; 4];

@@ -1,5 +1,5 @@
-//! EMCY: the error history (0x1003), the messages that wait for the bus, the producer (0x1014) and the consumer
-//! (0x1028) (CiA 301 7.2.7).
+//! EMCY: the error history (0x1003), the queue of pending messages, the producer (0x1014) and the consumer (0x1028)
+//! (CiA 301 7.2.7).
 
 use heapless::Vec;
 
@@ -9,16 +9,16 @@ use crate::wire::cob_id::CobId;
 use crate::wire::emcy::{Emcy, NO_ERROR};
 use crate::wire::sdo::AbortCode;
 
-/// The number of errors that the history holds (SPEC 4.1).
+/// The number of errors in the history (SPEC 4.1).
 pub(crate) const HISTORY: usize = 8;
 
-/// The number of messages that can wait for the bus (A): every fault of a device, and its end.
+/// The capacity of the queue (A): every fault of a device, and its end.
 const QUEUE: usize = 16;
 
 /// The error history, object 0x1003. It is volatile (A).
 #[derive(Clone, Debug)]
 pub(crate) struct ErrorHistory {
-    /// The newest first.
+    /// Newest first.
     fields: [u32; HISTORY],
     count: u8,
 }
@@ -30,18 +30,19 @@ impl ErrorHistory {
         Self { fields: [0; HISTORY], count: 0 }
     }
 
-    /// Returns the number of errors, sub-index 0.
+    /// Returns the number of errors (sub-index 0).
     #[must_use]
     pub(crate) const fn count(&self) -> u8 {
         self.count
     }
 
-    /// Forgets all errors.
+    /// Removes all errors.
     pub(crate) const fn clear(&mut self) {
         *self = Self::new();
     }
 
-    /// Enters an error: the EMCY code, and what the manufacturer adds in the upper half. The oldest of nine is lost.
+    /// Adds an error: the EMCY code, with the manufacturer's number in the upper half. A ninth error displaces the
+    /// oldest.
     pub(crate) fn enter(&mut self, code: u16, manufacturer: u16) {
         let newest = u32::from(manufacturer) << 16 | u32::from(code);
         let [a, b, c, d, e, f, g, _] = self.fields;
@@ -49,7 +50,7 @@ impl ErrorHistory {
         self.count = self.count.saturating_add(1).min(HISTORY as u8);
     }
 
-    /// Takes back the newest error of this code.
+    /// Removes the newest error with this code.
     pub(crate) fn withdraw(&mut self, code: u16) {
         let entered = self.fields.iter().take(self.count.into());
         let Some(position) = entered.map(|field| *field as u16).position(|entered| entered == code) else { return };
@@ -59,7 +60,7 @@ impl ErrorHistory {
         self.count = self.count.saturating_sub(1);
     }
 
-    /// Returns how often an error is in it.
+    /// Returns how often the history contains an error.
     #[must_use]
     pub(crate) fn times(&self, code: u16, manufacturer: u16) -> u8 {
         let field = u32::from(manufacturer) << 16 | u32::from(code);
@@ -67,7 +68,7 @@ impl ErrorHistory {
         entered.filter(|entered| **entered == field).fold(0, |times, _| times.saturating_add(1))
     }
 
-    /// Returns an error, sub-index 1 being the newest.
+    /// Returns an error; sub-index 1 is the newest.
     ///
     /// # Errors
     /// [`AbortCode::NO_DATA`] beyond the number of errors.
@@ -79,7 +80,7 @@ impl ErrorHistory {
     /// Writes sub-index 0.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for anything but 0, which clears.
+    /// [`AbortCode::INVALID_VALUE`] for any value but 0, which clears the history.
     pub(crate) fn write_count(&mut self, count: u8) -> Result<(), AbortCode> {
         if count != 0 {
             return Err(AbortCode::INVALID_VALUE);
@@ -89,21 +90,21 @@ impl ErrorHistory {
     }
 }
 
-/// An EMCY that waits for the bus.
+/// A pending EMCY.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     message: Emcy,
-    /// The history has an entry for it. A repetition after reset communication made none.
+    /// Whether the history has an entry for it. An EMCY repeated after reset communication has none.
     entered: bool,
 }
 
-/// The EMCYs that wait for the bus, in order: the newest 16, so that the last one always goes out.
+/// The pending EMCYs in order. When full, the oldest is dropped, so that the last one is always sent.
 ///
-/// A message that the controller took stays here until it is known to be on the bus.
+/// A message handed to the controller stays queued until it is known to be on the bus.
 #[derive(Clone, Debug)]
 pub(crate) struct EmcyQueue {
     messages: Vec<Waiting, QUEUE>,
-    /// The number of messages at the front that the controller has.
+    /// The number of messages at the front that the controller holds.
     taken: usize,
 }
 
@@ -114,8 +115,8 @@ impl EmcyQueue {
         Self { messages: Vec::new(), taken: 0 }
     }
 
-    /// Appends a message; `entered` says whether the history has an entry for it. Returns `false` when the oldest message
-    /// was dropped for it unsent.
+    /// Appends a message; `entered` states whether the history has an entry for it. Returns `false` if this dropped the
+    /// oldest message unsent.
     #[must_use]
     pub(crate) fn push(&mut self, message: Emcy, entered: bool) -> bool {
         let mut kept = true;
@@ -129,14 +130,14 @@ impl EmcyQueue {
         kept
     }
 
-    /// Returns whether a message waits that the controller does not have.
+    /// Returns whether a message is waiting for the controller.
     #[inline]
     #[must_use]
     pub(crate) fn is_pending(&self) -> bool {
         self.messages.len() > self.taken
     }
 
-    /// Returns whether the controller may have a message.
+    /// Returns whether the controller may hold a message.
     #[must_use]
     pub(crate) const fn is_taken(&self) -> bool {
         self.taken > 0
@@ -159,8 +160,8 @@ impl EmcyQueue {
         Some(message)
     }
 
-    /// Takes a message back from the controller and queues it again, before those that were not handed out. Returns
-    /// `false` when it was dropped, because newer ones have taken its place.
+    /// Takes a message back from the controller and queues it again, before those not handed out. Returns `false` if
+    /// newer messages have displaced it.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
         let is_it = |position: &usize| self.messages.get(*position).is_some_and(|waiting| waiting.message == message);
@@ -173,11 +174,11 @@ impl EmcyQueue {
         true
     }
 
-    /// Withdraws the messages of an error that are not known to be on the bus, when the controller has none. Returns the
-    /// number of entries in the history that go with them.
+    /// Removes the messages of an error whose sending is not confirmed; the controller must hold none. Returns the
+    /// number of their entries in the history.
     ///
-    /// The end of an error goes with its begin: the first 0000 whose register has no longer all bits of the error. An end
-    /// whose begin was dropped for newer messages stays: its register was true.
+    /// The end of an error is removed with its beginning: the first 0000 whose register lacks a bit of the error. An
+    /// end whose beginning was displaced stays, because its register is correct.
     pub(crate) fn withdraw(&mut self, code: u16, register: u8) -> u8 {
         let mut entries: u8 = 0;
         let mut lasts = false;
@@ -191,12 +192,12 @@ impl EmcyQueue {
         entries
     }
 
-    /// Notes that the controller has dropped its messages: they are pending again.
+    /// Makes the messages pending again that the controller has dropped.
     pub(crate) const fn take_back(&mut self) {
         self.taken = 0;
     }
 
-    /// Notes that everything which the controller had is on the bus.
+    /// Removes the messages that the controller held: all are on the bus.
     #[inline(always)]
     pub(crate) fn sent(&mut self) {
         if self.taken > 0 {
@@ -205,20 +206,20 @@ impl EmcyQueue {
     }
 
     fn drop_taken(&mut self) {
-        // At the most three: to rotate them out takes 200 bytes more.
+        // At most three: rotating them out would take 200 bytes more.
         for _ in 0..core::mem::take(&mut self.taken) {
             self.messages.remove(0);
         }
     }
 
-    /// Forgets all messages.
+    /// Removes all messages.
     pub(crate) fn clear(&mut self) {
         self.messages.clear();
         self.taken = 0;
     }
 }
 
-/// The identifier of the node's own EMCYs, object 0x1014.
+/// The COB-ID of the node's own EMCYs, object 0x1014.
 #[derive(Clone, Debug)]
 pub(crate) struct EmcyProducer {
     cob_id: CobId,
@@ -237,12 +238,12 @@ impl EmcyProducer {
         self.cob_id
     }
 
-    /// Writes object 0x1014: in force at once. Bit 31 switches the EMCY off in any state, whatever the identifier is;
-    /// while it is on, the identifier stays.
+    /// Writes object 0x1014, in force at once. Bit 31 switches EMCYs off, whatever the identifier. While EMCYs are on,
+    /// the identifier cannot change.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] with bit 30, or for an identifier that is reserved, or has 29 bits where those are
-    /// not `extended_ids`; [`AbortCode::DEVICE_STATE`] for another identifier while the EMCY is on.
+    /// [`AbortCode::INVALID_VALUE`] with bit 30 set, for a restricted identifier, or for a 29-bit identifier without
+    /// `extended_ids`; [`AbortCode::DEVICE_STATE`] for a different identifier while EMCYs are on.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id.has_bit_30() {
@@ -260,25 +261,25 @@ impl EmcyProducer {
         Ok(())
     }
 
-    /// Takes a COB-ID, unchecked: a stored one, or the default.
+    /// Loads a stored or default COB-ID without checks.
     pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Returns the identifier of an EMCY; `None` while it is off.
+    /// Returns the identifier of the node's EMCYs; `None` while they are off.
     #[must_use]
     pub(crate) fn id(&self) -> Option<Id> {
         (!self.cob_id.is_off()).then(|| self.cob_id.id())
     }
 
-    /// Returns the identifier of an EMCY as a [key](crate::frame::key).
+    /// Returns the [key](crate::frame::key) of the node's EMCYs; `None` while they are off.
     #[must_use]
     pub(crate) fn key(&self) -> Option<u32> {
         (!self.cob_id.is_off()).then(|| self.cob_id.key())
     }
 }
 
-/// Listens for the EMCY of one other node, object 0x1028:1.
+/// The consumer of another node's EMCYs, object 0x1028:1.
 #[derive(Clone, Debug)]
 pub(crate) struct EmcyConsumer {
     cob_id: CobId,
@@ -300,12 +301,11 @@ impl EmcyConsumer {
         self.cob_id
     }
 
-    /// Writes object 0x1028:1: in force at once. Bit 31 switches the consumer off; the other bits are then not checked,
-    /// and read back as written (A).
+    /// Writes object 0x1028:1, in force at once. Bit 31 switches the consumer off; the other bits are then stored
+    /// unchecked and read back as written (A).
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for an identifier that is reserved, or has 29 bits where those are not
-    /// `extended_ids`.
+    /// [`AbortCode::INVALID_VALUE`] for a restricted identifier, or for a 29-bit identifier without `extended_ids`.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if !cob_id.is_off() && cob_id != self.cob_id && !cob_id.is_usable(extended_ids) {
@@ -315,12 +315,12 @@ impl EmcyConsumer {
         Ok(())
     }
 
-    /// Takes a stored COB-ID, unchecked.
+    /// Loads a stored COB-ID without checks.
     pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Returns the [key](crate::frame::key) of the EMCY that it listens for; `None` while it is off.
+    /// Returns the [key](crate::frame::key) of the consumed EMCYs; `None` while the consumer is off.
     #[must_use]
     pub(crate) fn key(&self) -> Option<u32> {
         (!self.cob_id.is_off()).then(|| self.cob_id.key())

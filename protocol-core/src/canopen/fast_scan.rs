@@ -2,25 +2,25 @@
 
 use crate::wire::lss::{Address, FastScan, Part};
 
-/// The bit check that asks who is there.
+/// The bit check that every unconfigured slave answers; it starts a scan.
 const WHO_IS_THERE: u8 = 0x80;
 
-/// The progress of a scan: the number that is asked for next.
+/// The progress of a scan: the part of the LSS address expected next.
 ///
-/// After the serial number a standard master names 0 as next, the manual's sequence 4, which is no number: either way
-/// the next scan begins with part 0.
+/// After the serial number a standard master sends 0 as the next part, the manual's sequence sends 4, which is no part:
+/// either way the next scan begins with part 0.
 #[derive(Clone, Debug)]
 pub(super) struct ScanPosition {
     part: Part,
 }
 
 impl ScanPosition {
-    /// Returns the beginning of a scan.
+    /// Returns the position at the start of a scan.
     pub(super) const fn new() -> Self {
         Self { part: 0 }
     }
 
-    /// Returns whether the slave with this address answers the question.
+    /// Returns whether the slave with this LSS address answers the request.
     pub(super) fn answers(&mut self, scan: FastScan, address: &Address) -> bool {
         if scan.bit_check == WHO_IS_THERE {
             self.part = 0;

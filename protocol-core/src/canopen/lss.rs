@@ -7,59 +7,60 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::cob_id::NodeId;
 use crate::wire::lss::{Address, Answer, Bound, FastScan, LssNodeId, Part, Request, SUCCESS};
 
-/// The bit timing table of CiA 305, the only one that is supported.
+/// The bit timing table of CiA 305, the only supported one.
 const CIA_TABLE: u8 = 0;
 
-/// The LSS states.
+/// The LSS state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum State {
-    /// Waits to be selected.
+    /// Waiting for selection.
     #[default]
     Waiting,
     /// Selected: can be configured.
     Configuration,
 }
 
-/// The effect of switching to waiting on a pending node ID.
+/// The effect of switching to LSS waiting on a pending node ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OnWaiting {
-    /// Restarts the device under it, as after reset application.
+    /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// Boots a device without node ID under a stored one (CiA 305); otherwise it waits for reset communication.
+    /// A device without node ID boots with a stored one (CiA 305); in any other case the pending node ID waits for
+    /// reset communication.
     Boot,
 }
 
-/// The rules of a product for LSS.
+/// A product's rules for LSS.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
     /// The bit rates that can be configured.
     pub(crate) bit_rates: &'static [BitRate],
-    /// The states in which identify remote slave is answered.
+    /// The states in which the slave answers identify remote slave.
     pub(crate) remote_in: &'static [State],
-    /// The states in which a slave without node ID answers identify non-configured.
+    /// The states in which a slave without node ID answers identify non-configured remote slave.
     pub(crate) non_configured_in: &'static [State],
     /// The states in which a slave without node ID answers fast scan.
     pub(crate) fast_scan_in: &'static [State],
-    /// The slave that a fast scan has found enters configuration.
+    /// Whether the slave found by a fast scan enters configuration.
     pub(crate) fast_scan_selects: bool,
-    /// Node ID 255 removes the node ID.
+    /// Whether node ID 255 removes the node ID.
     pub(crate) takes_node_id_away: bool,
     /// The effect of switching to waiting on a pending node ID.
     pub(crate) on_waiting: OnWaiting,
-    /// NMT start drops the pending configuration.
+    /// Whether NMT start drops the pending configuration.
     pub(crate) start_drops_pending: bool,
     /// The error code for a node ID out of range.
     pub(crate) node_id_error: u8,
-    /// The error code for a bit rate that is not supported.
+    /// The error code for an unsupported bit rate.
     pub(crate) bit_rate_error: u8,
-    /// The error code for a memory that could not be written.
+    /// The error code for a failed memory write.
     pub(crate) store_error: u8,
 }
 
-/// The identity of the device that answers a request.
+/// The identity of the device, for an answer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Identity<'a> {
-    /// The four numbers.
+    /// The LSS address.
     pub(crate) address: &'a Address,
     /// The node ID in force.
     pub(crate) node_id: Option<NodeId>,
@@ -67,18 +68,18 @@ pub(crate) struct Identity<'a> {
     pub(crate) bit_rate: BitRate,
 }
 
-/// A demand of a request on the device.
+/// An action that a request demands of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand {
-    /// Store [`LssSlave::unstored`] as it is now, then answer with [`Answer::Stored`].
+    /// Store [`LssSlave::unstored`] as of this moment, then send [`Answer::Stored`].
     Store,
-    /// Restart as after reset application, under this node ID.
+    /// Restart as after reset application, with this node ID.
     Restart(LssNodeId),
-    /// Boot under the pending node ID, as after reset communication.
+    /// Boot with the pending node ID, as after reset communication.
     Boot,
 }
 
-/// Node ID and bit rate, as far as LSS configured them.
+/// The node ID and bit rate configured by LSS; `None` where LSS configured nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Configuration {
     /// The node ID.
@@ -91,14 +92,14 @@ impl Configuration {
     /// Nothing configured.
     pub(crate) const NONE: Self = Self { node_id: None, bit_rate: None };
 
-    /// Returns the same, with the parts of another where this has none.
+    /// Fills the missing parts from another configuration.
     #[must_use]
     pub(crate) fn or(self, other: Self) -> Self {
         Self { node_id: self.node_id.or(other.node_id), bit_rate: self.bit_rate.or(other.bit_rate) }
     }
 }
 
-/// Node ID and bit rate together: as a device stores them, or has them in force.
+/// A complete pair of node ID and bit rate, as stored or in force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Layer {
     /// The node ID.
@@ -108,25 +109,25 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
-    /// Returns the layer after a change.
+    /// Applies a change.
     #[must_use]
     pub(crate) fn with(self, change: Configuration) -> Self {
         Self { node_id: change.node_id.unwrap_or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
     }
 
-    /// Returns the layer as a configuration of both.
+    /// Converts the layer to a complete configuration.
     #[must_use]
     pub(crate) const fn configuration(self) -> Configuration {
         Configuration { node_id: Some(self.node_id), bit_rate: Some(self.bit_rate) }
     }
 
-    /// Encodes the layer: the node ID, 255 for none, and the index of the bit rate.
+    /// Encodes the node ID (255 for none) and the table index of the bit rate.
     #[must_use]
     pub(crate) fn encode(self) -> [u8; 2] {
         [self.node_id.get(), self.bit_rate.table_index()]
     }
 
-    /// Decodes a layer; `None` for other bytes.
+    /// Decodes a layer; `None` if malformed.
     #[must_use]
     pub(crate) fn decode(payload: &[u8]) -> Option<Self> {
         let &[node_id, bit_rate] = payload else { return None };
@@ -134,21 +135,21 @@ impl Layer {
     }
 }
 
-/// A change of the bit rate: the delay runs twice.
+/// An activation of the bit rate: one delay before the switch, one after it.
 #[derive(Clone, Copy, Debug)]
 struct Activation {
     switch_at: Instant,
     end_at: Instant,
-    /// Until it is in force.
+    /// The new bit rate until it is in force.
     switch_to: Option<Switch>,
 }
 
-/// The bit rate that an activation puts in force.
+/// The bit rate of an activation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Switch {
     /// The bit rate.
     pub(crate) bit_rate: BitRate,
-    /// Whether LSS configured it and did not store it; without a configured one, the one in force stays.
+    /// Whether LSS configured the bit rate and has not stored it. Without a configured one, the present bit rate stays.
     pub(crate) unstored: bool,
 }
 
@@ -156,20 +157,20 @@ pub(crate) struct Switch {
 #[derive(Clone, Debug)]
 pub(crate) struct LssSlave {
     state: State,
-    /// The number of numbers of a switch selective that have agreed so far: none when waiting is entered.
+    /// The number of matching switch-selective numbers so far; 0 on entering waiting.
     matched: Part,
-    /// The number of bounds of an identify remote slave that have held so far.
+    /// The number of identify-remote-slave bounds satisfied so far.
     bounds: u8,
     scan: ScanPosition,
-    /// Configured, and not in force.
+    /// Configured, not yet in force.
     pending: Configuration,
-    /// Configured, and not stored since.
+    /// Configured, not yet stored.
     unstored: Configuration,
     activation: Option<Activation>,
 }
 
 impl LssSlave {
-    /// Returns a slave that waits, with nothing configured.
+    /// Creates a slave in waiting, with nothing configured.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self {
@@ -183,7 +184,7 @@ impl LssSlave {
         }
     }
 
-    /// Takes a request. The caller sees to it that the NMT state allows LSS.
+    /// Handles a request. The caller checks that the NMT state allows LSS.
     pub(crate) fn handle(
         &mut self,
         request: Request,
@@ -215,7 +216,7 @@ impl LssSlave {
         }
     }
 
-    /// Leaves configuration at NMT start.
+    /// Leaves configuration on NMT start.
     pub(crate) fn start(&mut self, rules: &Rules) {
         if rules.start_drops_pending {
             self.end_configuration();
@@ -226,13 +227,14 @@ impl LssSlave {
         }
     }
 
-    /// Ends configuration at reset communication: what is pending is dropped, an activation goes on.
+    /// Drops the pending configuration on reset communication; an activation continues.
     pub(crate) fn end_configuration(&mut self) {
         let activation = self.activation;
         *self = Self { activation, ..Self::new() };
     }
 
-    /// Starts anew at reset application: of an activation only its silence goes on.
+    /// Resets the slave on reset application. A running activation keeps the node silent but no longer changes the bit
+    /// rate.
     pub(crate) fn restart(&mut self) {
         self.end_configuration();
         if let Some(activation) = &mut self.activation {
@@ -240,20 +242,20 @@ impl LssSlave {
         }
     }
 
-    /// Returns the node ID that was configured and is not in force.
+    /// Returns the configured node ID that is not yet in force.
     #[must_use]
     pub(crate) const fn pending_node_id(&self) -> Option<LssNodeId> {
         self.pending.node_id
     }
 
-    /// Returns what was configured and is not stored.
+    /// Returns the configuration that is not yet stored.
     #[must_use]
     pub(crate) const fn unstored(&self) -> Configuration {
         self.unstored
     }
 
-    /// Notes that the memory holds this configuration. What is pending, and another service has overwritten there, is
-    /// to be stored again.
+    /// Records the configuration that the memory now holds. A pending value that another service has overwritten there
+    /// counts as unstored again.
     pub(crate) fn stored(&mut self, stored: Configuration) {
         let Self { pending, unstored, .. } = self;
         if let Some(stored) = stored.node_id {
@@ -264,8 +266,8 @@ impl LssSlave {
         }
     }
 
-    /// Returns whether a slave without node ID has a new one that is stored, and is in waiting: it boots under it (CiA
-    /// 305, transition 4).
+    /// Returns whether a slave without node ID, in waiting, has a new stored node ID: it then boots (CiA 305,
+    /// transition 4).
     #[must_use]
     pub(crate) fn boots(&self, node_id: Option<NodeId>) -> bool {
         let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
@@ -273,7 +275,7 @@ impl LssSlave {
         has_new && self.state == State::Waiting
     }
 
-    /// Returns the bit rate to be put in force now, when its delay has passed.
+    /// Returns the bit rate to apply now, once the first delay has passed.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Switch> {
         let activation = self.activation.as_mut()?;
         let switched = if now >= activation.switch_at { activation.switch_to.take() } else { None };
@@ -283,7 +285,7 @@ impl LssSlave {
         switched
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub(crate) const fn deadline(&self) -> Instant {
@@ -294,7 +296,7 @@ impl LssSlave {
         }
     }
 
-    /// Returns whether nothing may be sent, because the bit rate is being changed.
+    /// Returns whether the node must be silent because the bit rate is changing.
     #[inline]
     #[must_use]
     pub(crate) const fn is_silent(&self) -> bool {
@@ -315,7 +317,7 @@ impl LssSlave {
         }
     }
 
-    /// Takes one number of a switch selective: the four come in order, a mismatch starts over.
+    /// Handles one number of switch selective. The four come in order; a mismatch restarts the sequence.
     fn select(&mut self, part: Part, number: u32, address: &Address) -> Outcome<Answer, Demand> {
         let expected = part == 0 || part == self.matched;
         self.matched = if expected && address.part(part) == Some(number) { part.saturating_add(1) } else { 0 };
@@ -326,7 +328,7 @@ impl LssSlave {
         Outcome::Done(Answer::Selected)
     }
 
-    /// Takes one bound of identify remote slave: the six come in order, one that does not hold starts over.
+    /// Handles one bound of identify remote slave. The six come in order; an unsatisfied bound restarts the sequence.
     fn identify_remote(&mut self, bound: Bound, limit: u32, address: &Address) -> Outcome<Answer, Demand> {
         let [first, .., last] = Bound::ALL;
         let expected = bound == first || Bound::ALL.get(usize::from(self.bounds)) == Some(&bound);
@@ -339,7 +341,7 @@ impl LssSlave {
         if held && bound == last { Outcome::Done(Answer::Identified) } else { Outcome::Nothing }
     }
 
-    /// Takes a question of the fast scan to slaves without node ID.
+    /// Handles a fast scan request, which addresses slaves without node ID.
     fn scan(&mut self, scan: FastScan, identity: Identity<'_>, selects: bool) -> Outcome<Answer, Demand> {
         if self.is_configured(identity) || !self.scan.answers(scan, identity.address) {
             return Outcome::Nothing;
@@ -350,7 +352,7 @@ impl LssSlave {
         Outcome::Done(Answer::Identified)
     }
 
-    /// Returns whether the slave has a node ID, a pending one included (R).
+    /// Returns whether the slave has a node ID, in force or pending (R).
     fn is_configured(&self, identity: Identity<'_>) -> bool {
         identity.node_id.or(self.pending.node_id.and_then(|pending| pending.0)).is_some()
     }

@@ -1,8 +1,8 @@
-//! CANopen services that know no product (CiA 301, CiA 305).
+//! Product-independent CANopen services (CiA 301, CiA 305).
 //!
-//! A product brings its object dictionary as a table and answers for its own objects in it; the services here look up,
-//! check, transfer, time and count, and the node puts them together. They know COB-IDs and states, never what an object
-//! of a device profile means.
+//! A product supplies its object dictionary as a table and serves its own objects. The services do look-up, checks,
+//! transfers, timing and counting; the node combines them. They handle COB-IDs and states, never the meaning of a
+//! device profile's object.
 
 pub mod dictionary;
 pub(crate) mod emcy;

@@ -1,19 +1,19 @@
-//! NMT slave (CiA 301 7.3.2): the communication state, and what a command does to it.
+//! NMT slave (CiA 301 7.3.2): the communication state, and the effect of commands on it.
 
 use crate::outcome::Outcome;
 use crate::wire::nmt::{Command, State};
 
-/// The rules of a product for entering a state by itself.
+/// A product's rules for entering a state without a command.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// The values that 0x1F80 takes.
+    /// The valid values of 0x1F80.
     pub(crate) startup: &'static [u32],
-    /// The one that starts the node after the boot-up.
+    /// The value of 0x1F80 that starts the node after boot-up; `None` if no value does.
     pub(crate) starts_itself: Option<u32>,
 }
 
 impl Rules {
-    /// The rules of a product without such objects.
+    /// The rules of a product without 0x1F80.
     pub(crate) const NONE: Self = Self { startup: &[], starts_itself: None };
 }
 
@@ -24,14 +24,14 @@ pub(crate) enum ErrorBehaviour {
     /// Operational becomes pre-operational.
     #[default]
     PreOperational = 0,
-    /// Nothing.
+    /// No change.
     NoChange = 1,
     /// Operational becomes stopped.
     Stopped = 2,
 }
 
 impl ErrorBehaviour {
-    /// Returns the behaviour of a value; `None` for one that CiA 301 reserves.
+    /// Decodes a value of 0x1029; `None` for a value that CiA 301 reserves.
     #[must_use]
     pub(crate) const fn new(raw: u8) -> Option<Self> {
         match raw {
@@ -42,7 +42,7 @@ impl ErrorBehaviour {
         }
     }
 
-    /// Returns the state that an error in operational leads to.
+    /// Returns the state that a node in operational enters on an error; `None` for no change.
     #[must_use]
     pub(crate) const fn state(self) -> Option<State> {
         match self {
@@ -53,7 +53,7 @@ impl ErrorBehaviour {
     }
 }
 
-/// The scope of a reset that an NMT master demands.
+/// The scope of a reset requested by an NMT master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reset {
     /// Reset communication.
@@ -63,7 +63,7 @@ pub(crate) enum Reset {
 }
 
 impl Reset {
-    /// Returns the reset that a command demands.
+    /// Returns the reset that a command requests; `None` for other commands.
     #[must_use]
     pub(crate) const fn of(command: Command) -> Option<Self> {
         match command {
@@ -81,7 +81,7 @@ pub(crate) struct NmtSlave {
 }
 
 impl NmtSlave {
-    /// Returns a node that initialises.
+    /// Creates a node in initialisation.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { state: State::Initialising }
@@ -94,17 +94,17 @@ impl NmtSlave {
         self.state
     }
 
-    /// Enters pre-operational at the end of initialisation.
+    /// Enters pre-operational after initialisation.
     pub(crate) const fn boot(&mut self) {
         self.state = State::PreOperational;
     }
 
-    /// Enters a state by itself. Returns whether it was another one.
+    /// Enters a state without a command. Returns whether the state changed.
     pub(crate) fn enter(&mut self, state: State) -> bool {
         core::mem::replace(&mut self.state, state) != state
     }
 
-    /// Executes a command: done is the state that was entered. A node that still initialises executes none.
+    /// Executes a command; [`Outcome::Done`] is the state entered. A node in initialisation ignores commands.
     pub(crate) fn execute(&mut self, command: Command) -> Outcome<State, Reset> {
         let entered = match command {
             _ if self.state == State::Initialising => return Outcome::Nothing,
@@ -117,7 +117,7 @@ impl NmtSlave {
         if self.enter(entered) { Outcome::Done(entered) } else { Outcome::Nothing }
     }
 
-    /// Returns whether SDOs and EMCYs are served: everywhere but in stopped and before the boot-up (CiA 301 table 38).
+    /// Returns whether SDO and EMCY are available: in pre-operational and operational (CiA 301 table 38).
     #[inline]
     #[must_use]
     pub(crate) const fn serves(&self) -> bool {

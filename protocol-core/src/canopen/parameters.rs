@@ -1,12 +1,12 @@
-//! The parameters that "save" stores, a record for each group: the values of the stored objects in the order of the
-//! table (CiA 301 7.5.2.13; SPEC 6).
+//! The parameters that "save" stores, one record per group: the values of the stored objects in table order (CiA 301
+//! 7.5.2.13; SPEC 6).
 
 use heapless::VecView;
 
 use super::dictionary::{Entries, Entry, Group, Place, Value};
 
-/// Appends the values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by
-/// its length. `None` when one is missing, or when there is no room for it.
+/// Appends the values of a group's stored objects, read by `value_of`; the length precedes a text. `None` if a value is
+/// missing or does not fit.
 pub(crate) fn encode<'a>(
     entries: Entries,
     group: Group,
@@ -30,12 +30,12 @@ pub(crate) fn encode<'a>(
     Some(())
 }
 
-/// The stored values of a group, object by object.
+/// The stored values of a group, to be read object by object.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stored<'a>(&'a [u8]);
 
 impl<'a> Stored<'a> {
-    /// Takes a payload; `None` unless it has a value for every stored object and nothing else.
+    /// Checks a payload; `None` unless it holds exactly one value for every stored object.
     #[must_use]
     pub(crate) fn decode(entries: Entries, group: Group, payload: &'a [u8]) -> Option<Self> {
         let mut rest = payload;
@@ -45,13 +45,13 @@ impl<'a> Stored<'a> {
         rest.is_empty().then_some(Self(payload))
     }
 
-    /// Returns the value of the next stored object, which is this one.
+    /// Reads the next value; `entry` must be the next stored object.
     pub(crate) fn next_of(&mut self, entry: &Entry) -> Option<Value<'a>> {
         take(entry, &mut self.0)
     }
 }
 
-/// Takes one value off the front.
+/// Removes the first value.
 fn take<'a>(entry: &Entry, rest: &mut &'a [u8]) -> Option<Value<'a>> {
     let mut size = entry.size();
     if entry.is_text() {

@@ -1,7 +1,6 @@
-//! PDO: communication and mapping parameters, and the way of objects into and out of a frame (CiA 301 7.2.2,
-//! 7.5.2.35–38).
+//! PDO: communication and mapping parameters, and the packing of objects into frames (CiA 301 7.2.2, 7.5.2.35–38).
 //!
-//! A mapping is checked and resolved when the PDO is switched on, not for every frame.
+//! The mapping is checked and resolved when the PDO is switched on, not for every frame.
 
 use core::ops::RangeInclusive;
 
@@ -16,36 +15,35 @@ use crate::wire::cob_id::CobId;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
-/// The number of objects that a PDO of these devices can carry (SPEC 4.1).
+/// The maximum number of objects in a PDO of these devices (SPEC 4.1).
 pub(crate) const ENTRIES: usize = 8;
 
-/// The number of bits that a PDO can carry.
+/// The maximum number of bits in a PDO.
 const MAX_BITS: u8 = 64;
 
-/// The rules of a product for its PDOs of one direction.
+/// A product's rules for the PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// The objects that can be mapped.
+    /// The direction that mapped objects must allow.
     pub(crate) direction: Mappable,
-    /// The transmission types that can be set.
+    /// The permitted transmission types.
     pub(crate) transmission_types: &'static [RangeInclusive<u8>],
-    /// 29-bit identifiers can be set.
+    /// Whether 29-bit identifiers are permitted.
     pub(crate) extended_ids: bool,
-    /// A PDO that maps nothing can be switched on.
+    /// Whether a PDO without mapped objects can be switched on.
     pub(crate) may_be_empty: bool,
-    /// Dummies can be mapped.
+    /// Whether dummies can be mapped.
     pub(crate) dummies: bool,
-    /// Mapping entries can be written while sub-index 0 is not 0.
+    /// Whether mapping entries can be written while sub-index 0 is not 0.
     pub(crate) entries_while_counted: bool,
-    /// The PDO has an inhibit time and an event timer.
+    /// Whether the PDO has an inhibit time and an event timer.
     pub(crate) timers: bool,
-    /// Whether a TPDO that waits for the bus tells what was sampled when it became due; otherwise what is true when it
-    /// is sent.
+    /// Whether a pending TPDO carries the values of its due time, rather than those of its sending.
     pub(crate) sampled_when_due: bool,
 }
 
 impl Rules {
-    /// The rules of a PDO that a product does not have.
+    /// The rules for a PDO that the product lacks.
     pub(crate) const NONE: Self = Self {
         direction: Mappable::No,
         transmission_types: &[],
@@ -73,7 +71,7 @@ pub(crate) struct Pdo {
     last: Option<Sample>,
 }
 
-/// The data of a PDO: what the mapped objects hold at an instant.
+/// The data of a PDO: the values of the mapped objects at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Sample(u64);
 
@@ -82,20 +80,20 @@ impl Sample {
     pub(crate) const NOTHING: Self = Self(0);
 }
 
-/// The place of an object in the frame; the gaps of dummies have no slot.
+/// The position of an object in the frame; dummies leave gaps without a slot.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     /// The position of the object in the dictionary.
     position: u8,
-    /// Below 64: there is room for the object behind it.
+    /// The shift of the object in bits, below 64.
     shift: u8,
     mask: u32,
 }
 
 impl Pdo {
-    /// Returns a PDO that is off and maps nothing, to be loaded.
+    /// Creates a PDO that is off and maps nothing, for loading.
     #[must_use]
-    // A call would keep the whole device from being made where it is to stay: 1.7 KB of stack.
+    // Not inlined, it would keep the device from being built in its final place: 1.7 KB of stack.
     #[inline(always)]
     pub(crate) const fn new() -> Self {
         Self {
@@ -115,7 +113,7 @@ impl Pdo {
         self.cob_id
     }
 
-    /// Returns the sub-indices of the communication parameter that tell when it is sent.
+    /// Returns the transmission parameters, sub-indices 2, 3 and 5 of the communication parameter.
     #[must_use]
     pub(crate) const fn transmission(&self) -> &Transmission {
         &self.transmission
@@ -130,20 +128,20 @@ impl Pdo {
     /// Returns a mapping entry, sub-index 1–8.
     ///
     /// # Errors
-    /// [`AbortCode::NO_SUB`] for another one.
+    /// [`AbortCode::NO_SUB`] for any other sub-index.
     pub(crate) fn entry(&self, sub: u8) -> Result<u32, AbortCode> {
         let position = usize::from(sub).checked_sub(1);
         let entry = position.and_then(|position| self.entries.get(position));
         entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
     }
 
-    /// Writes the COB-ID. Bit 31 switches the PDO off in any state; its other bits are then not checked, and read back
-    /// as written (A). While the PDO is on, only bits 30 and 31 may change; bit 30 alone restarts nothing.
+    /// Writes the COB-ID. Bit 31 switches the PDO off; the other bits are then stored unchecked and read back as
+    /// written (A). While the PDO is on, only bits 30 and 31 may change; a change of bit 30 alone does not restart it.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with
-    /// nothing mapped, [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::PDO_TOO_LONG`] when it would be
-    /// switched on with more than 64 bits.
+    /// [`AbortCode::INVALID_VALUE`] for an unusable identifier, or on switching on without mapped objects;
+    /// [`AbortCode::DEVICE_STATE`] for a different identifier while the PDO is on; [`AbortCode::PDO_TOO_LONG`] on
+    /// switching on with more than 64 bits.
     pub(crate) fn write_cob_id(
         &mut self,
         raw: u32,
@@ -171,7 +169,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the transmission type: in force at once, the SYNC count starts anew.
+    /// Writes the transmission type, in force at once; the SYNC count restarts.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for a type that the product does not allow.
@@ -184,7 +182,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the inhibit time. One that runs goes on when the same value is written.
+    /// Writes the inhibit time. Writing the same value does not affect a running inhibit time.
     ///
     /// # Errors
     /// [`AbortCode::DEVICE_STATE`] while the PDO is on.
@@ -199,7 +197,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the event timer: in force at once, the first period begins now.
+    /// Writes the event timer, in force at once; the first period begins now.
     pub(crate) fn write_event_timer(&mut self, value: u16, now: Instant) {
         self.transmission.set_event_timer(value);
         self.transmission.restart_timer(now, self.sends());
@@ -208,8 +206,8 @@ impl Pdo {
     /// Writes the number of mapped objects.
     ///
     /// # Errors
-    /// [`AbortCode::PDO_TOO_LONG`] above 8 or when the entries then there are more than 64 bits,
-    /// [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::NOT_MAPPABLE`] when one of them maps nothing.
+    /// [`AbortCode::PDO_TOO_LONG`] above 8 entries or 64 bits, [`AbortCode::DEVICE_STATE`] while the PDO is on,
+    /// [`AbortCode::NOT_MAPPABLE`] if a counted entry cannot be mapped.
     pub(crate) fn write_count(&mut self, count: u8, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if count == self.count {
             return Ok(());
@@ -224,13 +222,13 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes a mapping entry, sub-index 1–8. One beyond the count can be made [unused](MappingEntry::UNUSED) whatever
-    /// the count is.
+    /// Writes a mapping entry, sub-index 1–8. An entry beyond the count can always be set to
+    /// [unused](MappingEntry::UNUSED) while the PDO is off.
     ///
     /// # Errors
-    /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length, and for
-    /// an unused entry within the count; [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries;
-    /// [`AbortCode::NO_SUB`] for another sub-index.
+    /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist or has another direction or length, and for an
+    /// unused entry within the count; [`AbortCode::DEVICE_STATE`] while the PDO is on or, unless the product allows it,
+    /// while the count is not 0; [`AbortCode::NO_SUB`] for any other sub-index.
     pub(crate) fn write_entry(&mut self, sub: u8, raw: u32, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if self.entry(sub)? == raw {
             return Ok(());
@@ -247,37 +245,37 @@ impl Pdo {
         Ok(())
     }
 
-    /// Takes a stored COB-ID; in force from [`start`](Self::start).
+    /// Loads a stored COB-ID, in force from [`start`](Self::start).
     pub(crate) const fn load_cob_id(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Takes a stored transmission type.
+    /// Loads a stored transmission type.
     pub(crate) const fn load_transmission_type(&mut self, value: u8) {
         self.transmission.set_kind(value);
     }
 
-    /// Takes a stored inhibit time.
+    /// Loads a stored inhibit time.
     pub(crate) const fn load_inhibit(&mut self, value: u16) {
         self.transmission.set_inhibit(value);
     }
 
-    /// Takes a stored event timer.
+    /// Loads a stored event timer.
     pub(crate) const fn load_event_timer(&mut self, value: u16) {
         self.transmission.set_event_timer(value);
     }
 
-    /// Takes a stored number of mapped objects.
+    /// Loads a stored number of mapped objects.
     pub(crate) const fn load_count(&mut self, count: u8) {
         self.count = count;
     }
 
-    /// Takes a stored mapping entry, sub-index 1–8.
+    /// Loads a stored mapping entry, sub-index 1–8.
     pub(crate) fn load_entry(&mut self, sub: u8, raw: u32) {
         self.put_entry(sub, MappingEntry::parse(raw));
     }
 
-    /// Switches on, after everything was loaded, what is to be on; off what was stored and cannot be.
+    /// Switches the PDO on or off as loaded. If its stored parameters are invalid, the PDO stays off.
     pub(crate) fn start(&mut self, rules: &Rules, objects: Entries) {
         self.blank = Frame::EMPTY;
         if self.cob_id.is_off() || self.switch_on(self.cob_id.id(), rules, objects).is_err() {
@@ -285,21 +283,21 @@ impl Pdo {
         }
     }
 
-    /// Returns the [key](crate::frame::key) of its frames; `None` while it is off.
+    /// Returns the [key](crate::frame::key) of the PDO's frames; `None` while the PDO is off.
     #[must_use]
     pub(crate) fn key(&self) -> Option<u32> {
         self.is_on().then(|| self.blank.key())
     }
 
-    /// Returns the mapped objects in the order of the frame, dummies included; none while it is off.
+    /// Returns the mapped objects in frame order, dummies included; empty while the PDO is off.
     #[must_use]
     pub(crate) fn mapping(&self) -> &[MappingEntry] {
         let count = if self.is_on() { usize::from(self.count) } else { 0 };
         self.entries.get(..count).unwrap_or_default()
     }
 
-    /// Returns what a received frame holds, object by object in the order of the mapping: the position in the
-    /// dictionary, and the value. `None` when the frame is shorter than the mapping.
+    /// Unpacks a received frame: the dictionary position and the value of each object in mapping order, without
+    /// dummies. `None` if the PDO is off or the frame is shorter than the mapping.
     pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (u8, u32)>> {
         if !self.is_on() || frame.len() < self.blank.len() {
             return None;
@@ -311,7 +309,7 @@ impl Pdo {
         }))
     }
 
-    /// Returns the data that carry the mapped objects, as `read` gives those at a position.
+    /// Packs the mapped objects, reading the value at each position with `read`.
     #[inline]
     pub(crate) fn sample(&self, mut read: impl FnMut(u8) -> u32) -> Sample {
         Sample(self.slots.iter().fold(0, |bits, slot| {
@@ -319,7 +317,7 @@ impl Pdo {
         }))
     }
 
-    /// Returns the frame that carries a sample of a PDO that is on.
+    /// Returns the frame with this sample; the PDO must be on.
     #[inline]
     pub(crate) fn frame(&self, sample: Sample) -> Frame {
         self.blank.carrying(sample.0.to_le_bytes())
@@ -331,49 +329,49 @@ impl Pdo {
         if self.sends() { self.transmission.sync() } else { AtSync::Nothing }
     }
 
-    /// Returns whether a sample differs from the last one that was sent.
+    /// Returns whether a sample differs from the last one sent.
     #[inline]
     pub(crate) fn has_changed(&self, sample: Sample) -> bool {
         self.last != Some(sample)
     }
 
-    /// Notes that a sample is sent.
+    /// Records that a sample was sent.
     #[inline]
     pub(crate) const fn sent(&mut self, sample: Sample) {
         self.last = Some(sample);
     }
 
-    /// Notes that a frame was lost: it does not count as sent.
+    /// Records the loss of a frame: its sample does not count as sent.
     pub(crate) const fn lost(&mut self) {
         self.last = None;
     }
 
-    /// Starts to send anew, on entering operational: SYNCs count from here, and so does the event timer.
+    /// Restarts the SYNC count and the event timer, on entering operational.
     pub(crate) fn restart(&mut self, now: Instant) {
         self.last = None;
         self.transmission.restart(now, self.sends());
     }
 
-    /// Returns the instant at which the event timer has made the PDO due.
+    /// Returns the time at which the event timer made the PDO due; `None` if it did not.
     #[inline]
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         self.transmission.poll(now)
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub(crate) fn deadline(&self) -> Instant {
         self.transmission.deadline()
     }
 
-    /// Returns whether the PDO is on and sends, or acts, at once.
+    /// Returns whether the PDO is on and has the event-driven transmission type.
     #[must_use]
     pub(crate) const fn is_event_driven(&self) -> bool {
         self.sends() && self.transmission.kind() == EVENT_DRIVEN
     }
 
-    /// Returns whether it is on and maps anything: a PDO of nothing is not sent.
+    /// Returns whether the PDO is on and maps at least one object; an empty PDO is not sent.
     const fn sends(&self) -> bool {
         !self.blank.is_empty()
     }
@@ -389,7 +387,7 @@ impl Pdo {
         }
     }
 
-    /// Checks and resolves the mapping; on an error nothing changes.
+    /// Checks and resolves the mapping. On an error nothing changes.
     fn switch_on(&mut self, id: Id, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         let entries = self.entries.get(..usize::from(self.count)).ok_or(AbortCode::PDO_TOO_LONG)?;
         if entries.is_empty() && !rules.may_be_empty {
@@ -411,7 +409,7 @@ impl Pdo {
     }
 }
 
-/// Returns the position of the object that an entry maps, `None` for a dummy.
+/// Returns the dictionary position of the mapped object; `None` for a dummy.
 fn mapped(entry: MappingEntry, rules: &Rules, objects: Entries) -> Result<Option<u8>, AbortCode> {
     if rules.dummies && entry.is_valid_dummy() {
         return Ok(None);
@@ -426,7 +424,7 @@ fn mapped(entry: MappingEntry, rules: &Rules, objects: Entries) -> Result<Option
     }
 }
 
-/// Returns the sum of the bits of a mapping, at most 64.
+/// Returns the number of mapped bits, at most 64.
 fn bits(entries: &[MappingEntry]) -> Result<u8, AbortCode> {
     let sum = entries.iter().fold(0_u8, |sum, entry| sum.saturating_add(entry.bits));
     if sum <= MAX_BITS { Ok(sum) } else { Err(AbortCode::PDO_TOO_LONG) }

@@ -1,7 +1,6 @@
 //! SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented transfers, both ways.
 //!
-//! The server knows the entries of the dictionary and no objects: it hands out reads and writes, and takes their
-//! results.
+//! The server uses the dictionary entries but no objects: it delegates reads and writes, and receives their results.
 
 use super::dictionary::{Access, Entries, Entry, Place, Value, number};
 use super::sdo_download::Download;
@@ -9,64 +8,64 @@ use super::sdo_upload::Upload;
 use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
-/// After so long without the next segment a transfer is aborted (A).
+/// The timeout for the next segment; on its expiry the transfer is aborted (A).
 pub(crate) const SEGMENT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// The object that an abort names when no transfer was in progress.
+/// The multiplexer of an abort without a transfer in progress.
 const NO_TRANSFER: Multiplexer = Multiplexer::new(0, 0);
 
-/// A request or an answer on the bus.
+/// The data of a request or an answer.
 pub(crate) type Bytes = [u8; 8];
 
-/// The outcome of a request.
+/// The next step after a request.
 #[derive(Debug)]
 pub(crate) enum Step<'a> {
-    /// Nothing: the client has given up.
+    /// No answer.
     Nothing,
-    /// An answer.
+    /// Send an answer.
     Answer(Bytes),
     /// Read the object, then call [`SdoServer::uploaded`].
     Read(Place),
-    /// Write the object, then call [`SdoServer::written`], or [`SdoServer::wait`] for what the write demands of the
+    /// Write the object, then call [`SdoServer::written`], or [`SdoServer::wait`] if the write demands an action of the
     /// device.
     Write {
-        /// The object: it may be written.
+        /// The object; it is writable.
         place: Place,
-        /// The value, of the object's type and length.
+        /// The value, checked for type and length.
         value: Value<'a>,
-        /// The answer to a write that succeeds.
+        /// The answer to a successful write.
         done: Bytes,
     },
 }
 
-/// A server for one client at a time.
+/// An SDO server for one transfer at a time.
 #[derive(Clone, Debug)]
 pub(crate) struct SdoServer {
     transfer: Transfer,
-    /// The instant at which the next segment is overdue; [`NEVER`] while none is expected.
+    /// The time at which the next segment is overdue; [`NEVER`] if none is expected.
     timeout: Instant,
 }
 
 #[derive(Clone, Debug)]
 enum Transfer {
-    /// Nothing is in progress.
+    /// No transfer.
     Idle,
-    /// The client fetches segments.
+    /// The client requests segments.
     Upload(Upload),
     /// The client sends segments.
     Download(Download),
-    /// The client waits for what its write of an object has demanded, and then for this answer.
+    /// The client waits for the action that its write demanded; the answer follows.
     Waiting(Place, Bytes),
 }
 
 impl SdoServer {
-    /// Returns a server with no transfer in progress.
+    /// Creates a server without a transfer.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { transfer: Transfer::Idle, timeout: NEVER }
     }
 
-    /// Takes a request. Inlined where a product is known: the look-up in a table of known length is half as long.
+    /// Handles a request. Inlined into the product's code: with a known table length the look-up is half as long.
     #[inline(always)]
     pub(crate) fn handle<'a>(&'a mut self, bytes: &'a Bytes, objects: Entries, now: Instant) -> Step<'a> {
         let request = Request::parse(bytes);
@@ -102,7 +101,7 @@ impl SdoServer {
         }
     }
 
-    /// Takes a request that begins no transfer.
+    /// Handles a request that does not begin a transfer.
     fn continue_transfer(&mut self, request: Request, now: Instant) -> Step<'_> {
         Step::Answer(match request {
             Request::UploadSegment { toggle } => self.upload_segment(toggle, now),
@@ -120,7 +119,7 @@ impl SdoServer {
         })
     }
 
-    /// Answers an upload with what was read.
+    /// Answers an upload with the value read.
     #[inline]
     pub(crate) fn uploaded(&mut self, place: Place, read: Result<Value<'_>, AbortCode>, now: Instant) -> Bytes {
         let object = place.entry.object();
@@ -131,7 +130,7 @@ impl SdoServer {
         }
     }
 
-    /// Ends a download: `done` is the answer to a write that succeeded.
+    /// Ends a download; `done` is the answer to a successful write.
     pub(crate) fn written(&mut self, place: Place, done: Bytes, written: Result<(), AbortCode>) -> Bytes {
         self.cancel();
         match written {
@@ -140,13 +139,13 @@ impl SdoServer {
         }
     }
 
-    /// Lets the client of a download wait for what the write has demanded.
+    /// Defers the answer to a write until the action it demanded has ended.
     pub(crate) fn wait(&mut self, place: Place, done: Bytes) {
         self.cancel();
         self.transfer = Transfer::Waiting(place, done);
     }
 
-    /// Returns the object whose client waits for what its write has demanded.
+    /// Returns the object whose write awaits the end of an action.
     pub(crate) const fn waits_for(&self) -> Option<Place> {
         match self.transfer {
             Transfer::Waiting(place, _) => Some(place),
@@ -154,25 +153,25 @@ impl SdoServer {
         }
     }
 
-    /// Ends the write that [waits](Self::waits_for); returns its answer.
+    /// Ends the write that [waits](Self::waits_for), and returns its answer.
     pub(crate) fn end(&mut self, result: Result<(), AbortCode>) -> Option<Bytes> {
         let Transfer::Waiting(place, done) = self.transfer else { return None };
         Some(self.written(place, done, result))
     }
 
-    /// Returns the abort of a transfer whose client has stopped sending.
+    /// Returns the abort of a transfer whose next segment is overdue.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Bytes> {
         (now >= self.deadline()).then(|| self.break_off(AbortCode::TIMEOUT))
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub(crate) const fn deadline(&self) -> Instant {
         self.timeout
     }
 
-    /// Ends whatever is in progress, silently: NMT stop, a reset, or the client's own abort.
+    /// Ends any transfer without an answer, on NMT stop, a reset, or an abort by the client.
     pub(crate) fn cancel(&mut self) {
         self.transfer = Transfer::Idle;
         self.timeout = NEVER;
@@ -229,8 +228,8 @@ impl SdoServer {
         }
     }
 
-    /// Ends the transfer in progress with an abort that names its object. A client that waits has sent all it has: the
-    /// segment is another's, and its wait goes on.
+    /// Aborts the transfer in progress, naming its object. A write that waits is not aborted: its client has already
+    /// sent all data.
     fn break_off(&mut self, code: AbortCode) -> Bytes {
         let object = match &self.transfer {
             Transfer::Upload(upload) => upload.object(),
@@ -242,8 +241,8 @@ impl SdoServer {
     }
 }
 
-/// Returns the value of a download of up to four bytes. Without a size, a number's own length is taken from the front,
-/// and of a text the bytes before the zeros at its end (A).
+/// Decodes the value of an expedited download. Without a size indication, a number has its own length, and a text ends
+/// before its trailing zeros (A).
 fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a Bytes) -> Result<Value<'a>, AbortCode> {
     if let Some(size) = size {
         entry.check_length(usize::from(size))?;
@@ -257,7 +256,7 @@ fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a B
     Ok(Value::Text(data.get(..len).unwrap_or(&[])))
 }
 
-/// Returns a text of one to four characters, as an expedited answer carries it.
+/// Returns a text of one to four characters in the form of an expedited answer.
 fn short_text(text: &[u8]) -> Option<(u8, u32)> {
     let size = u8::try_from(text.len()).ok().filter(|size| matches!(size, 1..=4))?;
     Some((size, number(text)))

@@ -3,7 +3,7 @@
 use crate::wire::cob_id::CobId;
 use crate::wire::sdo::AbortCode;
 
-/// Listens for SYNC.
+/// The SYNC consumer.
 #[derive(Clone, Debug)]
 pub(crate) struct SyncConsumer {
     cob_id: CobId,
@@ -13,7 +13,7 @@ impl SyncConsumer {
     /// The default of object 0x1005.
     pub(crate) const DEFAULT: u32 = 0x80;
 
-    /// Listens on the default identifier.
+    /// Creates a consumer with the default identifier.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(Self::DEFAULT) }
@@ -25,11 +25,11 @@ impl SyncConsumer {
         self.cob_id
     }
 
-    /// Writes object 0x1005: in force at once.
+    /// Writes object 0x1005, in force at once.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for a producer (bit 30), or for an identifier that is reserved or has 29 bits where
-    /// those are not `extended_ids`.
+    /// [`AbortCode::INVALID_VALUE`] for a SYNC producer (bit 30), for a restricted identifier, or for a 29-bit
+    /// identifier without `extended_ids`.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id != self.cob_id && (cob_id.has_bit_30() || !cob_id.is_usable(extended_ids)) {
@@ -39,7 +39,7 @@ impl SyncConsumer {
         Ok(())
     }
 
-    /// Takes a stored COB-ID, unchecked.
+    /// Loads a stored COB-ID without checks.
     pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }

@@ -2,13 +2,13 @@
 
 use crate::time::{Duration, Instant, NEVER, delayed, since};
 
-/// The transmission type of the device profile: sends, or acts, at once, and whenever the event timer ends.
+/// The transmission type of the device profile: sends, or acts, at once, and on every expiry of the event timer.
 pub(crate) const EVENT_DRIVEN: u8 = 0xFF;
 
-/// The transmission type of the manufacturer: the event timer alone.
+/// The manufacturer-specific transmission type: event timer only.
 pub(crate) const MANUFACTURER: u8 = 0xFE;
 
-/// The transmission type that sends at a SYNC when the data have changed.
+/// The transmission type that sends at a SYNC if the data have changed.
 pub(crate) const ON_CHANGE: u8 = 0;
 
 /// The unit of the inhibit time.
@@ -17,11 +17,11 @@ const INHIBIT_UNIT_US: u64 = 100;
 /// The effect of a SYNC on a TPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtSync {
-    /// The SYNC does not count, or is not the n-th of a transmission type 1–240.
+    /// None: the TPDO is off, its type is not synchronous, or this is not the n-th SYNC of a type 1–240.
     Nothing,
     /// The TPDO is due.
     Due,
-    /// The TPDO is due when its data are not those last sent.
+    /// The TPDO is due if its data differ from those last sent.
     OnChange,
 }
 
@@ -29,21 +29,21 @@ pub(crate) enum AtSync {
 #[derive(Clone, Debug)]
 pub(crate) struct Transmission {
     kind: u8,
-    /// In 100 µs; 0 is off.
+    /// In units of 100 µs; 0 is off.
     inhibit: u16,
     /// In ms; 0 is off.
     event_timer: u16,
-    /// SYNCs since the last one that sent.
+    /// SYNCs since the last transmission.
     syncs: u8,
-    /// The next end of the event timer.
+    /// The next expiry of the event timer.
     due: Instant,
-    /// The request that waits for the end of the inhibit time.
+    /// The due time of a transmission that waits for the end of the inhibit time.
     requested: Option<Instant>,
     inhibited_until: Instant,
 }
 
 impl Transmission {
-    /// Returns an event-driven transmission without timers.
+    /// Creates an event-driven transmission without timers.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self {
@@ -63,7 +63,7 @@ impl Transmission {
         self.kind
     }
 
-    /// Returns the inhibit time in 100 µs, sub-index 3.
+    /// Returns the inhibit time in units of 100 µs, sub-index 3.
     #[must_use]
     pub(crate) const fn inhibit(&self) -> u16 {
         self.inhibit
@@ -75,30 +75,30 @@ impl Transmission {
         self.event_timer
     }
 
-    /// Sets the transmission type; in force from [`restart`](Self::restart).
+    /// Sets the transmission type, in force from [`restart`](Self::restart).
     pub(crate) const fn set_kind(&mut self, kind: u8) {
         self.kind = kind;
     }
 
-    /// Sets the inhibit time: it runs from the next request.
+    /// Sets the inhibit time, in force from the next transmission.
     pub(crate) const fn set_inhibit(&mut self, inhibit: u16) {
         self.inhibit = inhibit;
         self.inhibited_until = Instant::MIN;
     }
 
-    /// Sets the event timer; in force from [`restart_timer`](Self::restart_timer).
+    /// Sets the event timer, in force from [`restart_timer`](Self::restart_timer).
     pub(crate) const fn set_event_timer(&mut self, event_timer: u16) {
         self.event_timer = event_timer;
     }
 
-    /// Starts anew: SYNCs count from here, and so does the event timer of a PDO that `sends`.
+    /// Restarts the SYNC count and, if the PDO `sends`, the event timer.
     pub(crate) fn restart(&mut self, now: Instant, sends: bool) {
         self.syncs = 0;
         self.restart_timer(now, sends);
     }
 
-    /// Lets the event timer of a PDO that `sends` end a period from now and then at each period. An inhibit time runs
-    /// on (A).
+    /// Restarts the event timer if the PDO `sends`; it expires one period from now and then periodically. A running
+    /// inhibit time continues (A).
     pub(crate) fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;
@@ -123,8 +123,8 @@ impl Transmission {
         AtSync::Due
     }
 
-    /// Returns the instant at which the event timer has made a TPDO due, the inhibit time being over. Of several
-    /// periods the last counts; the grid stays where it is.
+    /// Returns the due time of a TPDO triggered by the event timer, once the inhibit time is over. Missed periods merge
+    /// into the last one, and the timer keeps its grid.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;
@@ -146,7 +146,7 @@ impl Transmission {
         Some(at)
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub(crate) fn deadline(&self) -> Instant {
@@ -160,7 +160,7 @@ impl Transmission {
         Duration::from_millis(self.event_timer as u64)
     }
 
-    /// Returns the last instant of the grid up to now.
+    /// Returns the last expiry of the grid up to `now`.
     #[cold]
     fn last_period(&self, now: Instant) -> Instant {
         let over = since(now, self.due).as_ticks().checked_rem(self.period().as_ticks()).unwrap_or(0);
@@ -183,7 +183,7 @@ mod tests {
         transmission
     }
 
-    /// When it sends until an instant, polled at its deadlines alone.
+    /// Polls at the deadlines only, and returns the times of the transmissions.
     fn sent(transmission: &mut Transmission, until_us: u64) -> std::vec::Vec<u64> {
         let mut sent = std::vec::Vec::new();
         while transmission.deadline().as_micros() <= until_us {
@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(transmission.poll(Instant::from_micros(55_000)), Some(Instant::from_micros(50_007)));
         assert_eq!(transmission.poll(Instant::from_micros(55_001)), None);
         assert_eq!(transmission.deadline(), Instant::from_micros(60_007));
-        // At the very end of a period: that one counts, not the one before.
+        // Exactly at the end of a period: that period counts, not the one before.
         assert_eq!(transmission.poll(Instant::from_micros(70_007)), Some(Instant::from_micros(70_007)));
         assert_eq!(transmission.deadline(), Instant::from_micros(80_007));
     }
@@ -228,11 +228,11 @@ mod tests {
         // 2.5 ms
         let mut transmission = cyclic(1, 25);
         assert_eq!(sent(&mut transmission, 9_000), [1_007, 3_507, 6_007, 8_507]);
-        // From when it was due, not from a late look.
+        // From the due time, not from a late poll.
         let mut transmission = cyclic(1, 25);
         assert_eq!(transmission.poll(Instant::from_micros(1_400)), Some(Instant::from_micros(1_007)));
         assert_eq!(sent(&mut transmission, 7_000), [3_507, 6_007]);
-        // Not longer than the period.
+        // An inhibit time equal to the period.
         let mut transmission = cyclic(1, 10);
         assert_eq!(sent(&mut transmission, 3_007), [1_007, 2_007, 3_007]);
     }

@@ -1,4 +1,4 @@
-//! A device of any product, for platforms that learn the product at run time.
+//! A device of any product, for platforms that select the product at run time.
 
 use super::hat::Hat;
 use super::pve::{PveCanopen, PveIsobus};
@@ -6,7 +6,7 @@ use super::{Device, Kind, Protocol, Setup, StartCause};
 use crate::memory::Memory;
 use crate::time::Instant;
 
-/// A device of any product, in place: as large as the largest.
+/// A device of any product, stored inline: as large as the largest.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "a board has one device, and no allocator to put it elsewhere")]
 pub enum AnyDevice {
@@ -19,7 +19,7 @@ pub enum AnyDevice {
 }
 
 impl AnyDevice {
-    /// Returns a device that is powered up with what the memory holds.
+    /// Creates a device and powers it up with the contents of the memory.
     #[must_use]
     pub fn power_on(setup: Setup, memory: &dyn Memory, cause: StartCause, now: Instant) -> Self {
         let mut device = Self::new(setup);
@@ -27,9 +27,9 @@ impl AnyDevice {
         device
     }
 
-    /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there.
+    /// Creates a device without power, to be moved to its final place and [started](Self::start_up) there.
     #[must_use]
-    // As `Runtime::new`: made where it is to stay.
+    // Inlined like `Runtime::new`, so that the device is built in its final place.
     #[inline(always)]
     pub fn new(setup: Setup) -> Self {
         match setup.kind {
@@ -41,7 +41,7 @@ impl AnyDevice {
         }
     }
 
-    /// Powers a new device up with what the memory holds.
+    /// Powers up a new device with the contents of the memory.
     pub fn start_up(&mut self, memory: &dyn Memory, cause: StartCause, now: Instant) {
         match self {
             Self::PveCanopen(device) => device.start_up(memory, cause, now),
@@ -50,7 +50,7 @@ impl AnyDevice {
         }
     }
 
-    /// Returns the device.
+    /// Returns the device as a trait object.
     #[must_use]
     pub const fn as_dyn(&self) -> &dyn Device {
         match self {
@@ -60,7 +60,7 @@ impl AnyDevice {
         }
     }
 
-    /// Returns the device, to be run.
+    /// Returns the device as a mutable trait object.
     pub const fn as_dyn_mut(&mut self) -> &mut (dyn Device + Send) {
         match self {
             Self::PveCanopen(device) => device,

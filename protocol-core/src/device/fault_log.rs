@@ -1,38 +1,39 @@
 //! The schedule of the fault log (SPEC 6): written within a second of the first change, then at most every ten seconds.
-//! The change after a clearing counts as a first one.
+//! The first change after a clearing is again written within a second.
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The time for which a change of the fault log waits for more changes (A): the log is written within one second.
+/// The time for which a change of the fault log waits for further changes (A), so that the log is written within one
+/// second.
 pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
 
-/// The least time between two writes of the fault log (A).
+/// The minimum time between two writes of the fault log (A).
 pub const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
 
-/// The time at which the fault log is due.
+/// The schedule of fault log writes.
 #[derive(Clone, Debug)]
 pub struct FaultLogClock {
-    /// [`NEVER`] while the memory holds the present counters, or is being given them.
+    /// [`NEVER`] while the memory holds the present counters, or a write of them is in progress.
     due: Instant,
-    /// No write is due before this.
+    /// The earliest time of the next write.
     earliest: Instant,
 }
 
 impl FaultLogClock {
-    /// Returns the clock of a log that the memory holds.
+    /// Creates the schedule of a log that is already stored.
     #[must_use]
     pub const fn new() -> Self {
         Self { due: NEVER, earliest: Instant::MIN }
     }
 
-    /// Notes that a counter has changed.
+    /// Records a change of a counter.
     pub fn changed(&mut self, now: Instant) {
         if !self.is_dirty() {
             self.due = delayed(now, FAULT_LOG_DELAY).max(self.earliest);
         }
     }
 
-    /// Returns when the log is due; [`NEVER`] when the memory holds it.
+    /// Returns the time at which a write is due; [`NEVER`] if none is needed.
     #[inline]
     #[must_use]
     pub const fn due(&self) -> Instant {
@@ -45,17 +46,17 @@ impl FaultLogClock {
         self.due != NEVER
     }
 
-    /// Notes that the log is being written as it is now.
+    /// Records the beginning of a write with the present counters.
     pub const fn begun(&mut self) {
         self.due = NEVER;
     }
 
-    /// Notes that the log is being written with cleared counters: the next change is a first one.
+    /// Records the beginning of a write with cleared counters: the next change counts as a first one.
     pub const fn clearing(&mut self) {
         *self = Self::new();
     }
 
-    /// Notes that the write has ended; a failed one is due again. A clearing that is stored needs no note.
+    /// Records the end of a write; a failed one is due again. Not to be called for a successful clearing.
     pub fn ended(&mut self, stored: bool, now: Instant) {
         self.earliest = delayed(now, FAULT_LOG_INTERVAL);
         if self.is_dirty() || !stored {

@@ -1,39 +1,39 @@
-//! Inputs and outputs of a device: those that all devices have, and those of a product.
+//! Inputs and outputs: those common to all devices, and those of a product.
 
 use super::Kind;
 use crate::actuator::{Led, ValveInputs};
 use crate::controller::BusErrorMode;
 use crate::encoder::Shaft;
 
-/// The inputs of a device: everything that it senses of the world around it.
+/// The inputs of a device: everything that it senses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Inputs {
-    /// An internal fault that is injected from outside.
+    /// Whether an internal fault is injected.
     pub internal_fault: bool,
-    /// The CAN controller's error mode.
+    /// The error mode of the CAN controller.
     pub bus: BusErrorMode,
-    /// The inputs of the product. A device that is given those of another product keeps its own.
+    /// The inputs of the product. A device ignores those of another product.
     pub product: ProductInputs,
 }
 
 /// The inputs of a product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProductInputs {
-    /// A valve: its supply, its temperature and its spool.
+    /// The supply, temperature and spool of a valve.
     Valve(ValveInputs),
-    /// An encoder: its shaft.
+    /// The shaft of an encoder.
     Encoder(Shaft),
 }
 
 impl Default for ProductInputs {
-    /// Returns those of a healthy valve.
+    /// Returns the inputs of a healthy valve.
     fn default() -> Self {
         Self::Valve(ValveInputs::default())
     }
 }
 
 impl Inputs {
-    /// Returns the inputs of a healthy device of this kind: a valve its supply, an encoder a shaft that rests at 0.
+    /// Returns the inputs of a healthy device of this kind; the shaft of an encoder rests at 0.
     #[must_use]
     pub fn healthy(kind: Kind) -> Self {
         match kind {
@@ -57,7 +57,7 @@ impl Inputs {
         }
     }
 
-    /// Returns the same, to be changed.
+    /// Returns the inputs of a valve, mutable; `None` for another product.
     #[must_use]
     pub const fn valve_mut(&mut self) -> Option<&mut ValveInputs> {
         match &mut self.product {
@@ -75,7 +75,7 @@ impl Inputs {
         }
     }
 
-    /// Returns the same, to be changed.
+    /// Returns the shaft of an encoder, mutable; `None` for another product.
     #[must_use]
     pub const fn shaft_mut(&mut self) -> Option<&mut Shaft> {
         match &mut self.product {
@@ -88,9 +88,9 @@ impl Inputs {
 /// The outputs of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
-    /// A valve: its solenoids and its LED.
+    /// The solenoids and LED of a valve.
     Valve(ValveOutputs),
-    /// An encoder: nothing.
+    /// An encoder has no outputs.
     Encoder,
 }
 
@@ -108,7 +108,7 @@ impl Outputs {
 /// The outputs of a valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveOutputs {
-    /// The solenoids are energised.
+    /// Whether the solenoids are energised.
     pub solenoids: bool,
     /// The LED.
     pub led: Led,

@@ -1,7 +1,7 @@
-//! The products, and [`Device`], their common face.
+//! The products, and their common interface [`Device`].
 //!
-//! A device is sans-IO: frames, time and inputs go in; frames, effects and outputs come out. It never blocks,
-//! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
+//! A device is sans-IO: frames, time and inputs go in; frames, effects and outputs come out. It never blocks, reads no
+//! clock and accesses no hardware. [`pump`](crate::pump::pump) connects it to a controller.
 
 mod any;
 #[cfg(feature = "names")]
@@ -30,23 +30,23 @@ use crate::frame::Frame;
 use crate::memory::{Memory, Record, RecordKey, StoreError};
 use crate::time::Instant;
 
-/// A demand of a device on its platform that is not a frame.
+/// An action that a device demands of its platform.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// Write this record; answer with [`Device::stored`]. One at a time: the next is handed out after the answer.
+    /// Write this record, then call [`Device::stored`]. The next write is handed out only after that call.
     Store(RecordKey, Record),
-    /// Run the bus at this bit rate from now on. The device has [withdrawn](Device::take_abort) all frames before.
+    /// Run the bus at this bit rate from now on. The device has already [aborted](Device::take_abort) all frames.
     SetBitRate(BitRate),
-    /// Read the memory again and call [`Device::restart`], then set the controller to [`Device::bit_rate`].
+    /// Read the memory again, call [`Device::restart`], then set the controller to [`Device::bit_rate`].
     Restart(Restart),
 }
 
-/// The scope of a restart (CiA 301, NMT), the narrower scope first.
+/// The scope of a restart (CiA 301, NMT), narrower first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Restart {
-    /// Reset communication: the communication objects alone.
+    /// Reset communication: the communication objects only.
     Communication,
-    /// Reset application, and what restarts "as after" it.
+    /// Reset application, and every other full restart.
     Application,
 }
 
@@ -59,79 +59,79 @@ impl From<Reset> for Restart {
     }
 }
 
-/// Why the device is powered up.
+/// The cause of a power-up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StartCause {
-    /// Power came on.
+    /// The power was switched on.
     #[default]
     PowerOn,
-    /// The watchdog, or a panic, reset the processor: raises the internal error.
+    /// The watchdog or a panic reset the processor, which raises the internal error.
     Watchdog,
 }
 
-/// A stand-in on the bus, whatever its protocol and product.
+/// A simulated device on the bus, independent of protocol and product.
 ///
-/// `now` never runs backwards for a device: an instant earlier than the last one counts as the last one. So does an instant
-/// from 2^63 µs on, to which no clock comes.
+/// The time of a device never runs backwards: a `now` earlier than the last one counts as the last one, and so does a
+/// time from 2^63 µs on, which no clock reaches.
 pub trait Device {
-    /// Takes a frame from the bus. Returns whether it was for the device; a frame for another changes nothing.
+    /// Handles a received frame. Returns whether it was for the device; other frames have no effect.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
-    /// Returns the filters of the device: at first, and whenever they have changed. Every frame for the device passes
-    /// one of them; many others pass as well.
+    /// Returns the filters of the device: after the start, and whenever they have changed. They pass every frame for
+    /// the device, and many others.
     fn take_filters(&mut self) -> Option<Filters>;
 
-    /// Takes the inputs; to be called when any of them has changed, and once after the start.
+    /// Updates the inputs. To be called after every change of them, and once after the start.
     fn sense(&mut self, inputs: &Inputs, now: Instant);
 
-    /// Lets the timers that are due act; costs next to nothing before [`deadline`](Self::deadline).
+    /// Handles the timers that are due; cheap before [`deadline`](Self::deadline).
     fn poll(&mut self, now: Instant);
 
-    /// Returns the identifiers of frames that the controller took and that must not go out any more:
-    /// [`Controller::abort`] them, and ask again until there are none.
+    /// Returns a filter for frames that the controller may hold but must no longer send: [`Controller::abort`] them,
+    /// and call again until there are none.
     ///
     /// [`Controller::abort`]: crate::controller::Controller::abort
     fn take_abort(&mut self) -> Option<Filter>;
 
-    /// Makes the most urgent pending frame, as things are at `now`: in the order of arbitration, first come first
-    /// served among equals. The frame counts as the controller's until it is [given back](Self::give_back).
+    /// Encodes the most urgent pending frame with the state at `now`. Frames of equal identifiers keep their order. The
+    /// controller then holds the frame, unless it is [given back](Self::give_back).
     fn next_frame(&mut self, now: Instant) -> Option<Frame>;
 
-    /// Takes back a frame that the controller could not take, or gave back for a more urgent one, and queues it again.
+    /// Takes back a frame that the controller rejected, or returned in favour of a more urgent one, and queues it
+    /// again.
     fn give_back(&mut self, frame: Frame);
 
-    /// Takes note that every frame which the controller took is on the bus by `now`. Returns whether that makes another
-    /// one ready to be sent.
+    /// Records that all frames taken by the controller are on the bus by `now`. Returns whether a further frame can now
+    /// be sent.
     fn all_sent(&mut self, now: Instant) -> bool;
 
-    /// Returns the next effect. A store and a new bit rate are handed out at any time: a bus that takes
-    /// nothing keeps neither waiting. A restart is handed out only when `all_sent`: it must not swallow the answer
-    /// before it.
+    /// Returns the next effect. Stores and bit rates are handed out at any time, so a blocked bus does not delay them.
+    /// A restart is handed out only if `all_sent`, so that it does not drop a preceding answer.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect>;
 
-    /// Answers [`Effect::Store`].
+    /// Reports the result of [`Effect::Store`].
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant);
 
-    /// Answers [`Effect::Restart`] with what the memory holds now.
+    /// Carries out [`Effect::Restart`] with the present contents of the memory.
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant);
 
-    /// Stores everything pending at once: the platform is about to be switched off.
+    /// Requests all pending writes at once, before the platform is switched off.
     fn flush(&mut self, now: Instant);
 
-    /// Returns when [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) when only a frame or a sense can
-    /// change anything.
+    /// Returns the time at which [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) if only a frame or new
+    /// inputs can change the state.
     fn deadline(&self) -> Instant;
 
     /// Returns the outputs of the device.
     fn outputs(&self) -> Outputs;
 
-    /// Returns the bit rate that the device is set to.
+    /// Returns the bit rate in force.
     fn bit_rate(&self) -> BitRate;
 
-    /// Returns the node ID in force; `None` for a device that has none.
+    /// Returns the node ID or address in force; `None` if there is none.
     fn node_id(&self) -> Option<u8>;
 
-    /// Returns the number of dropped frames: for want of room in the queue, by bus-off, or during a change of the bit
-    /// rate. No frame is lost silently.
+    /// Returns the number of frames dropped because of a full queue, bus-off or a change of the bit rate. Every lost
+    /// frame is counted.
     fn frames_dropped(&self) -> u32;
 }

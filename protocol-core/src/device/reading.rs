@@ -1,24 +1,24 @@
-//! The reading of the memory at a start: each record checked, the corrupt ones noted (SPEC 6).
+//! Reading of the memory at a start: each record is checked, and corrupt ones are noted (SPEC 6).
 
 use crate::memory::{Memory, RecordKey, open};
 
-/// The records of a memory, and which of them are corrupt.
+/// A memory, and the corrupt records found in it.
 pub struct Reading<'a> {
     memory: &'a dyn Memory,
-    /// A bit each, by the record's position.
+    /// One bit per record, by its position.
     corrupt: u8,
 }
 
 const _: () = assert!(RecordKey::ALL.len() <= 8);
 
 impl<'a> Reading<'a> {
-    /// Begins to read a memory.
+    /// Starts reading a memory.
     #[must_use]
     pub const fn new(memory: &'a dyn Memory) -> Self {
         Self { memory, corrupt: 0 }
     }
 
-    /// Decodes a record of this version; `None` when it was never written, or is corrupt, which is noted.
+    /// Decodes a record of this version; `None` if it was never written or is corrupt. A corrupt record is noted.
     pub fn record<T>(&mut self, key: RecordKey, version: u8, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         let decoded = decode(self.payload(key, version)?);
         if decoded.is_none() {
@@ -45,13 +45,13 @@ impl<'a> Reading<'a> {
         self.memory.sealed(key) == Ok(None)
     }
 
-    /// Returns whether a record that was asked for is corrupt.
+    /// Returns whether a record was read and found corrupt.
     #[must_use]
     pub const fn is_corrupt(&self, key: RecordKey) -> bool {
         self.corrupt & bit(key) != 0
     }
 
-    /// Returns whether the memory as a whole is damaged.
+    /// Returns whether the entire memory is damaged.
     #[must_use]
     pub fn is_damaged(&self) -> bool {
         self.memory.is_damaged()

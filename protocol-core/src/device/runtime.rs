@@ -1,7 +1,7 @@
-//! The runtime of a device: the parts that all devices share, and [`Device`], implemented once.
+//! The runtime: the common part of all devices, with the one implementation of [`Device`].
 //!
-//! An [`Application`] is a protocol's node with a product in it. The runtime gives it a time that never runs back,
-//! wakes it when something is due, hands out its writes one at a time, and carries it through restarts.
+//! An [`Application`] combines the node of a protocol with a product. The runtime gives it a time that never runs
+//! backwards, wakes it at its deadlines, hands out its writes one at a time, and handles restarts.
 
 use heapless::VecView;
 
@@ -14,62 +14,62 @@ use crate::frame::Frame;
 use crate::memory::{self, Memory, RecordKey, StoreError};
 use crate::time::{Instant, NEVER, latest};
 
-/// The kinds of write that every device asks for: what a new memory lacks, and the fault log.
+/// The kinds of write common to all devices: the records missing in a new memory, and the fault log.
 const OWN_WRITES: [Write; 3] = [
     Write::new(RecordKey::Factory, Requester::Device),
     Write::new(RecordKey::LocalLayer, Requester::Device),
     Write::new(RecordKey::FaultLog, Requester::Device),
 ];
 
-/// The product's part of a write to the memory.
+/// The product's part of a memory write.
 pub trait Storing {
-    /// Appends the payload of a write, with the present state; `None` without a payload, or if it is longer than a record
-    /// holds.
+    /// Appends the payload of a write, with the present state; `None` if there is none or it exceeds the size of a
+    /// record.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
-    /// Takes the memory's answer to a write.
+    /// Handles the result of a write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base);
 }
 
-/// A protocol's node with a product in it.
+/// The node of a protocol combined with a product.
 ///
-/// Each call happens at [`Base::now`], after everything that was due before then has acted.
+/// Every call takes place at [`Base::now`], after all earlier deadlines were handled.
 pub trait Application: Storing + Sized {
     /// The setup of a device.
     type Setup;
-    /// The services that listen to frames.
+    /// The services that receive frames.
     type Service: Copy;
 
-    /// The device keeps a fault log.
+    /// Whether the device keeps a fault log.
     const FAULT_LOG: bool;
     /// The version of the payloads of its records.
     const RECORD_VERSION: u8;
-    /// The kinds of write that the product asks for, beside those of every device: each record with each requester. The
-    /// queue has a place for each.
+    /// The kinds of write of the product, in addition to those of all devices: pairs of record and requester. The queue
+    /// has a place for each.
     const WRITES: &'static [Write];
 
-    /// Returns an application that has no power yet.
+    /// Creates an application without power.
     fn new(setup: Self::Setup) -> Self;
 
-    /// Returns the service that a frame is for, by its identifier and as few bytes as tell: most frames are for none.
+    /// Returns the service that a frame belongs to, examining as little of it as possible: most frames belong to none.
     fn service(&self, frame: &Frame) -> Option<Self::Service>;
 
-    /// Takes a frame for one of the services.
+    /// Handles a frame of a service.
     fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
-    /// Takes a frame for one of the services while a restart waits. Most are ignored then.
+    /// Handles a frame of a service while a restart is pending. Most are ignored then.
     fn handle_restarting(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
-    /// Lets the timers that are due act.
+    /// Handles the timers that are due.
     fn poll(&mut self, base: &mut Base);
 
-    /// Acts on the changes of the last call: called after each of the others, before the next deadline is read.
+    /// Applies the changes of the preceding call; called after every other call, before the deadline is read.
     fn apply_changes(&mut self, base: &mut Base);
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     fn deadline(&self) -> Instant;
 
-    /// Takes the inputs of the device.
+    /// Updates the inputs of the device.
     fn sense(&mut self, inputs: &Inputs, base: &mut Base);
 
     /// See [`Device::take_filters`].
@@ -84,21 +84,21 @@ pub trait Application: Storing + Sized {
     /// See [`Device::give_back`].
     fn give_back(&mut self, frame: Frame);
 
-    /// Notes that every frame which the controller took is on the bus by now. Returns whether this may have changed more
-    /// than the pending frames, such as the deadline.
+    /// Records that all frames taken by the controller are on the bus. Returns whether this may have changed more than
+    /// the pending frames, such as the deadline.
     fn all_sent(&mut self, base: &mut Base) -> bool;
 
     /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
 
-    /// Returns a bit rate to be in force from now on.
+    /// Returns the bit rate if it must now come into force.
     fn take_bit_rate(&mut self) -> Option<BitRate>;
 
-    /// Starts with what the memory holds: power-up, or a restart of this scope. Of power-up and reset application the
-    /// queue of writes is empty.
+    /// Starts with the contents of the memory, on power-up or on a restart of this scope. On power-up and reset
+    /// application the write queue is empty.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base);
 
-    /// Notes that the watchdog, or a panic, has reset the processor.
+    /// Handles a processor reset by the watchdog or a panic.
     fn watchdog_reset(&mut self, base: &mut Base);
 
     /// See [`Device::outputs`].
@@ -114,7 +114,7 @@ pub trait Application: Storing + Sized {
     fn frames_dropped(&self) -> u32;
 }
 
-/// The state that every device has.
+/// The state common to all devices.
 #[derive(Clone, Debug)]
 pub struct Base {
     now: Instant,
@@ -125,58 +125,58 @@ pub struct Base {
     restart: PendingRestart,
 }
 
-/// The restarts under way.
+/// The state of pending restarts.
 #[derive(Clone, Debug, Default)]
 struct PendingRestart {
-    /// Waits until nothing is being written and all is sent.
+    /// The restart that waits until all writes have ended and all frames are sent.
     wanted: Option<Restart>,
-    /// In the platform's hands.
+    /// Whether the platform is carrying out a restart.
     handed_out: bool,
-    /// The fault log write in flight was begun for the restart.
+    /// Whether the fault log write in flight was begun for the restart.
     log_begun: bool,
-    /// The write begun for the restart has failed: it is not tried again.
+    /// Whether the write begun for the restart has failed; it is not repeated.
     log_failed: bool,
 }
 
 impl PendingRestart {
-    /// Returns whether a restart waits, and none is being carried out.
+    /// Returns whether a restart is pending and none is being carried out.
     const fn is_due(&self) -> bool {
         self.wanted.is_some() && !self.handed_out
     }
 }
 
 impl Base {
-    /// Returns the present instant.
+    /// Returns the present time.
     #[inline]
     #[must_use]
     pub const fn now(&self) -> Instant {
         self.now
     }
 
-    /// Goes to `now`, or stays at the last instant. A function of its own: the smallest firmware has no room for copies
-    /// of it.
+    /// Advances the time; an earlier time has no effect. Not inlined, because the smallest firmware has no room for
+    /// copies.
     #[inline(never)]
     fn go_to(&mut self, now: Instant) {
         self.now = latest(self.now, now);
     }
 
-    /// Requests a restart. Until it is carried out the device takes no frames but those of
-    /// [`Application::handle_restarting`], and its timers go on, the time guard too (A). Of two restarts the wider one
-    /// counts.
+    /// Requests a restart. Until it is carried out, the device ignores all frames but those of
+    /// [`Application::handle_restarting`]; its timers keep running, including the time guard (A). Of two restarts the
+    /// wider scope wins.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_begun = false;
         self.restart.log_failed = false;
     }
 
-    /// Returns whether a restart is under way.
+    /// Returns whether a restart is pending or being carried out.
     #[inline]
     #[must_use]
     pub const fn is_restarting(&self) -> bool {
         self.restart.wanted.is_some() || self.restart.handed_out
     }
 
-    /// Asks for what a new memory lacks.
+    /// Requests the writes of records missing in a new memory.
     pub fn fill(&mut self, reading: &Reading<'_>) {
         for record in [RecordKey::Factory, RecordKey::LocalLayer] {
             if reading.is_absent(record) {
@@ -190,7 +190,7 @@ impl Base {
         self.fault_log.begun();
     }
 
-    /// Begins the next write. The fault log is always written before a restart (A), so that no count is lost.
+    /// Begins the next write. A changed fault log is always written before a restart (A), so that no count is lost.
     fn begin_write(&mut self) -> Option<Write> {
         let restart = &self.restart;
         if restart.is_due() && !restart.log_failed && self.fault_log.is_dirty() && self.writes.is_idle() {
@@ -205,7 +205,7 @@ impl Base {
         Some(write)
     }
 
-    /// Returns the next write, or the restart without one. Not inlined: a record takes much of the stack.
+    /// Returns the next write or, if there is none, the restart. Not inlined: a record needs much of the stack.
     #[inline(never)]
     fn next_effect(&mut self, application: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
         while let Some(write) = self.begin_write() {
@@ -213,13 +213,13 @@ impl Base {
             if application.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
                 return Some(Effect::Store(write.record, record));
             }
-            // No payload of these devices is too long; a write of one would fail.
+            // Cannot happen: all payloads fit a record. Otherwise the write fails.
             self.end_write(application, write.record, false);
         }
         self.begin_restart(all_sent).map(Effect::Restart)
     }
 
-    /// Ends the write in flight, which the memory has answered; an answer about another record is ignored.
+    /// Ends the write in flight with its result; a result for another record is ignored.
     fn end_write(&mut self, application: &mut dyn Storing, record: RecordKey, stored: bool) {
         let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {
@@ -231,7 +231,7 @@ impl Base {
         application.written(write, stored, self);
     }
 
-    /// Returns the restart that nothing keeps waiting any more, and hands it out.
+    /// Hands out the pending restart if nothing delays it any more.
     fn begin_restart(&mut self, all_sent: bool) -> Option<Restart> {
         let scope = self.restart.wanted.filter(|_| self.restart.is_due() && all_sent && self.writes.is_idle())?;
         self.restart = PendingRestart { handed_out: true, ..PendingRestart::default() };
@@ -239,17 +239,17 @@ impl Base {
     }
 }
 
-/// A device: an application, and the [`Base`] of every device.
+/// A device: an application and its [`Base`].
 #[derive(Clone, Debug)]
 pub struct Runtime<A: Application> {
     application: A,
     base: Base,
-    /// The instant at which the application or the fault log is next due.
+    /// The earliest deadline of the application and the fault log.
     deadline: Instant,
 }
 
 impl<A: Application> Runtime<A> {
-    /// Returns a device that is powered up with what the memory holds.
+    /// Creates a device and powers it up with the contents of the memory.
     #[must_use]
     pub fn power_on(setup: A::Setup, memory: &dyn Memory, cause: StartCause, now: Instant) -> Self {
         let mut device = Self::new(setup);
@@ -257,10 +257,10 @@ impl<A: Application> Runtime<A> {
         device
     }
 
-    /// Returns a device without power, to be moved to its final place and [started](Self::start_up) there: the stack then
-    /// holds no device during the start.
+    /// Creates a device without power, to be moved to its final place and [started](Self::start_up) there: the stack
+    /// then holds no device during the start.
     #[must_use]
-    // Inlined, the device is made in its final place; a call would make it on the stack first.
+    // Inlined, so that the device is built in its final place rather than on the stack.
     #[inline(always)]
     pub fn new(setup: A::Setup) -> Self {
         const { assert!(A::WRITES.len() + OWN_WRITES.len() <= KINDS, "`KINDS` is too small for this device") };
@@ -273,7 +273,7 @@ impl<A: Application> Runtime<A> {
         Self { application: A::new(setup), base, deadline: NEVER }
     }
 
-    /// Powers a new device up with what the memory holds.
+    /// Powers up a new device with the contents of the memory.
     pub fn start_up(&mut self, memory: &dyn Memory, cause: StartCause, now: Instant) {
         self.base.now = latest(Instant::MIN, now);
         self.application.start(Restart::Application, memory, &mut self.base);
@@ -283,12 +283,12 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Returns the product and its node.
+    /// Returns the application.
     pub const fn application(&self) -> &A {
         &self.application
     }
 
-    /// Takes a frame for the device. Not inlined: most frames are dropped by their identifier before.
+    /// Handles a frame for the device. Not inlined: most frames are rejected by their identifier first.
     #[inline(never)]
     fn take(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         if self.base.is_restarting() {
@@ -299,7 +299,7 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Takes a frame while a restart waits. Not inlined: it would take registers from the usual path.
+    /// Handles a frame while a restart is pending. Not inlined: it would take registers from the usual path.
     #[inline(never)]
     fn take_restarting(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         self.advance(now);
@@ -307,8 +307,7 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Goes to `now`, or stays at the last instant, and runs the timers that are due by then. Each frame for the device
-    /// comes here.
+    /// Advances the time and handles the timers that are due by then. Called for every frame for the device.
     fn advance(&mut self, now: Instant) {
         self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {
@@ -326,17 +325,17 @@ impl<A: Application> Runtime<A> {
         self.schedule();
     }
 
-    /// Ends a call: acts on its changes and finds the next deadline.
+    /// Completes a call: applies its changes and computes the next deadline.
     fn finish(&mut self) {
         self.application.apply_changes(&mut self.base);
         self.schedule();
-        // What was just begun can be due at once.
+        // A timer started by this call can be due at once.
         if self.base.now >= self.deadline {
             self.run_timers();
         }
     }
 
-    /// Returns whether the queue has a place for writes of this kind.
+    /// Returns whether the queue has a place for this kind of write.
     fn is_listed(write: Write) -> bool {
         OWN_WRITES.iter().chain(A::WRITES).any(|listed| listed.is_like(write))
     }
@@ -369,7 +368,7 @@ impl<A: Application> Device for Runtime<A> {
 
     fn sense(&mut self, inputs: &Inputs, now: Instant) {
         self.base.go_to(now);
-        // What was due before acts on the old inputs, what is due now on the new ones.
+        // Earlier deadlines see the old inputs, a deadline at `now` the new ones.
         if self.base.now > self.deadline {
             self.run_timers();
         }

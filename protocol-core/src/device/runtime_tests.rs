@@ -1,4 +1,4 @@
-//! The runtime with an application that has one timer, one fault log and one answer.
+//! The runtime with an application that has one timer, a fault log and one answer.
 
 use super::super::fault_log::FAULT_LOG_INTERVAL;
 use super::*;
@@ -10,11 +10,11 @@ const MS: Duration = Duration::from_millis(1);
 
 const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
 
-/// Not among the writes of the application.
+/// A write that the application does not list.
 const UNLISTED: Write = Write::new(RecordKey::Parameters, Requester::Uds);
 
-/// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 3 asks for an unlisted write, 4 is due at once, 0x81 and 0x82
-/// reset.
+/// An application controlled by the first byte of a frame: 1 saves, 2 counts a fault, 3 requests an unlisted write, 4
+/// starts a timer due at once, 0x81 and 0x82 reset.
 struct Obedient {
     beat: Instant,
     polled: heapless::Vec<Instant, 8>,
@@ -188,7 +188,7 @@ fn time_never_runs_back() {
     runtime.poll(after(START, Duration::from_millis(100)));
     tell(&mut runtime, "2", START);
     assert_eq!(runtime.base.now(), after(START, Duration::from_millis(100)));
-    // A fault counted at the earlier instant counts from the later one.
+    // A fault counted at an earlier time counts as of the last time.
     assert_eq!(runtime.base.fault_log.due(), after(START, Duration::from_millis(600)));
 }
 
@@ -208,7 +208,7 @@ fn what_a_frame_makes_due_at_once_acts_at_once() {
     assert_eq!(runtime.deadline(), after(START, Duration::from_millis(100)));
 }
 
-/// And what is due at that instant on the new ones.
+/// An earlier deadline sees the old inputs, a deadline at the time of the new inputs the new ones.
 #[test]
 fn what_was_due_before_new_senses_acts_on_the_old_ones() {
     for (at, on_new) in [(100, true), (101, false)] {
@@ -274,8 +274,8 @@ fn the_fault_log_is_written_before_a_restart_and_tried_once() {
     }
 }
 
-/// Reset communication leaves the counters as they are, so their log is still to be written; reset application takes them
-/// from the memory.
+/// Reset communication keeps the counters, so their log must still be written; reset application reads them from the
+/// memory.
 #[test]
 fn a_fault_log_that_failed_before_a_restart() {
     let retried = after(START, FAULT_LOG_INTERVAL);
@@ -294,7 +294,7 @@ fn a_fault_log_that_failed_before_a_restart() {
     }
 }
 
-/// A log whose write was under way when the restart was demanded is tried again when that fails.
+/// A fault log write in flight when the restart is requested is repeated if it fails.
 #[test]
 fn a_fault_log_that_fails_just_before_a_restart_is_tried_again() {
     let mut runtime = started();
@@ -308,7 +308,7 @@ fn a_fault_log_that_fails_just_before_a_restart_is_tried_again() {
     assert_eq!(runtime.next_effect(true), Some(Effect::Restart(Restart::Application)), "and once alone");
 }
 
-/// A count that falls while the write before a restart is under way is written as well.
+/// A fault counted during the last write before a restart is written too.
 #[test]
 fn a_count_during_the_last_write_is_not_lost() {
     let mut runtime = started();
@@ -343,7 +343,7 @@ fn a_failed_log_is_tried_again_after_the_interval() {
     assert_eq!(runtime.base.fault_log.due(), after(failed, FAULT_LOG_INTERVAL));
 }
 
-/// The queue may have no place for it.
+/// Otherwise the queue might have no place for it.
 #[test]
 #[should_panic(expected = "`Application::WRITES`")]
 fn a_write_that_is_not_listed_is_found_by_every_test_that_asks_for_it() {

@@ -1,31 +1,32 @@
-//! The queue of writes to the memory: one record at a time, in the order of the requests (SPEC 4.5, 6).
+//! The queue of memory writes: one record at a time, in the order of the requests (SPEC 4.5, 6).
 
 use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The most kinds of write that a device has: those of a valve on CANopen. [`Runtime`](super::runtime::Runtime) compiles
-/// for no device with more.
+/// The maximum number of kinds of write of a device: that of a valve on CANopen. [`Runtime`](super::runtime::Runtime)
+/// does not compile for a device with more.
 pub(super) const KINDS: usize = 9;
 
-/// The places of the queue: each kind waits once, one write is in flight, and one was put before all others.
+/// The capacity of the queue: one waiting write per kind, one in flight, and one [requested
+/// first](Writes::request_first).
 const PLACES: usize = KINDS + 2;
 
-/// A write. The record is encoded when the write begins; this names the record and its requester.
+/// A write of a record. The record is encoded when the write begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Write {
-    /// The record that is written.
+    /// The record to write.
     pub record: RecordKey,
-    /// The service that requested it.
+    /// The service that requested the write.
     pub requester: Requester,
-    /// The value that the requester gave, see [`Requester`]; 0 for none.
+    /// A value of the requester, see [`Requester`]; 0 for none.
     pub value: u8,
 }
 
-/// The service that requests a write, and waits for its end.
+/// The service that requests a write and awaits its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Requester {
-    /// The device itself: nobody waits.
+    /// The device itself; no client awaits the result.
     Device,
     /// LSS store.
     Lss,
@@ -33,36 +34,36 @@ pub enum Requester {
     Sdo,
     /// UDS. The value is a node ID or address.
     Uds,
-    /// A commanded address, which is the value.
+    /// A commanded address. The value is the address.
     CommandedAddress,
-    /// DM3. The value is the set of faults to be cleared, as bits.
+    /// DM3. The value is the set of faults to clear, as bits.
     Dm3,
 }
 
 impl Write {
-    /// Returns a write without a value.
+    /// Creates a write without a value.
     #[must_use]
     pub const fn new(record: RecordKey, requester: Requester) -> Self {
         Self { record, requester, value: 0 }
     }
 
-    /// Returns the write with this value.
+    /// Sets the value.
     #[must_use]
     pub const fn with(self, value: u8) -> Self {
         Self { value, ..self }
     }
 
-    /// Returns whether both are of one kind: the same record for the same requester.
+    /// Returns whether both writes are of one kind: same record, same requester.
     pub(super) fn is_like(self, other: Self) -> bool {
         self.with(0) == other.with(0)
     }
 }
 
-/// The writes that wait, and the one in flight.
+/// The waiting writes, and the one in flight.
 #[derive(Clone, Debug)]
 pub struct Writes {
     queue: Vec<Write, PLACES, u8>,
-    /// The first one is in flight.
+    /// Whether the first write is in flight.
     in_flight: bool,
 }
 
@@ -73,32 +74,32 @@ impl Writes {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into one of its kind that waits: the newer value counts, of two DM3s both. The
-    /// write in flight is not touched: its record was encoded before.
+    /// Appends a write, or merges it into a waiting one of the same kind: the newer value replaces the older, for DM3
+    /// they are combined. The write in flight is not changed, because its record is already encoded.
     pub fn request(&mut self, write: Write) {
         let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
             let kept = if write.requester == Requester::Dm3 { waiting.value } else { 0 };
             waiting.value = kept | write.value;
         } else {
-            // There is a place for every kind.
+            // The queue has a place for every kind.
             let _ = self.queue.push(write);
         }
     }
 
-    /// Puts a write before all that wait: the second half of one that has just ended, and must not be parted.
+    /// Inserts a write before all others: the second half of a write that has just ended.
     pub fn request_first(&mut self, write: Write) {
         let _ = self.queue.insert(0, write);
     }
 
-    /// Returns the next write and puts it in flight; `None` while one is.
+    /// Returns the next write and marks it as in flight; `None` while another is in flight.
     pub fn begin(&mut self) -> Option<Write> {
         let next = self.queue.first().filter(|_| !self.in_flight)?;
         self.in_flight = true;
         Some(*next)
     }
 
-    /// Ends the write in flight and returns it; `None` when it writes another record.
+    /// Ends the write in flight and returns it; `None` if none is in flight or it writes another record.
     pub fn end(&mut self, record: RecordKey) -> Option<Write> {
         let first = self.queue.first()?;
         if !self.in_flight || first.record != record {
@@ -108,18 +109,18 @@ impl Writes {
         Some(self.queue.remove(0))
     }
 
-    /// Returns whether this very write waits or is in flight.
+    /// Returns whether exactly this write is waiting or in flight.
     #[must_use]
     pub fn contains(&self, write: Write) -> bool {
         self.queue.contains(&write)
     }
 
-    /// Returns the writes that wait and the one in flight.
+    /// Iterates over the waiting writes and the one in flight.
     pub fn iter(&self) -> impl Iterator<Item = &Write> {
         self.queue.iter()
     }
 
-    /// Returns whether nothing waits and nothing is in flight.
+    /// Returns whether no write is waiting or in flight.
     #[inline]
     #[must_use]
     pub fn is_idle(&self) -> bool {
@@ -151,7 +152,7 @@ mod tests {
         assert_eq!(writes.begin(), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), None, "one at a time");
         assert_eq!(writes.end(RecordKey::FaultLog), None, "not in flight");
-        // The record of the one in flight is older than this request.
+        // The record in flight is older than this request.
         writes.request(SAVE.with(100));
         assert_eq!(writes.end(RecordKey::Parameters), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), Some(LOG));

@@ -1,4 +1,4 @@
-//! Address claim of a controller that cannot take another address by itself (SAE J1939-81, ISO 11783-5; SPEC 5).
+//! Address claim of a controller without self-configurable address (SAE J1939-81, ISO 11783-5; SPEC 5).
 //!
 //! ```text
 //!   start        sent           250 ms           a lower NAME claims the address
@@ -13,14 +13,14 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{CommandedAddress, Name};
 
-/// The time for which a controller waits for objections to its first claim before it sends anything else.
+/// The time to wait for contending claims after the first claim, before sending anything else.
 pub const CLAIM_WAIT: Duration = Duration::from_millis(250);
 
-/// The delay of a cannot-claim is 0–255 times this long, so that controllers which lose together do not collide: their
-/// cannot-claims have one identifier.
+/// The unit of the random cannot-claim delay, 0–255 times this long. All cannot-claims have the same identifier; the
+/// delay keeps controllers that lose together from colliding.
 pub const CANNOT_CLAIM_STEP: Duration = Duration::from_micros(600);
 
-/// The least time between two claims that object to a foreign frame under the own address (ISO 11783-5).
+/// The minimum time between two claims sent against foreign use of the own address (ISO 11783-5).
 pub const OBJECTION_INTERVAL: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,32 +32,32 @@ enum State {
     },
     Claimed,
     Lost {
-        /// The instant of the cannot-claim; [`NEVER`] when none is pending.
+        /// The time to send a cannot-claim; [`NEVER`] if none is pending.
         answer_at: Instant,
     },
 }
 
-/// A controller's claim of its address.
+/// The claim of a controller to its address.
 #[derive(Clone, Debug)]
 pub struct AddressClaim {
     name: Name,
     address: Address,
     state: State,
-    /// Before this instant no foreign frame is objected to.
+    /// The earliest time of the next objection to foreign use of the address.
     next_objection: Instant,
 }
 
 impl AddressClaim {
-    /// Begins to claim an address. The claim is pending, and nothing else may go out before it is [`sent`](Self::sent).
+    /// Begins an address claim. The claim is pending; nothing else may be sent before it is [`sent`](Self::sent).
     #[must_use]
     pub const fn new(name: Name, address: Address) -> Self {
         Self { name, address, state: State::Begun, next_objection: Instant::MIN }
     }
 
-    /// Notes that the claim is on the bus. The first one begins the wait.
+    /// Records that the claim is on the bus. The first one starts the wait.
     ///
-    /// Another controller may have chosen an address of 128–247 by itself, and has the wait to object. Other addresses
-    /// need none.
+    /// Another controller may have chosen an address of 128–247 itself, and can contend during the wait. Other
+    /// addresses need no wait.
     pub const fn sent(&mut self, now: Instant) {
         if self.is_begun() {
             self.state = State::Waiting { until: delayed(now, self.wait()) };
@@ -77,36 +77,36 @@ impl AddressClaim {
         self.name
     }
 
-    /// Returns the address until it is lost.
+    /// Returns the address; `None` once it is lost.
     #[inline]
     #[must_use]
     pub const fn address(&self) -> Option<Address> {
         if self.is_lost() { None } else { Some(self.address) }
     }
 
-    /// Returns whether more than claims may be sent.
+    /// Returns whether messages other than claims may be sent.
     #[inline]
     #[must_use]
     pub const fn may_send(&self) -> bool {
         matches!(self.state, State::Claimed)
     }
 
-    /// Returns whether the address belongs to another controller.
+    /// Returns whether the address was lost to another controller.
     #[inline]
     #[must_use]
     pub const fn is_lost(&self) -> bool {
         matches!(self.state, State::Lost { .. })
     }
 
-    /// Returns the claim; the cannot-claim when the address is lost.
+    /// Encodes the claim, or the cannot-claim once the address is lost.
     #[inline]
     #[must_use]
     pub fn frame(&self) -> Frame {
         self.name.claim(self.address().unwrap_or(Address::NULL))
     }
 
-    /// Takes another controller's claim of `source`. A claim with the own NAME is ignored: two twins would claim for
-    /// ever.
+    /// Handles another controller's claim of `source`. A claim with the own NAME is ignored: two identical controllers
+    /// would otherwise claim forever.
     #[must_use]
     pub fn contend(&mut self, source: Address, name: Name, now: Instant) -> Outcome {
         if source != self.address || name == self.name || self.is_lost() {
@@ -119,8 +119,8 @@ impl AddressClaim {
         Outcome::Lost
     }
 
-    /// Takes another controller's frame under the own address, which is no claim. The objection is a claim, at most one
-    /// in [`OBJECTION_INTERVAL`], and no DTC (R); there is none before the wait is over.
+    /// Handles a foreign frame with the own source address that is not a claim. The objection is a claim, at most one
+    /// per [`OBJECTION_INTERVAL`], without a DTC (R). There is no objection before the end of the wait.
     #[must_use]
     pub fn object(&mut self, now: Instant) -> Outcome {
         if !self.may_send() || now < self.next_objection {
@@ -130,10 +130,10 @@ impl AddressClaim {
         Outcome::Pending
     }
 
-    /// Takes a request for [`Pgn::ADDRESS_CLAIMED`]; other requests are not the claim's.
+    /// Handles a request for [`Pgn::ADDRESS_CLAIMED`] and ignores other groups.
     ///
-    /// Without an address, a request to all is answered by a cannot-claim after its delay; while one is pending, another
-    /// request changes nothing.
+    /// Without an address, only a request to all is answered, by a cannot-claim after a random delay. Further requests
+    /// during the delay have no effect.
     #[inline]
     #[must_use]
     pub fn requested(&mut self, request: &Request, now: Instant) -> Outcome {
@@ -150,14 +150,14 @@ impl AddressClaim {
         Outcome::Nothing
     }
 
-    /// Returns the address that a [commanded address](CommandedAddress) gives this controller, whether it has one or
-    /// not; `None` when the command is for another NAME or malformed.
+    /// Returns the address that a [commanded address](CommandedAddress) assigns to this controller, even without a
+    /// claimed address; `None` if the command is malformed or for another NAME.
     #[must_use]
     pub fn commanded(&self, payload: &[u8]) -> Option<Address> {
         CommandedAddress::parse(payload).filter(|command| command.name == self.name).map(|command| command.address)
     }
 
-    /// Ends the wait, or queues a cannot-claim, when it is due.
+    /// Ends the wait, or queues a cannot-claim, if due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match self.state {
@@ -173,7 +173,7 @@ impl AddressClaim {
         }
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {
@@ -191,8 +191,8 @@ impl AddressClaim {
         }
     }
 
-    /// Returns a pseudo-random instant: the top byte of a product with an odd number, which every bit of NAME and time
-    /// goes into.
+    /// Returns a pseudo-random time. The steps are the top byte of a product with an odd number, which depends on every
+    /// bit of NAME and time.
     fn cannot_claim_at(&self, now: Instant) -> Instant {
         let mixed = (self.name.raw() ^ now.as_ticks()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let steps = mixed >> 56;

@@ -1,4 +1,4 @@
-//! Diagnostic messages: DM1 by itself, DM2 on request (SAE J1939-73 5.7.1 and 5.7.2; SPEC 5).
+//! Diagnostic messages: DM1 cyclically, DM2 on request (SAE J1939-73 5.7.1 and 5.7.2; SPEC 5).
 
 use super::Outcome;
 use crate::frame::Frame;
@@ -9,31 +9,31 @@ use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 /// The period of DM1 while a trouble code is active.
 pub const PERIOD: Duration = Duration::from_millis(1000);
 
-/// DM1: the one active trouble code that the product shows.
+/// The DM1 message, with at most one active trouble code.
 #[derive(Clone, Debug)]
 pub struct Dm1 {
     active: Option<Trouble>,
-    /// The last change since a DM1 was rendered. The next DM1 then restarts the period.
+    /// The time of the last change not yet in a DM1. The next DM1 then restarts the period.
     changed: Option<Instant>,
-    /// A code that was active at the instant of that change alone.
+    /// A trouble code that was active only at the time of that change.
     passing: Option<Trouble>,
-    /// The instant at which the next repetition is due.
+    /// The time of the next repetition.
     next: Instant,
-    /// The code in the DM1 that was rendered last.
+    /// The trouble code in the last encoded DM1.
     rendered: Option<Trouble>,
 }
 
 impl Dm1 {
-    /// Returns a DM1 without an active code, which is not to be sent.
+    /// Creates a DM1 without an active code, which is not sent.
     #[must_use]
     pub const fn new() -> Self {
         Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Takes the active code. A change, even of the counter alone, is reported at once.
+    /// Sets the active code. Any change, even of the occurrence count only, is reported at once.
     ///
-    /// `at` is the instant at which a frame can be sent, [`NEVER`] in bus-off. A code that comes and goes at one instant
-    /// is reported when the frame can be made at that instant; a later DM1 has the present state alone.
+    /// `at` is the time at which a frame can be sent, [`NEVER`] in bus-off. A code that appears and disappears at the
+    /// same time is reported if its frame can be encoded at that time; a later DM1 carries only the present state.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {
@@ -46,7 +46,7 @@ impl Dm1 {
         Outcome::Pending
     }
 
-    /// Queues the repetition that is due.
+    /// Queues the repetition if due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         if now < self.next {
@@ -56,12 +56,12 @@ impl Dm1 {
         Outcome::Pending
     }
 
-    /// Renders the message of the present state, or before it that of a code that only passed.
+    /// Encodes the present state, preceded by a code that was active for that moment only.
     #[must_use]
     pub fn render(&mut self, source: Address, now: Instant) -> Frame {
         if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
             self.rendered = Some(passing);
-            // On a bus that does not take this message the present state replaces it then.
+            // If the bus does not take this message in time, the present state replaces it.
             self.next = delayed(now, PERIOD);
         } else {
             if self.changed.take().is_some() {
@@ -72,19 +72,19 @@ impl Dm1 {
         single(Pgn::DM1, self.rendered, source)
     }
 
-    /// Notes that the message is on the bus. After a code that only passed, the present state is pending.
+    /// Records that the message is on the bus. After a momentary code, the present state is pending.
     #[must_use]
     pub const fn sent(&self) -> Outcome {
         if self.changed.is_some() { Outcome::Pending } else { Outcome::Nothing }
     }
 
-    /// Returns the code in the DM1 that was rendered last.
+    /// Returns the trouble code in the last encoded DM1.
     #[must_use]
     pub const fn rendered(&self) -> Option<Trouble> {
         self.rendered
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {
@@ -98,14 +98,14 @@ impl Default for Dm1 {
     }
 }
 
-/// Returns the next instant of a cycle after `due`. After a pause longer than a period the cycle begins anew at `now`:
-/// the bus gets no burst of what was missed.
+/// Returns the next time of a cycle after `due`. After a pause longer than a period the cycle restarts at `now`, so
+/// missed messages are not sent in a burst.
 pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
     let planned = delayed(due, period);
     if planned > now { planned } else { delayed(now, period) }
 }
 
-/// Returns the message of one trouble code, or of none, in a single frame.
+/// Encodes a message with at most one trouble code in a single frame.
 pub(super) fn single(pgn: Pgn, trouble: Option<Trouble>, source: Address) -> Frame {
     Frame::full(id(pgn, source).id(), dm::single(trouble))
 }

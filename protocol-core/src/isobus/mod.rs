@@ -1,15 +1,15 @@
-//! ISOBUS services that know no product (SAE J1939-21, -73, -81; ISO 11783), and the node that puts them together.
+//! Product-independent ISOBUS services (SAE J1939-21, -73, -81; ISO 11783), and the node that combines them.
 //!
 //! ```text
-//! address      the claim of an address, its defence, its loss
-//! request      requests, and who is acknowledged, refused, or left without an answer
+//! address      address claim, defence and loss
+//! request      requests and their acknowledgement
 //! transport    messages of more than eight bytes: broadcasts both ways, connections refused
-//! diagnostics  DM1 and DM2; DM3 is a request that the product carries out
-//! node/        dispatch, the schedule, and the pending messages
+//! diagnostics  DM1 and DM2; the product executes DM3
+//! node/        dispatch, scheduling, and the pending messages
 //! ```
 //!
-//! A product decides what its groups hold. The services know addresses, times and counts, never what a fault or a
-//! command means.
+//! The product defines the contents of its groups. The services handle addresses, times and counts, never the meaning
+//! of a fault or a command.
 
 pub mod address;
 pub mod diagnostics;
@@ -20,17 +20,17 @@ pub mod transport;
 #[cfg(test)]
 mod tests;
 
-/// The result of a service's step.
+/// The outcome of a step of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Nothing is different.
+    /// No change.
     Nothing,
-    /// The service has a frame for the bus: the node renders it when the controller can take it.
+    /// The service has a frame to send; the node encodes it when the controller can take it.
     Pending,
-    /// The wait after the claim is over: every frame may be sent.
+    /// The wait after the claim is over: all messages may be sent.
     Claimed,
-    /// The address belongs to another controller: no frame may leave under it any more.
+    /// The address was lost to another controller: no frame may be sent with it.
     Lost,
-    /// The message was given up as a whole.
+    /// The entire message was abandoned.
     GivenUp,
 }

@@ -1,29 +1,28 @@
 //! Requests for parameter groups (SAE J1939-21 5.4.2 and 5.4.4; SPEC 5).
 //!
-//! | the group is | asked of this controller | asked of all |
+//! | requested group | addressed request | request to all |
 //! | --- | --- | --- |
-//! | one that it sends | the group | the group |
-//! | an order, such as DM3 | carried out, acknowledged | carried out, silence |
-//! | not supported | negative acknowledgement | silence |
+//! | sent by this controller | the group | the group |
+//! | a command such as DM3 | executed and acknowledged | executed, no answer |
+//! | not supported | negative acknowledgement | no answer |
 
 use crate::frame::Frame;
 use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::request::{self, Acknowledgement, Control};
 
-/// A request that is for this controller.
+/// A request to this controller or to all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// The group asked for.
+    /// The requested group.
     pub pgn: Pgn,
-    /// The controller that asks.
+    /// The requesting controller.
     pub requester: Address,
-    /// The request is addressed to this controller, not to all.
+    /// Whether the request is addressed to this controller rather than to all.
     pub addressed: bool,
 }
 
 impl Request {
-    /// Returns the request in a frame of this identifier, which is one of a request to this controller or to all;
-    /// `None` for a malformed one.
+    /// Decodes a request to this controller or to all from a frame with the identifier `id`; `None` if malformed.
     #[inline]
     #[must_use]
     pub fn of(id: J1939Id, frame: &Frame) -> Option<Self> {
@@ -31,8 +30,8 @@ impl Request {
         Some(Self { pgn: request::parse(frame)?, requester: id.source(), addressed })
     }
 
-    /// Returns the acknowledgement from the controller at `own`; `None` for a request to all, and for an requester without
-    /// an address, whom no answer can name.
+    /// Encodes the acknowledgement sent by the controller `own`; `None` for a request to all, and for a requester
+    /// without an address.
     #[must_use]
     pub fn acknowledgement(&self, control: Control, own: Address) -> Option<Frame> {
         let acknowledgement = Acknowledgement { control, requester: self.requester, pgn: self.pgn };
@@ -40,7 +39,7 @@ impl Request {
     }
 }
 
-/// Returns whether an address can be a controller's: 0xFE is nobody's, 0xFF everybody's.
+/// Returns whether an address can belong to a controller: 0xFE is the null address, 0xFF the global address.
 pub(super) const fn is_controller(address: Address) -> bool {
     !matches!(address, Address::NULL | Address::GLOBAL)
 }

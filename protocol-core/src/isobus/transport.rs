@@ -10,22 +10,22 @@ use crate::time::{Duration, Instant, NEVER, delayed, since};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::tp::{self, Abort, Announcement, PACKET_LEN, Packet};
 
-/// The time from one packet to the next (A): between the 50 ms and 200 ms that the standard allows, far enough from
-/// both that a packet which waits for a busy bus stays within them.
+/// The time between two packets (A). It is well inside the 50–200 ms of the standard, so that a packet delayed by a
+/// busy bus stays within them.
 pub const PACKET_SPACING: Duration = Duration::from_millis(100);
 
-/// The longest time from one packet to the next that a receiver bears (T1).
+/// The maximum time between two packets that a receiver tolerates (T1).
 pub const MAX_GAP: Duration = Duration::from_millis(750);
 
-/// The longest time from one frame of a message to the next, and from its start to its announcement (J1939-21 5.13.3):
-/// a sender that the bus keeps waiting for longer gives the whole message up.
+/// The maximum time between two frames of a message, and from its start to its announcement (J1939-21 5.13.3). A sender
+/// delayed longer by the bus abandons the message.
 pub const SEND_GAP: Duration = Duration::from_millis(200);
 
 /// The reason of a connection abort (A): the resources are needed for another task.
 const REFUSAL_REASON: u8 = 2;
 
-/// Returns the connection abort that answers a request to send (RTS) to `own`: only broadcasts are received. Other
-/// frames of connections are not answered, nor is a sender without an address.
+/// Encodes the connection abort that answers a request to send (RTS) to `own`: only broadcasts are received. Other
+/// connection frames, and senders without an address, are not answered.
 #[must_use]
 pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Frame> {
     let pgn = tp::request_to_send(frame.eight()?)?;
@@ -33,12 +33,12 @@ pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Fra
     is_controller(sender).then(|| Abort { reason: REFUSAL_REASON, pgn }.frame(sender, own))
 }
 
-/// Why a message cannot be sent.
+/// The reason why a message cannot be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refused {
     /// Another message is being sent.
     Busy,
-    /// The length of the message is outside the range of a broadcast.
+    /// The message is too short or too long for a broadcast.
     Size,
 }
 
@@ -46,32 +46,32 @@ pub enum Refused {
 struct Sending<const SIZE: usize> {
     announcement: Announcement,
     payload: Vec<u8, SIZE>,
-    /// The next frame, or the one in the controller; 0 is the announcement.
+    /// The sequence number of the next frame, or of the one in the controller; 0 is the announcement.
     sequence: u8,
     in_controller: bool,
-    /// The instant at which that frame is queued; [`NEVER`] once it is.
+    /// The time to queue that frame; [`NEVER`] once queued.
     due: Instant,
-    /// The instant by which that frame has to be on the bus.
+    /// The time by which that frame must be on the bus.
     give_up: Instant,
 }
 
-/// Sends messages of up to `SIZE` bytes to all, one at a time.
+/// Sends broadcasts of up to `SIZE` bytes, one at a time.
 #[derive(Clone, Debug, Default)]
 pub struct BamSender<const SIZE: usize> {
     sending: Option<Sending<SIZE>>,
 }
 
 impl<const SIZE: usize> BamSender<SIZE> {
-    /// Returns a sender without a message.
+    /// Creates an idle sender.
     #[must_use]
     pub const fn new() -> Self {
         Self { sending: None }
     }
 
-    /// Begins a message: its announcement is due at once.
+    /// Begins a message. Its announcement is due at once.
     ///
     /// # Errors
-    /// [`Refused::Busy`] while another one is under way, [`Refused::Size`] below 9 bytes and above 1785.
+    /// [`Refused::Busy`] while another message is being sent, [`Refused::Size`] below 9 bytes and above 1785.
     pub fn start(&mut self, pgn: Pgn, payload: Vec<u8, SIZE>, now: Instant) -> Result<(), Refused> {
         if self.is_busy() {
             return Err(Refused::Busy);
@@ -83,18 +83,18 @@ impl<const SIZE: usize> BamSender<SIZE> {
         Ok(())
     }
 
-    /// Returns whether a message is under way.
+    /// Returns whether a message is being sent.
     #[must_use]
     pub const fn is_busy(&self) -> bool {
         self.sending.is_some()
     }
 
-    /// Gives the message up: the bus cannot be used, or the address is lost. Returns whether there was one.
+    /// Abandons the message because of bus-off, a restart or the loss of the address. Returns whether there was one.
     pub fn cancel(&mut self) -> bool {
         self.sending.take().is_some()
     }
 
-    /// Queues the frame that is due, or gives the message up when the bus kept it waiting for longer than [`SEND_GAP`].
+    /// Queues the next frame if due, or abandons the message if the bus has delayed it longer than [`SEND_GAP`].
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match &mut self.sending {
@@ -119,8 +119,8 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
     }
 
-    /// Renders the next frame, which is the controller's until it is [`sent`](Self::sent) or
-    /// [taken back](Self::take_back).
+    /// Encodes the next frame. The controller holds it until it is [`sent`](Self::sent) or [taken
+    /// back](Self::take_back).
     #[must_use]
     pub fn render(&mut self, source: Address) -> Option<Frame> {
         let sending = self.sending.as_mut()?;
@@ -134,15 +134,15 @@ impl<const SIZE: usize> BamSender<SIZE> {
         })
     }
 
-    /// Notes that the controller could not take the frame: it stays pending.
+    /// Records that the controller returned the frame: it stays pending.
     pub const fn take_back(&mut self) {
         if let Some(sending) = &mut self.sending {
             sending.in_controller = false;
         }
     }
 
-    /// Notes that the frame in the controller is on the bus. The next one is due [`PACKET_SPACING`] later: on a busy
-    /// bus, packets must not follow each other at once.
+    /// Records that the frame in the controller is on the bus. The next one is due [`PACKET_SPACING`] later, counted
+    /// from the actual sending: even on a busy bus packets must keep their distance.
     pub fn sent(&mut self, now: Instant) {
         let Some(sending) = self.sending.as_mut().filter(|sending| sending.in_controller) else { return };
         if sending.sequence == sending.announcement.packets {
@@ -155,7 +155,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub fn deadline(&self) -> Instant {
@@ -163,14 +163,14 @@ impl<const SIZE: usize> BamSender<SIZE> {
     }
 }
 
-/// A message that was received whole.
+/// A completely received message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message<const SIZE: usize> {
     /// The group.
     pub pgn: Pgn,
     /// The sender.
     pub source: Address,
-    /// Its bytes.
+    /// The data bytes.
     pub payload: Vec<u8, SIZE>,
 }
 
@@ -178,16 +178,16 @@ pub struct Message<const SIZE: usize> {
 struct Receiving<const SIZE: usize> {
     message: Message<SIZE>,
     size: usize,
-    /// The packet that must come next.
+    /// The expected sequence number.
     sequence: u8,
-    /// The instant of the sender's last frame.
+    /// The time of the sender's last frame.
     heard: Instant,
 }
 
-/// Receives broadcast messages of up to `SIZE` bytes from up to `SENDERS` senders at once.
+/// Receives broadcasts of up to `SIZE` bytes from up to `SENDERS` senders at once.
 ///
-/// The receiver has no deadline: an interrupted message keeps its place until its sender sends again, or another message
-/// needs the place. A sender without a place is ignored, and disturbs no other message.
+/// The receiver has no deadline: an interrupted message keeps its slot until its sender sends again or another message
+/// needs the slot. A sender without a slot is ignored and does not disturb other messages.
 #[derive(Clone, Debug)]
 pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
     wanted: &'static [Pgn],
@@ -195,19 +195,19 @@ pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
 }
 
 impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
-    /// Returns a receiver of these groups; all others are let pass.
+    /// Creates a receiver for these groups; other groups are ignored.
     #[must_use]
     pub const fn new(wanted: &'static [Pgn]) -> Self {
         Self { wanted, receiving: Vec::new() }
     }
 
-    /// Returns how many messages are under way.
+    /// Returns the number of messages being received.
     #[cfg(test)]
     pub(super) fn under_way(&self) -> usize {
         self.receiving.len()
     }
 
-    /// Takes a frame of this identifier; the message when it was the last of one.
+    /// Handles a frame with this identifier; returns the message that it completes.
     #[inline]
     #[must_use]
     pub fn handle(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
@@ -216,13 +216,14 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
                 self.announced(id, frame, now);
                 None
             }
-            // Most packets on a bus are of messages that nobody here wants.
+            // Most packets on the bus belong to messages not received here.
             Format::TP_DATA if !self.receiving.is_empty() => self.continued(id, frame, now),
             _ => None,
         }
     }
 
-    /// Takes the announcement of a message. Whatever its sender sent before is over, even when this one is not wanted.
+    /// Handles the announcement of a message. It ends the sender's previous message, even if the new one is not
+    /// received.
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
         if id.destination() != Address::GLOBAL {
@@ -241,11 +242,11 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
             self.receiving.swap_remove(place);
         }
         let message = Message { pgn: announcement.pgn, source, payload: Vec::new() };
-        // There is a place: this cannot fail.
+        // Cannot fail: there is a free slot.
         _ = self.receiving.push(Receiving { message, size, sequence: 1, heard: now });
     }
 
-    /// Takes a packet. One that is out of order, late or malformed ends its message.
+    /// Handles a packet. A packet that is out of sequence, late or malformed ends its message.
     fn continued(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
         if id.destination() != Address::GLOBAL {
             return None;
@@ -265,13 +266,12 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
 }
 
 impl<const SIZE: usize> Receiving<SIZE> {
-    /// Returns whether its sender was silent for too long.
+    /// Returns whether the sender was silent for too long.
     fn is_late(&self, now: Instant) -> bool {
         since(now, self.heard) > MAX_GAP
     }
 
-    /// Returns whether the message is whole with this packet; `None` when the message is spoilt, as it is by a frame
-    /// that is no packet.
+    /// Appends a packet. Returns whether it completes the message; `None` if it is invalid, which ends the message.
     fn take(&mut self, packet: Option<Packet>, now: Instant) -> Option<bool> {
         let packet = packet.filter(|packet| packet.sequence == self.sequence && !self.is_late(now))?;
         let payload = &mut self.message.payload;

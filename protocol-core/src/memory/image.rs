@@ -2,33 +2,33 @@
 
 use super::record::{RECORD_MAX, Record, RecordKey, open};
 
-/// A memory as a device reads it at a start: record by record, before any check.
+/// A memory as read at the start of a device: record by record, unchecked.
 pub trait Memory {
-    /// Returns the bytes under a key as they lie there, [sealed](super::seal); `None` when it was never written.
+    /// Returns the [sealed](super::seal) bytes of a record; `None` if it was never written.
     ///
     /// # Errors
-    /// [`Corrupt`] when something is there that could not be read.
+    /// [`Corrupt`] if the record exists but could not be read.
     fn sealed(&self, key: RecordKey) -> Result<Option<&[u8]>, Corrupt>;
 
-    /// Returns whether the memory as a whole was damaged: what could not be read is not known.
+    /// Returns whether the entire memory was damaged, so that unreadable records cannot be identified.
     fn is_damaged(&self) -> bool {
         false
     }
 }
 
-/// The contents under a key.
+/// The contents of a record.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Content {
     /// Never written.
     #[default]
     Absent,
-    /// The bytes as they were read, sealed, not yet checked.
+    /// The sealed bytes, not yet checked.
     Sealed(Record),
-    /// Something is there that could not be read, or is longer than any record.
+    /// The record exists but could not be read, or is longer than any record.
     Unreadable,
 }
 
-/// Everything stored, as read at a start, record by record, before any check.
+/// The contents of a memory as read at a start, record by record, unchecked.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Image {
     contents: [Content; RecordKey::ALL.len()],
@@ -36,49 +36,50 @@ pub struct Image {
 }
 
 impl Image {
-    /// Returns a memory that was never written.
+    /// Creates the image of a memory that was never written.
     #[must_use]
     pub const fn empty() -> Self {
         Self { contents: [const { Content::Absent }; RecordKey::ALL.len()], damaged: false }
     }
 
-    /// Makes this a memory that was never written, in place: an image is large for the stack of a small processor.
+    /// Resets the image in place to that of a memory never written: an image is large for the stack of a small
+    /// processor.
     pub fn clear(&mut self) {
         self.contents.fill_with(Content::default);
         self.damaged = false;
     }
 
-    /// Puts in what was read under `key`.
+    /// Sets the bytes read for a record.
     pub fn put(&mut self, key: RecordKey, bytes: &[u8]) {
         self.set(key, Record::from_slice(bytes).map_or(Content::Unreadable, Content::Sealed));
     }
 
-    /// Notes that `key` could not be read.
+    /// Marks a record as unreadable.
     pub fn put_unreadable(&mut self, key: RecordKey) {
         self.set(key, Content::Unreadable);
     }
 
-    /// Notes that the memory as a whole was damaged: what could not be read is not known.
+    /// Marks the entire memory as damaged, so that unreadable records cannot be identified.
     pub const fn set_damaged(&mut self) {
         self.damaged = true;
     }
 
-    /// Returns whether the memory as a whole was damaged.
+    /// Returns whether the entire memory was damaged.
     #[must_use]
     pub const fn is_damaged(&self) -> bool {
         self.damaged
     }
 
-    /// Returns whether nothing was ever written and nothing is damaged: a new board, a new state file.
+    /// Returns whether nothing was ever written and nothing is damaged: a new board or a new state file.
     #[must_use]
     pub fn is_new(&self) -> bool {
         !self.damaged && self.contents.iter().all(|content| *content == Content::Absent)
     }
 
-    /// Returns the payload of a record. `Ok(None)` when it was never written.
+    /// Returns the payload of a record; `Ok(None)` if it was never written.
     ///
     /// # Errors
-    /// [`Corrupt`] when something is there that does not open as `version`.
+    /// [`Corrupt`] if the record exists but does not open with `version`.
     pub fn payload(&self, key: RecordKey, version: u8) -> Result<Option<&[u8]>, Corrupt> {
         self.sealed(key)?.map(|record| open(version, record).ok_or(Corrupt)).transpose()
     }
@@ -104,7 +105,7 @@ impl Memory for Image {
     }
 }
 
-/// A record that fails its check: taken as absent, and raises the internal error.
+/// A record that fails its check. It counts as absent and raises the internal error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Corrupt;
 

@@ -1,7 +1,7 @@
-//! Non-volatile memory: the records that a device keeps, and how they are encoded (SPEC 6).
+//! Non-volatile memory: the records of a device and their encoding (SPEC 6).
 //!
-//! The core never touches a flash. It requests the write of a record by an [`Effect`](crate::device::Effect), takes the
-//! result, and reads a [`Memory`] when it starts: an [`Image`] of everything stored, or the flash itself.
+//! The core never accesses a flash. It requests the write of a record by an [`Effect`](crate::device::Effect), receives
+//! the result, and reads a [`Memory`] at a start: an [`Image`] of all contents, or the flash itself.
 
 mod image;
 mod record;

@@ -1,42 +1,43 @@
 //! A record: its key, and its encoding with version, length and CRC.
 //!
-//! A flash map keeps each record either old or new, but can hand out a flipped bit (SPEC 6): so every record is sealed,
-//! and one that does not open is taken as absent and raises the internal error.
+//! A flash map keeps each record either old or new, but can return a flipped bit (SPEC 6). Therefore every record is
+//! sealed; a record that does not open counts as absent and raises the internal error.
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
 
-/// The most bytes of a sealed record: the longest payload (the parameters) with some room, version, length and CRC.
+/// The maximum size of a sealed record: the longest payload (the parameters) with some reserve, version, length and
+/// CRC.
 pub const RECORD_MAX: usize = 128;
 
 /// The bytes of a sealed record.
 pub type Record = Vec<u8, RECORD_MAX>;
 
-/// version, length
+/// Version and length.
 const HEADER: usize = 2;
 const CRC_LEN: usize = 4;
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// The key under which a record lies in the memory (SPEC 6).
+/// The key of a record in the memory (SPEC 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum RecordKey {
-    /// Identity, NAME function instance, numbers and date: written once, never at run time.
+    /// Identity, NAME function instance, numbers and date: written once, at the first start.
     Factory = 1,
     /// Node ID or address, and bit rate.
     LocalLayer = 2,
-    /// The parameters that "save" stores; of a device that stores them in groups, those of the communication.
+    /// The parameters stored by "save"; if a device stores groups separately, the communication parameters.
     Parameters = 3,
-    /// The restore flag: set, the next start restores the defaults.
+    /// The restore flag: if set, the next start restores the defaults.
     RestoreFlag = 4,
-    /// Occurrence counters, from which the previously active faults follow.
+    /// The occurrence counters, which imply the previously active faults.
     FaultLog = 5,
-    /// The parameters of the application, of a device that stores them in groups.
+    /// The application parameters, if a device stores groups separately.
     Application = 6,
 }
 
 impl RecordKey {
-    /// All of them, in the order of their keys.
+    /// All keys, in ascending order.
     pub const ALL: [Self; 6] =
         [Self::Factory, Self::LocalLayer, Self::Parameters, Self::RestoreFlag, Self::FaultLog, Self::Application];
 
@@ -51,7 +52,7 @@ impl RecordKey {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoreError;
 
-/// Returns the beginning of a record: its payload is appended, then it is [completed](complete).
+/// Begins a record, to which the payload is appended before it is [completed](complete).
 #[must_use]
 pub fn begin(version: u8) -> Record {
     Record::from_array([version, 0])
@@ -60,7 +61,7 @@ pub fn begin(version: u8) -> Record {
 /// Completes a record with its length and CRC.
 ///
 /// # Errors
-/// [`StoreError`] when there is no room for them.
+/// [`StoreError`] if they do not fit.
 pub fn complete(record: &mut Record) -> Result<(), StoreError> {
     let [_, len, payload @ ..] = record.as_mut_slice() else { return Err(StoreError) };
     *len = u8::try_from(payload.len()).map_err(|_| StoreError)?;
@@ -68,10 +69,10 @@ pub fn complete(record: &mut Record) -> Result<(), StoreError> {
     record.extend_from_slice(&crc).map_err(|_| StoreError)
 }
 
-/// Wraps a payload into version, length and CRC.
+/// Encodes a payload as a record with version, length and CRC.
 ///
 /// # Errors
-/// [`StoreError`] when the payload is longer than a record holds.
+/// [`StoreError`] if the payload does not fit a record.
 pub fn seal(version: u8, payload: &[u8]) -> Result<Record, StoreError> {
     let mut record = begin(version);
     record.extend_from_slice(payload).map_err(|_| StoreError)?;
@@ -79,7 +80,7 @@ pub fn seal(version: u8, payload: &[u8]) -> Result<Record, StoreError> {
     Ok(record)
 }
 
-/// Returns the payload of a sealed record; `None` unless version, length and CRC are right.
+/// Returns the payload of a sealed record; `None` unless version, length and CRC are correct.
 #[must_use]
 pub fn open(version: u8, record: &[u8]) -> Option<&[u8]> {
     let (body, crc) = record.split_at_checked(record.len().checked_sub(CRC_LEN)?)?;

@@ -1,4 +1,4 @@
-//! Node IDs and COB-IDs (CiA 301 7.3.3 and 7.5.2): the predefined connection set, and the objects that hold a COB-ID.
+//! Node IDs and COB-IDs (CiA 301 7.3.3 and 7.5.2): the predefined connection set, and objects of type COB-ID.
 
 use crate::frame::{Id, StandardId, extended, standard};
 
@@ -7,7 +7,7 @@ use crate::frame::{Id, StandardId, extended, standard};
 pub struct NodeId(u8);
 
 impl NodeId {
-    /// Returns a node ID of 1–127; `None` outside.
+    /// Creates a node ID of 1–127; `None` outside.
     #[inline]
     #[must_use]
     pub const fn new(raw: u8) -> Option<Self> {
@@ -21,14 +21,14 @@ impl NodeId {
         self.0
     }
 
-    /// Returns the identifier of one of this node's services in the predefined connection set.
+    /// Returns the identifier of a function of this node in the predefined connection set.
     #[inline]
     #[must_use]
     pub const fn id(self, function: Function) -> StandardId {
         standard(self.raw_id(function))
     }
 
-    /// Returns the same as a number.
+    /// Returns that identifier as a number.
     #[inline]
     #[must_use]
     pub const fn raw_id(self, function: Function) -> u16 {
@@ -36,7 +36,7 @@ impl NodeId {
     }
 }
 
-/// The functions of the predefined connection set that go by node: the identifier is the function plus the node ID.
+/// The node-specific functions of the predefined connection set: the identifier is the function plus the node ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub enum Function {
@@ -55,17 +55,17 @@ pub enum Function {
 }
 
 impl Function {
-    /// All of them.
+    /// All functions.
     const ALL: [Self; 6] = [Self::Emcy, Self::Tpdo1, Self::Rpdo1, Self::SdoAnswer, Self::SdoRequest, Self::Heartbeat];
 
-    /// Returns true for what a node sends, and false for what is sent to it.
+    /// Returns whether the node sends the frames of the function rather than receiving them.
     #[must_use]
     pub const fn is_from_node(self) -> bool {
         !matches!(self, Self::Rpdo1 | Self::SdoRequest)
     }
 }
 
-/// Returns the function and the node of an identifier; `None` for one that goes by no node, and for PDOs 2 to 4.
+/// Returns the function and node ID of an identifier; `None` if it belongs to no node, and for PDOs 2 to 4.
 #[must_use]
 pub fn classify(id: StandardId) -> Option<(Function, NodeId)> {
     let (function, node) = (id.as_raw() & !0x7F, id.as_raw() & 0x7F);
@@ -80,20 +80,20 @@ pub const LSS_ANSWER: u16 = 0x7E4;
 /// LSS, to the slaves.
 pub const LSS_REQUEST: u16 = 0x7E5;
 
-/// The value of an object of type COB-ID: an identifier, and three bits on its use (CiA 301 7.5.2.5, .15, .35).
+/// The value of an object of type COB-ID: an identifier and three control bits (CiA 301 7.5.2.5, .15, .35).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CobId(u32);
 
 impl CobId {
-    /// Bit 31: the PDO or EMCY consumer is off.
+    /// Bit 31: the communication object is off.
     pub const OFF: u32 = 1 << 31;
-    /// Bit 30: no remote request (PDO); this device produces (SYNC).
+    /// Bit 30: no RTR (PDO), or SYNC producer (SYNC).
     pub const BIT_30: u32 = 1 << 30;
-    /// Bit 29: a 29-bit identifier.
+    /// Bit 29: 29-bit identifier.
     pub const EXTENDED: u32 = 1 << 29;
     const IDENTIFIER: u32 = Self::EXTENDED - 1;
 
-    /// Takes any 32 bits.
+    /// Creates a COB-ID from any 32 bits.
     #[inline]
     #[must_use]
     pub const fn new(raw: u32) -> Self {
@@ -107,7 +107,7 @@ impl CobId {
         self.0
     }
 
-    /// Returns whether bit 31 says that the communication object is off.
+    /// Returns whether bit 31 switches the communication object off.
     #[inline]
     #[must_use]
     pub const fn is_off(self) -> bool {
@@ -120,19 +120,19 @@ impl CobId {
         self.0 & Self::BIT_30 != 0
     }
 
-    /// Returns whether the identifier is a 29-bit one.
+    /// Returns whether the identifier has 29 bits.
     #[must_use]
     pub const fn is_extended(self) -> bool {
         self.0 & Self::EXTENDED != 0
     }
 
-    /// Bits 0–28.
+    /// Returns bits 0–28.
     #[must_use]
     pub const fn identifier(self) -> u32 {
         self.0 & Self::IDENTIFIER
     }
 
-    /// Returns the CAN identifier that it stands for.
+    /// Returns the CAN identifier.
     #[must_use]
     pub const fn id(self) -> Id {
         if self.is_extended() {
@@ -142,16 +142,16 @@ impl CobId {
         }
     }
 
-    /// Returns the identifier as a frame's [key](crate::frame::key).
+    /// Returns the [key](crate::frame::key) of the identifier.
     #[inline]
     #[must_use]
     pub const fn key(self) -> u32 {
         self.0 & (Self::EXTENDED | Self::IDENTIFIER)
     }
 
-    /// Returns whether a PDO, SYNC or EMCY consumer may use the identifier: a 29-bit one where those are `extended`, or
-    /// an 11-bit one that CiA 301 (7.3.5) does not reserve for NMT, the default SDOs, EMCY and error control, or LSS
-    /// (SPEC 4.1).
+    /// Returns whether a PDO, SYNC, EMCY or EMCY consumer may use the identifier: a 29-bit one if `extended`, or an
+    /// 11-bit one that is not restricted. CiA 301 (7.3.5) restricts those of NMT, the default SDOs, EMCY, error control
+    /// and LSS (SPEC 4.1).
     #[must_use]
     pub const fn is_usable(self, extended: bool) -> bool {
         if self.is_extended() {

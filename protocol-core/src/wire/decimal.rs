@@ -1,22 +1,22 @@
-//! Numbers in decimal, as ASCII.
+//! Decimal numbers in ASCII.
 
 use heapless::Vec;
 
-/// The most digits of a number.
+/// The maximum number of digits.
 pub const DIGITS: usize = 10;
 
-/// The highest power of ten that a number can have.
+/// The highest power of ten in a u32.
 const HIGHEST: u32 = 1_000_000_000;
 
-/// Returns the digits of a number, without leading zeros.
+/// Returns the digits of a number without leading zeros.
 #[must_use]
 pub fn decimal(number: u32) -> Vec<u8, DIGITS> {
     let mut digits = Vec::new();
     let mut unit = HIGHEST;
-    // Below one there is no unit.
+    // Ends at `unit` 0.
     while let Some(leading) = number.checked_div(unit) {
         if leading != 0 || unit == 1 {
-            // There is room: as many digits as there are units.
+            // There is room: at most one digit per unit.
             let _ = digits.push(b'0' | (leading % 10) as u8);
         }
         unit /= 10;

@@ -1,5 +1,5 @@
-//! Diagnostic messages DM1 and DM2: lamps, then trouble codes with their counters (SAE J1939-73 5.7.1 and 5.7.2; SPEC
-//! 5).
+//! Diagnostic messages DM1 and DM2: the lamp status, then trouble codes with their occurrence counts (SAE J1939-73
+//! 5.7.1 and 5.7.2; SPEC 5).
 
 use heapless::Vec;
 
@@ -10,14 +10,14 @@ use super::dtc::Dtc;
 pub struct Lamp(u8);
 
 impl Lamp {
-    /// None is lit: no fault.
+    /// No lamp: no fault.
     pub const OFF: Self = Self(0x00);
     /// Amber warning lamp.
     pub const AMBER: Self = Self(0x04);
     /// Red stop lamp.
     pub const RED: Self = Self(0x10);
 
-    /// Takes any byte.
+    /// Creates a lamp status from any byte.
     #[must_use]
     pub const fn new(raw: u8) -> Self {
         Self(raw)
@@ -30,40 +30,40 @@ impl Lamp {
     }
 }
 
-/// The highest occurrence counter.
+/// The highest occurrence count.
 pub const MAX_COUNT: u8 = 127;
 
-/// The second byte, which tells the lamps that flash: the same always.
+/// The second byte, which marks flashing lamps: always the same.
 const FLASH_STATUS: u8 = 0xFF;
 
-/// The filling of a single frame behind its trouble code.
+/// The fill byte after the trouble code of a single frame.
 const FILL: u8 = 0xFF;
 
 /// The number of bytes before the first trouble code.
 const HEAD: usize = 2;
 
-/// The number of bytes of a trouble code with its counter.
+/// The number of bytes of a trouble code with its occurrence count.
 const TROUBLE_LEN: usize = 4;
 
-/// Returns the length of the payload that carries so many trouble codes.
+/// Returns the length of a payload with this many trouble codes.
 #[must_use]
 pub const fn payload_len(troubles: usize) -> usize {
     troubles.saturating_mul(TROUBLE_LEN).saturating_add(HEAD)
 }
 
-/// A trouble code, how often it occurred, and the lamp that it lights.
+/// A trouble code, its occurrence count, and its lamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trouble {
     /// The lamp.
     pub lamp: Lamp,
     /// The code.
     pub dtc: Dtc,
-    /// The occurrence counter; above [`MAX_COUNT`] it counts as that.
+    /// The occurrence count; above [`MAX_COUNT`] it counts as [`MAX_COUNT`].
     pub count: u8,
 }
 
 impl Trouble {
-    /// Returns the code and its counter; the conversion method, which is the top bit, is 0.
+    /// Encodes the code and its count; the conversion method, the top bit, is 0.
     const fn emit(self) -> [u8; TROUBLE_LEN] {
         let [low, middle, high] = self.dtc.to_bytes();
         let count = if self.count > MAX_COUNT { MAX_COUNT } else { self.count };
@@ -71,7 +71,7 @@ impl Trouble {
     }
 }
 
-/// Returns the message of one trouble code, or of none, in a single frame.
+/// Encodes a message with at most one trouble code as a single frame.
 #[must_use]
 pub const fn single(trouble: Option<Trouble>) -> [u8; 8] {
     match trouble {
@@ -83,8 +83,8 @@ pub const fn single(trouble: Option<Trouble>) -> [u8; 8] {
     }
 }
 
-/// Returns the message of several, as the transport protocol carries it: the lamp is the most severe of them. What does
-/// not fit `N` bytes, see [`payload_len`], is left out.
+/// Encodes a message with several trouble codes for the transport protocol, with the most severe of their lamps. Codes
+/// that do not fit `N` bytes, see [`payload_len`], are left out.
 #[must_use]
 pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) -> Vec<u8, N> {
     let lamp = troubles.clone().map(|trouble| trouble.lamp).max().unwrap_or(Lamp::OFF);
@@ -96,8 +96,8 @@ pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) 
     payload
 }
 
-/// Returns the lamp and the trouble codes of a message, be it a single frame or what the transport protocol carried;
-/// `None` for one too short to have any.
+/// Decodes the lamp and the trouble codes of a single frame or a transport protocol payload; `None` if it is too short
+/// for a trouble code.
 pub fn parse(payload: &[u8]) -> Option<(Lamp, impl Iterator<Item = (Dtc, u8)>)> {
     let &[lamp, _, ref troubles @ ..] = payload else { return None };
     let (troubles, _) = troubles.as_chunks::<TROUBLE_LEN>();

@@ -1,53 +1,53 @@
 //! Diagnostic trouble codes (SAE J1939-73 5.7.1; SPEC 3).
 
-/// A diagnostic trouble code: what is wrong (SPN) and how (FMI), in 24 bits.
+/// A diagnostic trouble code in 24 bits: the suspect parameter (SPN) and its failure mode (FMI).
 ///
-/// (R) The manual prints a code as one number: the three bytes on the wire, read from the last to the first (SPEC 3).
+/// (R) The manual prints a code as one number: the three bytes on the bus in reverse order (SPEC 3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Dtc(u32);
 
 impl Dtc {
-    /// No trouble: three bytes of 0.
+    /// No trouble code: three bytes of 0.
     pub const NONE: Self = Self(0);
 
-    /// Returns the code of a suspect parameter number, of which 19 bits count, and a failure mode identifier, of which
-    /// 5 do.
+    /// Creates a code from the low 19 bits of a suspect parameter number and the low 5 bits of a failure mode
+    /// identifier.
     #[must_use]
     pub const fn new(spn: u32, fmi: u8) -> Self {
         Self((spn & 0x7_0000) << 5 | (fmi as u32 & 0x1F) << 16 | spn & 0xFFFF)
     }
 
-    /// Returns the code that is printed as this number, of which 24 bits count.
+    /// Creates a code from its printed number, of which the low 24 bits are used.
     #[must_use]
     pub const fn from_printed(number: u32) -> Self {
         Self(number & 0xFF_FFFF)
     }
 
-    /// Returns the number as the manual prints it.
+    /// Returns the number as printed in the manual.
     #[must_use]
     pub const fn printed(self) -> u32 {
         self.0
     }
 
-    /// Returns the suspect parameter number: what is wrong.
+    /// Returns the suspect parameter number.
     #[must_use]
     pub const fn spn(self) -> u32 {
         self.0 >> 5 & 0x7_0000 | self.0 & 0xFFFF
     }
 
-    /// Returns the failure mode identifier: how it is wrong.
+    /// Returns the failure mode identifier.
     #[must_use]
     pub const fn fmi(self) -> u8 {
         (self.0 >> 16) as u8 & 0x1F
     }
 
-    /// Returns the code of the three bytes on the wire.
+    /// Decodes the three bytes on the bus.
     #[must_use]
     pub const fn from_bytes([low, middle, high]: [u8; 3]) -> Self {
         Self(u32::from_le_bytes([low, middle, high, 0]))
     }
 
-    /// Returns the three bytes on the wire.
+    /// Encodes the three bytes on the bus.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 3] {
         let [low, middle, high, _] = self.0.to_le_bytes();

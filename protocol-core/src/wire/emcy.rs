@@ -3,13 +3,13 @@
 /// The emergency error code "no error": an error reset.
 pub const NO_ERROR: u16 = 0x0000;
 
-/// The emergency error code of a generic error: what an EMCY consumer takes for an emergency stop (SPEC 4.2).
+/// The emergency error code of a generic error; for an EMCY consumer an emergency stop (SPEC 4.2).
 pub const GENERIC_ERROR: u16 = 0x1000;
 
 /// An emergency message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Emcy {
-    /// The emergency error code; [`NO_ERROR`] when the last error is gone.
+    /// The emergency error code; [`NO_ERROR`] for an error reset.
     pub code: u16,
     /// The error register, 0x1001.
     pub register: u8,

@@ -3,17 +3,17 @@
 
 use crate::frame::{Frame, Id, extended, key};
 
-/// An address on the bus. 0–253 are those of controllers.
+/// An address on the bus; controllers have 0–253.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address(u8);
 
 impl Address {
-    /// The source of one that has no address: of a cannot-claim.
+    /// The null address, the source of a cannot-claim.
     pub const NULL: Self = Self(0xFE);
-    /// The destination of what is for all.
+    /// The global address, the destination of messages to all.
     pub const GLOBAL: Self = Self(0xFF);
 
-    /// Takes any byte.
+    /// Creates an address from any byte.
     #[inline]
     #[must_use]
     pub const fn new(raw: u8) -> Self {
@@ -28,10 +28,10 @@ impl Address {
     }
 }
 
-/// A parameter group number, as three bytes carry it.
+/// A parameter group number as carried in three bytes.
 ///
-/// One that an identifier carries has 18 bits, and its low byte is 0 in the format PDU1. A request can ask for any 24
-/// bits: they are kept, so that a refusal can repeat them.
+/// In an identifier it has 18 bits, and in PDU1 format its low byte is 0. A request can contain any 24 bits; they are
+/// kept, so that a refusal can repeat them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pgn(u32);
 
@@ -50,40 +50,40 @@ impl Pgn {
     pub const DM1: Self = Self(0x00_FECA);
     /// DM2, previously active diagnostic trouble codes (R: the manual prints 18CEFCB and 18CEFB).
     pub const DM2: Self = Self(0x00_FECB);
-    /// DM3, clearing of the previously active ones.
+    /// DM3, clearing of previously active diagnostic trouble codes.
     pub const DM3: Self = Self(0x00_FECC);
     /// Commanded address.
     pub const COMMANDED_ADDRESS: Self = Self(0x00_FED8);
 
-    /// Returns the low 24 bits of `raw`.
+    /// Creates a group from the low 24 bits of `raw`.
     #[inline]
     #[must_use]
     pub const fn new(raw: u32) -> Self {
         Self(raw & 0xFF_FFFF)
     }
 
-    /// Returns the group of the auxiliary valve command of valve `number`, of which the low four bits count.
+    /// Returns the auxiliary valve command group of valve `number`, of which the low four bits are used.
     #[inline]
     #[must_use]
     pub const fn avc(number: u8) -> Self {
         Self(0x00_FE30 | (number & 0xF) as u32)
     }
 
-    /// Returns the group of the auxiliary valve estimated flow of valve `number`, of which the low four bits count.
+    /// Returns the auxiliary valve estimated flow group of valve `number`, of which the low four bits are used.
     #[inline]
     #[must_use]
     pub const fn avef(number: u8) -> Self {
         Self(0x00_FE10 | (number & 0xF) as u32)
     }
 
-    /// Returns the group of three bytes, the least significant first.
+    /// Decodes three bytes, least significant first.
     #[inline]
     #[must_use]
     pub const fn from_bytes([low, middle, high]: [u8; 3]) -> Self {
         Self(u32::from_le_bytes([low, middle, high, 0]))
     }
 
-    /// Returns three bytes, the least significant first.
+    /// Encodes three bytes, least significant first.
     #[inline]
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 3] {
@@ -98,7 +98,7 @@ impl Pgn {
         self.0
     }
 
-    /// Pages and PDU format, as [`J1939Id::format`] tells them; bits above are left out.
+    /// Returns the page bits and PDU format, like [`J1939Id::format`]; higher bits are dropped.
     #[inline]
     #[must_use]
     pub const fn format(self) -> Format {
@@ -106,7 +106,8 @@ impl Pgn {
     }
 }
 
-/// The two page bits and the eight bits of PDU format: what to look at first, for in PDU1 it is the whole group.
+/// The two page bits and the eight bits of PDU format. In PDU1 format they determine the group, so they are examined
+/// first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Format(u16);
 
@@ -121,10 +122,10 @@ impl Format {
     pub const TP_CONNECTION: Self = Pgn::TP_CONNECTION.format();
     /// Address claimed, and cannot claim.
     pub const ADDRESS_CLAIMED: Self = Pgn::ADDRESS_CLAIMED.format();
-    /// The groups 0xFE00–0xFEFF, which the identifier's next byte tells apart: AVC, AVEF, the DMs and many others.
+    /// The groups 0xFE00–0xFEFF, distinguished by the next byte of the identifier: AVC, AVEF, the DMs and many others.
     pub const GROUPS_FE: Self = Pgn(0x00_FE00).format();
 
-    /// Returns whether it is PDU1: its frames have a destination.
+    /// Returns whether the format is PDU1, whose frames have a destination.
     #[inline]
     #[must_use]
     pub const fn is_pdu1(self) -> bool {
@@ -132,19 +133,19 @@ impl Format {
     }
 }
 
-/// The priority of a message, 0–7, the lowest being the most urgent.
+/// The priority of a message, 0–7, lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Priority(u8);
 
 impl Priority {
-    /// 3, of control messages: AVC and AVEF.
+    /// 3: control messages (AVC and AVEF).
     pub const CONTROL: Self = Self(3);
-    /// 6, of all others.
+    /// 6: all other messages.
     pub const DEFAULT: Self = Self(6);
-    /// 7, of the transport protocol.
+    /// 7: the transport protocol.
     pub const TRANSPORT: Self = Self(7);
 
-    /// Returns the low three bits of `raw`.
+    /// Creates a priority from the low three bits of `raw`.
     #[must_use]
     pub const fn new(raw: u8) -> Self {
         Self(raw & 7)
@@ -165,7 +166,7 @@ const BOTH_PAGES: u32 = 3 << 24;
 pub struct J1939Id(u32);
 
 impl J1939Id {
-    /// Returns the identifier of a message. The destination counts in the format PDU1 alone.
+    /// Creates the identifier of a message. The destination is used in PDU1 format only.
     #[inline]
     #[must_use]
     pub const fn new(priority: Priority, pgn: Pgn, destination: Address, source: Address) -> Self {
@@ -173,21 +174,21 @@ impl J1939Id {
         Self((priority.0 as u32) << 26 | group << 8 | source.0 as u32)
     }
 
-    /// Returns the identifier of a message to all.
+    /// Creates the identifier of a message to all.
     #[inline]
     #[must_use]
     pub const fn global(priority: Priority, pgn: Pgn, source: Address) -> Self {
         Self::new(priority, pgn, Address::GLOBAL, source)
     }
 
-    /// Returns the low 29 bits of `raw`.
+    /// Creates an identifier from the low 29 bits of `raw`.
     #[inline]
     #[must_use]
     pub const fn from_raw(raw: u32) -> Self {
         Self(raw & 0x1FFF_FFFF)
     }
 
-    /// Returns the identifier of a frame; `None` for a standard one.
+    /// Returns the identifier of a frame; `None` for a standard identifier.
     #[inline]
     #[must_use]
     pub fn of(frame: &Frame) -> Option<Self> {
@@ -201,21 +202,21 @@ impl J1939Id {
         self.0
     }
 
-    /// Returns the identifier for a frame.
+    /// Returns the identifier as a frame's [`Id`].
     #[inline]
     #[must_use]
     pub const fn id(self) -> Id {
         Id::Extended(extended(self.0))
     }
 
-    /// Returns the identifier as a frame's key.
+    /// Returns the key of the identifier.
     #[inline]
     #[must_use]
     pub fn key(self) -> u32 {
         key(self.id())
     }
 
-    /// Returns whether this is an identifier of J1939: both page bits set are another protocol's (ISO 11783-3).
+    /// Returns whether this is a J1939 identifier; both page bits set mark another protocol (ISO 11783-3).
     #[inline]
     #[must_use]
     pub const fn is_j1939(self) -> bool {
@@ -228,7 +229,7 @@ impl J1939Id {
         Priority::new((self.0 >> 26) as u8)
     }
 
-    /// Pages and PDU format.
+    /// Returns the page bits and PDU format.
     #[inline]
     #[must_use]
     pub const fn format(self) -> Format {
@@ -242,21 +243,21 @@ impl J1939Id {
         Pgn(self.0 >> 8 & if self.format().is_pdu1() { 0x3_FF00 } else { 0x3_FFFF })
     }
 
-    /// Returns the destination: [`Address::GLOBAL`] in the format PDU2.
+    /// Returns the destination; [`Address::GLOBAL`] in PDU2 format.
     #[inline]
     #[must_use]
     pub const fn destination(self) -> Address {
         if self.format().is_pdu1() { Address(self.pdu_specific()) } else { Address::GLOBAL }
     }
 
-    /// Returns the field PDU specific: the destination in the format PDU1, the group extension in the format PDU2.
+    /// Returns the PDU-specific field: the destination in PDU1 format, the group extension in PDU2 format.
     #[inline]
     #[must_use]
     pub const fn pdu_specific(self) -> u8 {
         (self.0 >> 8) as u8
     }
 
-    /// Returns the source.
+    /// Returns the source address.
     #[inline]
     #[must_use]
     pub const fn source(self) -> Address {
@@ -297,7 +298,7 @@ mod tests {
 
     #[test]
     fn both_pages_are_part_of_the_number() {
-        // The identifiers of UDS have both page bits set: they are none of the groups of page 0.
+        // UDS identifiers have both page bits set, so they belong to no group of page 0.
         assert_eq!(parts(0x1BC7_8805), (6, Pgn::new(0x3_C700), 0x88, 0x05));
         assert_eq!(parts(0x19FE_CA00), (6, Pgn::new(0x1_FECA), 0xFF, 0x00));
         assert_eq!(J1939Id::global(Priority::DEFAULT, Pgn::new(0x1_FECA), Address::new(0)).raw(), 0x19FE_CA00);
@@ -321,7 +322,7 @@ mod tests {
         ] {
             let id = J1939Id::from_raw(raw);
             assert_eq!((id.format(), id.pgn().format()), (format, format), "{raw:08X}");
-            // The other pages are other groups.
+            // The other pages have other groups.
             for page in [1 << 24, 1 << 25] {
                 assert_ne!(J1939Id::from_raw(raw | page).format(), format, "{raw:08X}");
             }

@@ -1,9 +1,9 @@
-//! LSS: the eight bytes of a request and of an answer (CiA 305 6.4).
+//! LSS: the eight bytes of requests and answers (CiA 305 6.4).
 
 use super::cob_id::NodeId;
 use super::u32_at;
 
-/// The four numbers that tell one slave from every other: the identity object, 0x1018.
+/// The LSS address of a slave: the four numbers of its identity object, 0x1018.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address {
     /// Vendor ID.
@@ -17,7 +17,7 @@ pub struct Address {
 }
 
 impl Address {
-    /// Returns one of the four numbers; `None` for a part above 3.
+    /// Returns a part of the address; `None` above 3.
     #[must_use]
     pub const fn part(&self, part: u8) -> Option<u32> {
         match part {
@@ -30,26 +30,26 @@ impl Address {
     }
 }
 
-/// The number of a slave's identity that a service is about: 0 vendor, 1 product, 2 revision, 3 serial.
+/// A part of the LSS address: 0 vendor, 1 product, 2 revision, 3 serial.
 pub type Part = u8;
 
-/// The condition of identify remote slave on one of the four numbers, the limits included.
+/// A condition of identify remote slave on a part of the LSS address; limits are inclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
-    /// Equal to this number.
+    /// Equal to the limit.
     Exactly(Part),
-    /// Not lower than this number.
+    /// At least the limit.
     AtLeast(Part),
-    /// Not higher than this number.
+    /// At most the limit.
     AtMost(Part),
 }
 
 impl Bound {
-    /// All of them, in the order in which they are asked.
+    /// All bounds, in the order of the protocol.
     pub const ALL: [Self; 6] =
         [Self::Exactly(0), Self::Exactly(1), Self::AtLeast(2), Self::AtMost(2), Self::AtLeast(3), Self::AtMost(3)];
 
-    /// Returns whether a slave is within the bound.
+    /// Returns whether a slave satisfies the bound.
     #[must_use]
     pub fn holds(self, limit: u32, address: &Address) -> bool {
         match self {
@@ -60,12 +60,12 @@ impl Bound {
     }
 }
 
-/// A node ID as LSS configures it: 1–127, or 255 for none.
+/// A node ID in LSS: 1–127, or 255 for none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LssNodeId(pub Option<NodeId>);
 
 impl LssNodeId {
-    /// Returns the node ID of a number; `None` for a reserved one.
+    /// Creates a node ID; `None` for a reserved number.
     #[must_use]
     pub fn new(raw: u8) -> Option<Self> {
         if raw == NO_NODE_ID { Some(Self(None)) } else { NodeId::new(raw).map(|node_id| Self(Some(node_id))) }
@@ -78,21 +78,21 @@ impl LssNodeId {
     }
 }
 
-/// A question of the fast scan.
+/// A fast scan request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FastScan {
-    /// The number that is compared.
+    /// The number to compare with.
     pub number: u32,
-    /// The lowest bit that is compared, 0–31; 0x80 asks who is there.
+    /// The lowest compared bit, 0–31; 0x80 starts a scan, and every unconfigured slave answers.
     pub bit_check: u8,
-    /// The number that the question is about.
+    /// The compared part of the LSS address.
     pub sub: u8,
-    /// The number that the master asks about next.
+    /// The part that the next request compares.
     pub next: u8,
 }
 
 impl FastScan {
-    /// Returns whether this is the last question: all bits of the last number, and the master goes on to another one.
+    /// Returns whether this request ends the scan: all bits of the last part, and `next` is another part.
     #[must_use]
     pub const fn is_last(&self) -> bool {
         self.bit_check == 0 && self.sub == 3 && self.next != 3
@@ -102,36 +102,36 @@ impl FastScan {
 /// A request of a master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// 0x04: all to waiting (0) or configuration (1).
+    /// 0x04: switch all slaves to waiting (0) or configuration (1).
     SwitchGlobal {
-        /// The mode; others than 0 and 1 are reserved.
+        /// The mode; values above 1 are reserved.
         mode: u8,
     },
-    /// 0x40–0x43: one of the four numbers of the slave that is to go to configuration.
+    /// 0x40–0x43: a part of the address of the slave to switch to configuration.
     SwitchSelective(Part, u32),
-    /// 0x11: a pending node ID.
+    /// 0x11: configure a node ID.
     ConfigureNodeId(u8),
-    /// 0x13: a pending bit rate.
+    /// 0x13: configure a bit rate.
     ConfigureBitTiming {
-        /// The table; 0 is that of CiA.
+        /// The bit timing table; 0 is that of CiA 305.
         table: u8,
-        /// The entry of the table.
+        /// The index in the table.
         index: u8,
     },
-    /// 0x15: switch to the pending bit rate.
+    /// 0x15: activate the configured bit rate.
     ActivateBitTiming {
-        /// The delay in ms, before and after the switch.
+        /// The delay in ms before the switch, and again after it.
         delay_ms: u16,
     },
-    /// 0x17: store node ID and bit rate.
+    /// 0x17: store the node ID and bit rate.
     Store,
-    /// 0x5A–0x5D: one of the four numbers.
+    /// 0x5A–0x5D: inquire a part of the LSS address.
     InquireIdentity(Part),
-    /// 0x5E: the node ID.
+    /// 0x5E: inquire the node ID.
     InquireNodeId,
-    /// 0x46–0x4B: one of the bounds of identify remote slave.
+    /// 0x46–0x4B: a bound of identify remote slave.
     IdentifyRemote(Bound, u32),
-    /// 0x4C: is there a slave without node ID?
+    /// 0x4C: identify slaves without node ID.
     IdentifyNonConfigured,
     /// 0x51: fast scan.
     FastScan(FastScan),
@@ -140,7 +140,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// Returns what eight bytes on 0x7E5 ask for.
+    /// Decodes a request on 0x7E5.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Self {
         let [command, first, second, _, _, bit_check, sub, next] = *bytes;
@@ -168,32 +168,32 @@ impl Request {
 /// An answer of a slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// 0x44: it is the one whose four numbers were sent.
+    /// 0x44: the slave was selected by its LSS address.
     Selected,
-    /// 0x11: node ID taken, or the error code.
+    /// 0x11: the error code of configuring the node ID.
     NodeId(u8),
-    /// 0x13: bit rate taken, or the error code.
+    /// 0x13: the error code of configuring the bit rate.
     BitTiming(u8),
-    /// 0x17: stored, or the error code.
+    /// 0x17: the error code of storing.
     Stored(u8),
-    /// 0x5A–0x5D: one of the four numbers.
+    /// 0x5A–0x5D: a part of the LSS address.
     Identity(Part, u32),
     /// 0x5E: the node ID; 255 for none.
     InquiredNodeId(u8),
-    /// 0x50: it has no node ID.
+    /// 0x50: the slave has no node ID.
     NonConfigured,
-    /// 0x4F: the question of identify remote slave or fast scan is answered with yes.
+    /// 0x4F: the slave satisfies identify remote slave or fast scan.
     Identified,
 }
 
-/// The error code of an answer to a configuration or store service that succeeded; others are the product's.
+/// The error code of a successful configuration or store; the product defines the others.
 pub const SUCCESS: u8 = 0;
 
-/// The node ID that answers an inquiry when there is none.
+/// The node ID answered to an inquiry if there is none.
 pub const NO_NODE_ID: u8 = 255;
 
 impl Answer {
-    /// Returns the answer as it goes over the bus.
+    /// Encodes the answer as eight data bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let (command, number) = match self {

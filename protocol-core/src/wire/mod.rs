@@ -1,6 +1,6 @@
-//! Bytes ↔ meaning: one file a message, total functions, no state.
+//! Encoding and decoding of messages: one file per message, total functions, no state.
 //!
-//! Whatever bytes come in, parsing answers; codes that no standard knows are kept as values or answered with `None`.
+//! Parsing accepts any bytes; unknown codes are kept as values or yield `None`.
 
 pub mod cob_id;
 pub mod decimal;
@@ -20,7 +20,7 @@ pub mod valve;
 
 pub mod uds;
 
-/// Returns the little-endian number in `bytes[at..at + 4]`.
+/// Decodes the little-endian number in `bytes[at..at + 4]`.
 #[inline]
 pub(crate) const fn u32_at(bytes: &[u8; 8], at: u32) -> u32 {
     let word = u64::from_le_bytes(*bytes).unbounded_shr(at.saturating_mul(8)) & 0xFFFF_FFFF;

@@ -1,20 +1,20 @@
-//! NAME, which tells one controller from every other on the bus, and the messages that carry it: address claimed and
-//! commanded address (SAE J1939-81).
+//! NAME, the unique identification of a controller, and its messages: address claimed and commanded address (SAE
+//! J1939-81).
 
 use super::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::frame::Frame;
 
-/// A NAME of 64 bits. Of two that claim one address, the lower wins.
+/// A NAME of 64 bits. The lower of two NAMEs wins an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name(u64);
 
-/// The bits of an identity number.
+/// The mask of the identity number.
 pub const IDENTITY_NUMBER: u32 = 0x1F_FFFF;
 
-/// The fields of a NAME; bits beyond the width of a field do not count.
+/// The fields of a NAME; bits beyond the width of a field are ignored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fields {
-    /// The controller can take another address by itself.
+    /// Whether the controller can choose another address on its own.
     pub arbitrary_address_capable: bool,
     /// 3 bits; 2 is agriculture and forestry.
     pub industry_group: u8,
@@ -35,7 +35,7 @@ pub struct Fields {
 }
 
 impl Name {
-    /// Returns the NAME of these fields; the reserved bit is 0.
+    /// Creates a NAME from its fields; the reserved bit is 0.
     #[must_use]
     pub const fn new(fields: &Fields) -> Self {
         Self(
@@ -51,7 +51,7 @@ impl Name {
         )
     }
 
-    /// Returns what it consists of; the reserved bit is left out.
+    /// Returns the fields, without the reserved bit.
     #[must_use]
     pub const fn fields(self) -> Fields {
         Fields {
@@ -67,14 +67,14 @@ impl Name {
         }
     }
 
-    /// Returns the NAME of the eight bytes on the wire.
+    /// Decodes the eight bytes on the bus.
     #[inline]
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 8]) -> Self {
         Self(u64::from_le_bytes(bytes))
     }
 
-    /// Returns the eight bytes on the wire.
+    /// Encodes the eight bytes on the bus.
     #[inline]
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 8] {
@@ -88,7 +88,7 @@ impl Name {
         self.0
     }
 
-    /// Address claimed: `18EEFFyy`, then the NAME. From [`Address::NULL`] it is a cannot-claim.
+    /// Encodes an address claim, `18EEFFyy` with the NAME. From [`Address::NULL`] it is a cannot-claim.
     #[inline]
     #[must_use]
     pub fn claim(self, source: Address) -> Frame {
@@ -97,20 +97,20 @@ impl Name {
     }
 }
 
-/// The number of bytes of a commanded address.
+/// The length of a commanded address.
 pub const COMMANDED_ADDRESS_LEN: usize = 9;
 
-/// Commanded address: the controller of this NAME is to take this address.
+/// A commanded address: the controller with this NAME must change to this address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandedAddress {
-    /// Whom it is for.
+    /// The NAME of the addressed controller.
     pub name: Name,
     /// The new address.
     pub address: Address,
 }
 
 impl CommandedAddress {
-    /// Returns the command in nine bytes; `None` for another length.
+    /// Decodes nine bytes; `None` for any other length.
     #[must_use]
     pub fn parse(payload: &[u8]) -> Option<Self> {
         let (name, rest) = payload.split_first_chunk()?;
@@ -118,7 +118,7 @@ impl CommandedAddress {
         Some(Self { name: Name::from_bytes(*name), address: Address::new(address) })
     }
 
-    /// Returns the command in nine bytes.
+    /// Encodes the command as nine bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; COMMANDED_ADDRESS_LEN] {
         let [a, b, c, d, e, f, g, h] = self.name.to_bytes();

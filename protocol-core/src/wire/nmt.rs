@@ -13,29 +13,28 @@ pub enum Command {
     Stop = 0x02,
     /// Enter pre-operational.
     EnterPreOperational = 0x80,
-    /// Restart the whole device.
+    /// Restart the entire device.
     ResetApplication = 0x81,
-    /// Restart the communication.
+    /// Restart the communication only.
     ResetCommunication = 0x82,
 }
 
 impl Command {
-    /// All of them.
+    /// All commands.
     pub const ALL: [Self; 5] =
         [Self::Start, Self::Stop, Self::EnterPreOperational, Self::ResetApplication, Self::ResetCommunication];
 }
 
-/// Whom an NMT command is for.
+/// The target of an NMT command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// Every node.
+    /// All nodes.
     All,
     /// A single node.
     Node(NodeId),
 }
 
-/// Returns the command in an NMT frame and whom it is for; `None` for another length, an unknown command, or a node ID
-/// above 127.
+/// Decodes an NMT frame; `None` for a length other than two, an unknown command, or a node ID above 127.
 #[must_use]
 pub fn parse(data: &[u8]) -> Option<(Command, Target)> {
     let &[specifier, node] = data else { return None };
@@ -44,25 +43,25 @@ pub fn parse(data: &[u8]) -> Option<(Command, Target)> {
     Some((command, target))
 }
 
-/// The NMT states.
+/// An NMT state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum State {
-    /// Not on the bus yet.
+    /// Before the boot-up.
     #[default]
     Initialising,
-    /// Configuration: no PDOs.
+    /// SDO, NMT and other services, but no PDOs.
     PreOperational,
-    /// Everything.
+    /// All services.
     Operational,
-    /// Nothing but NMT and heartbeat.
+    /// NMT and heartbeat only.
     Stopped,
 }
 
 impl State {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 4] = [Self::Initialising, Self::PreOperational, Self::Operational, Self::Stopped];
 
-    /// Returns the state as a heartbeat carries it; that of initialising is the boot-up.
+    /// Returns the code of the state in a heartbeat; that of initialising is the boot-up.
     #[inline]
     #[must_use]
     pub const fn code(self) -> u8 {
@@ -74,14 +73,14 @@ impl State {
         }
     }
 
-    /// Returns the state that a heartbeat carries; `None` for a code that no standard knows.
+    /// Returns the state for a code in a heartbeat; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.code() == code)
     }
 }
 
-/// Returns a heartbeat, or in [`State::Initialising`] the boot-up: `700+ID: state`.
+/// Encodes a heartbeat, or in [`State::Initialising`] the boot-up: `700+ID: state`.
 #[must_use]
 pub fn heartbeat(node: NodeId, state: State) -> Frame {
     Frame::with_len(node.id(Function::Heartbeat).into(), [state.code(), 0, 0, 0, 0, 0, 0, 0], 1)

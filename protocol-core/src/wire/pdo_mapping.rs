@@ -1,37 +1,36 @@
-//! An entry of a PDO mapping, 0x1600 and 0x1A00 (CiA 301 7.5.2.36): which object lies in the PDO, and with how many
-//! bits.
+//! A PDO mapping entry, 0x1600 and 0x1A00 (CiA 301 7.5.2.36): the mapped object and its length in bits.
 
-/// An entry of a PDO mapping.
+/// A PDO mapping entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MappingEntry {
-    /// Index of the mapped object.
+    /// The index of the mapped object.
     pub index: u16,
-    /// Sub-index of the mapped object.
+    /// The sub-index of the mapped object.
     pub sub: u8,
-    /// Length in bits.
+    /// The length in bits.
     pub bits: u8,
 }
 
 impl MappingEntry {
-    /// The entry that maps nothing, beyond the number of mapped objects (A).
+    /// An unused entry, beyond the number of mapped objects (A).
     ///
-    /// CiA 301 does not name it. Configuration tools write it into all entries before they write the new ones, and a HAT
-    /// has it for a default.
+    /// CiA 301 does not define it. Configuration tools write it to all entries before writing new ones, and it is the
+    /// default in a HAT.
     pub const UNUSED: Self = Self::parse(0);
 
-    /// Returns the entry in 32 bits: index, sub-index, length.
+    /// Decodes an entry: index, sub-index, length.
     #[must_use]
     pub const fn parse(raw: u32) -> Self {
         Self { index: (raw >> 16) as u16, sub: (raw >> 8) as u8, bits: raw as u8 }
     }
 
-    /// Returns the entry as the object holds it.
+    /// Encodes the entry as the value of the object.
     #[must_use]
     pub const fn emit(self) -> u32 {
         (self.index as u32) << 16 | (self.sub as u32) << 8 | self.bits as u32
     }
 
-    /// Returns whether it is a dummy: an index 0x0001–0x0007 stands for a data type, the entry for a gap of that type's
+    /// Returns whether the entry is a dummy: the index 0x0001–0x0007 of a data type, mapping a gap of that type's
     /// length (CiA 301 7.4.7.1).
     #[must_use]
     pub const fn is_valid_dummy(self) -> bool {

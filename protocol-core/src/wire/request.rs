@@ -3,11 +3,11 @@
 use super::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::frame::Frame;
 
-/// The bytes of a request.
+/// The length of a request.
 const LEN: u8 = 3;
 
-/// Returns the group that a request asks for; `None` for fewer than three bytes and for a remote frame. Longer ones are
-/// taken: some tools pad every frame to eight bytes.
+/// Returns the requested group; `None` for fewer than three bytes and for a remote frame. Longer frames are accepted,
+/// because some tools pad every frame to eight bytes.
 #[inline]
 #[must_use]
 pub const fn parse(frame: &Frame) -> Option<Pgn> {
@@ -18,7 +18,7 @@ pub const fn parse(frame: &Frame) -> Option<Pgn> {
     Some(Pgn::from_bytes([low, middle, high]))
 }
 
-/// Returns `18EAddyy: pgn`: `source` asks `destination`.
+/// Encodes a request `18EAddyy: pgn` from `source` to `destination`.
 #[must_use]
 pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
     let [low, middle, high] = pgn.to_bytes();
@@ -30,34 +30,34 @@ pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Control {
-    /// Done.
+    /// Executed.
     Positive = 0,
-    /// Not supported.
+    /// Not supported, or failed.
     Negative = 1,
     /// Supported, but not for this requester.
     AccessDenied = 2,
-    /// Supported, but not now.
+    /// Supported, but not possible now.
     CannotRespond = 3,
 }
 
 impl Control {
-    /// All of them.
+    /// All control bytes.
     pub const ALL: [Self; 4] = [Self::Positive, Self::Negative, Self::AccessDenied, Self::CannotRespond];
 }
 
-/// An acknowledgement, which goes to all and names whom it is for.
+/// An acknowledgement, sent to all and naming the requester.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Acknowledgement {
     /// The control byte.
     pub control: Control,
-    /// Whose request it answers.
+    /// The requester.
     pub requester: Address,
     /// The requested group.
     pub pgn: Pgn,
 }
 
 impl Acknowledgement {
-    /// Returns the acknowledgement in eight bytes; `None` for a control byte that the standard does not know.
+    /// Decodes eight bytes; `None` for an unknown control byte.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Option<Self> {
         let &[control, _, _, _, requester, low, middle, high] = bytes;
@@ -68,14 +68,14 @@ impl Acknowledgement {
         })
     }
 
-    /// Returns the acknowledgement in eight bytes.
+    /// Encodes the acknowledgement as eight data bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [low, middle, high] = self.pgn.to_bytes();
         [self.control as u8, 0xFF, 0xFF, 0xFF, self.requester.get(), low, middle, high]
     }
 
-    /// Returns `18E8FFyy: control FF FF FF requester pgn`.
+    /// Encodes the frame `18E8FFyy: control FF FF FF requester pgn`.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT, source).id(), self.emit())

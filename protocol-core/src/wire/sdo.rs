@@ -1,8 +1,8 @@
-//! SDO: the eight bytes of a request and of an answer, expedited and segmented (CiA 301 7.2.4.3), and the abort codes.
+//! SDO: the eight bytes of requests and answers, expedited and segmented (CiA 301 7.2.4.3), and the abort codes.
 
 use super::u32_at;
 
-/// The object that a transfer is about: index and sub-index.
+/// The object of a transfer: index and sub-index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Multiplexer {
     /// Index.
@@ -12,7 +12,7 @@ pub struct Multiplexer {
 }
 
 impl Multiplexer {
-    /// Returns the object `index:sub`.
+    /// Creates the multiplexer `index:sub`.
     #[inline]
     #[must_use]
     pub const fn new(index: u16, sub: u8) -> Self {
@@ -25,7 +25,7 @@ impl Multiplexer {
         Self { index: u16::from_le_bytes([low, high]), sub }
     }
 
-    /// Returns `command`, the multiplexer, and four bytes of data.
+    /// Encodes `command`, the multiplexer, and four bytes of data.
     #[inline]
     const fn frame(self, command: u8, data: u32) -> [u8; 8] {
         let [low, high] = self.index.to_le_bytes();
@@ -34,24 +34,24 @@ impl Multiplexer {
     }
 }
 
-/// Up to seven bytes of a segmented transfer.
+/// A segment of a transfer, with up to seven bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Segment {
-    /// Alternates from segment to segment, at first false.
+    /// The toggle bit: alternates from segment to segment, initially false.
     pub toggle: bool,
-    /// The segment is the last one.
+    /// Whether this is the last segment.
     pub last: bool,
-    /// The number of bytes of `data` that count, 0–7.
+    /// The number of used bytes in `data`, 0–7.
     pub len: u8,
-    /// The bytes, those beyond `len` zero when it was made here.
+    /// The bytes; a server fills those beyond `len` with zeros.
     pub data: [u8; 7],
 }
 
 impl Segment {
-    /// The most bytes of a segment.
+    /// The maximum number of bytes in a segment.
     pub const MAX: usize = 7;
 
-    /// Returns the bytes that count.
+    /// Returns the used bytes.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or(&[])
@@ -76,7 +76,7 @@ impl Segment {
 pub enum Request {
     /// Read an object.
     InitiateUpload(Multiplexer),
-    /// The next segment of an upload.
+    /// Request the next segment of an upload.
     UploadSegment {
         /// The toggle bit.
         toggle: bool,
@@ -85,35 +85,35 @@ pub enum Request {
     DownloadExpedited {
         /// The object.
         object: Multiplexer,
-        /// The number of bytes of `data` that count, 1–4; `None` when the client does not say.
+        /// The number of used bytes in `data`, 1–4; `None` if not indicated.
         size: Option<u8>,
         /// The four bytes.
         data: u32,
     },
-    /// Begin to write an object in segments.
+    /// Begin a segmented write of an object.
     InitiateDownload {
         /// The object.
         object: Multiplexer,
-        /// The number of bytes that will follow; `None` when the client does not say.
+        /// The number of bytes to follow; `None` if not indicated.
         size: Option<u32>,
     },
     /// The next segment of a download.
     DownloadSegment(Segment),
-    /// The client gives up.
+    /// The client aborts the transfer.
     Abort(Multiplexer, u32),
-    /// Block transfer, network indication or a reserved command: with the object that the bytes name, if any.
+    /// Block transfer, network indication or a reserved command, with the multiplexer in the bytes, if any.
     Unknown(Multiplexer),
 }
 
 const TOGGLE: u8 = 1 << 4;
 
-/// Returns how many bytes count in an expedited transfer whose command says so.
+/// Returns the number of used bytes in an expedited transfer with a size indication.
 const fn expedited_size(command: u8) -> u8 {
     4_u8.saturating_sub(command >> 2 & 0b11)
 }
 
 impl Request {
-    /// Returns what eight bytes to the server's COB-ID ask for.
+    /// Decodes a request to the server.
     #[inline]
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Self {
@@ -142,37 +142,37 @@ impl Request {
 /// An answer of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// The object in up to four bytes.
+    /// The value of an object of up to four bytes.
     UploadExpedited {
         /// The object.
         object: Multiplexer,
-        /// The number of bytes of `data` that count, 1–4.
+        /// The number of used bytes in `data`, 1–4.
         size: u8,
         /// The bytes, little-endian.
         data: u32,
     },
-    /// The object follows in segments.
+    /// The value follows in segments.
     UploadInitiated {
         /// The object.
         object: Multiplexer,
-        /// The number of bytes that will follow.
+        /// The number of bytes to follow.
         size: u32,
     },
     /// A segment of an upload.
     UploadSegment(Segment),
-    /// The object was written, or its segments may follow.
+    /// The object was written, or its segments can follow.
     DownloadDone(Multiplexer),
-    /// A segment of a download was taken.
+    /// A download segment was accepted.
     DownloadSegmentDone {
         /// The toggle bit of that segment.
         toggle: bool,
     },
-    /// The server gives up.
+    /// The server aborts the transfer.
     Abort(Multiplexer, AbortCode),
 }
 
 impl Answer {
-    /// Returns the answer as it goes over the bus.
+    /// Encodes the answer as eight data bytes.
     #[inline]
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
@@ -189,8 +189,7 @@ impl Answer {
         }
     }
 
-    /// Returns the answer in eight bytes from a server; `None` for a command that no server of segmented transfers
-    /// sends.
+    /// Decodes an answer of a server; `None` for a command that is not part of expedited or segmented transfers.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Option<Self> {
         let command = bytes[0];
@@ -210,7 +209,7 @@ impl Answer {
     }
 }
 
-/// Why a transfer was refused or broken off (CiA 301 7.2.4.3.17).
+/// The reason of an abort (CiA 301 7.2.4.3.17).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct AbortCode(pub u32);
 
@@ -221,7 +220,7 @@ impl AbortCode {
     pub const TIMEOUT: Self = Self(0x0504_0000);
     /// Client or server command specifier not valid or unknown.
     pub const UNKNOWN_COMMAND: Self = Self(0x0504_0001);
-    /// Out of memory: the transfer is longer than the server can hold.
+    /// Out of memory: the transfer exceeds the server's buffer.
     pub const OUT_OF_MEMORY: Self = Self(0x0504_0005);
     /// Attempt to read a write-only object.
     pub const WRITE_ONLY: Self = Self(0x0601_0001);
@@ -256,7 +255,7 @@ impl AbortCode {
     /// No data available.
     pub const NO_DATA: Self = Self(0x0800_0024);
 
-    /// Returns what the code means, in a few words.
+    /// Returns the meaning of the code in a few words.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -304,12 +303,12 @@ mod tests {
 
     #[test]
     fn downloads_as_the_manual_prints_them() {
-        // use case 6: expedited, without a size
+        // Use case 6: expedited, without a size.
         let load = Request::parse(&[0x22, 0x11, 0x10, 0x01, 0x6C, 0x6F, 0x61, 0x64]);
         let object = Multiplexer::new(0x1011, 1);
         assert_eq!(load, Request::DownloadExpedited { object, size: None, data: 0x6461_6F6C });
         assert_eq!(Answer::DownloadDone(object).emit(), [0x60, 0x11, 0x10, 0x01, 0, 0, 0, 0]);
-        // the heartbeat example: two bytes
+        // The heartbeat example: two bytes.
         let heartbeat = Request::parse(&[0x2B, 0x17, 0x10, 0x00, 0x64, 0, 0, 0]);
         let object = Multiplexer::new(0x1017, 0);
         assert_eq!(heartbeat, Request::DownloadExpedited { object, size: Some(2), data: 0x64 });

@@ -1,56 +1,56 @@
-//! Transport protocol: the broadcast announce message (BAM) and its data packets; the request for a connection and its
+//! Transport protocol: the broadcast announce message (BAM) and its data packets; the connection request and its
 //! refusal (SAE J1939-21 5.10).
 
 use super::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::frame::Frame;
 
-/// The bytes of payload in a packet.
+/// The number of payload bytes in a packet.
 pub const PACKET_LEN: usize = 7;
 
-/// The fewest bytes that are sent this way: fewer fit a frame of their own.
+/// The minimum size of a message; smaller ones fit a single frame.
 pub const MIN_SIZE: u16 = 9;
 
-/// The most bytes: 255 packets.
+/// The maximum size of a message: 255 packets.
 pub const MAX_SIZE: u16 = u8::MAX as u16 * PACKET_LEN as u16;
 
 /// The control byte of a BAM.
 const BAM: u8 = 0x20;
 
-/// The control byte of a request to send (RTS), which asks for a connection.
+/// The control byte of a request to send (RTS), which requests a connection.
 const REQUEST_TO_SEND: u8 = 0x10;
 
 /// The control byte of a connection abort.
 const ABORT: u8 = 0xFF;
 
-/// The filling of a packet behind the payload, and of reserved bytes.
+/// The fill byte of unused and reserved bytes.
 const FILL: u8 = 0xFF;
 
-/// A broadcast announce message: what the packets that follow will carry.
+/// A broadcast announce message: the description of the packets that follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Announcement {
-    /// The number of bytes.
+    /// The number of payload bytes.
     pub size: u16,
     /// The number of packets.
     pub packets: u8,
-    /// The group that the bytes belong to.
+    /// The group of the message.
     pub pgn: Pgn,
 }
 
 impl Announcement {
-    /// Returns the announcement of `size` bytes; `None` outside [`MIN_SIZE`]–[`MAX_SIZE`].
+    /// Creates the announcement of `size` bytes; `None` outside [`MIN_SIZE`]–[`MAX_SIZE`].
     #[must_use]
     pub fn new(pgn: Pgn, size: u16) -> Option<Self> {
         let packets = u8::try_from(size.div_ceil(PACKET_LEN as u16)).ok()?;
         (size >= MIN_SIZE).then_some(Self { size, packets, pgn })
     }
 
-    /// Returns whether size and packets agree, and a message of that size may be sent this way.
+    /// Returns whether the number of packets matches a permitted size.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         Self::new(self.pgn, self.size) == Some(*self)
     }
 
-    /// Returns the announcement in the eight bytes of a TP.CM, as it stands; `None` for another control byte.
+    /// Decodes the eight bytes of a TP.CM, unchecked; `None` unless it is a BAM.
     #[must_use]
     pub const fn parse(bytes: &[u8; 8]) -> Option<Self> {
         match *bytes {
@@ -63,7 +63,7 @@ impl Announcement {
         }
     }
 
-    /// Returns the announcement in eight bytes.
+    /// Encodes the announcement as eight data bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [size_low, size_high] = self.size.to_le_bytes();
@@ -71,14 +71,14 @@ impl Announcement {
         [BAM, size_low, size_high, self.packets, FILL, low, middle, high]
     }
 
-    /// Returns `1CECFFyy: 20 size packets FF pgn`.
+    /// Encodes the frame `1CECFFyy: 20 size packets FF pgn`.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_CONNECTION, source).id(), self.emit())
     }
 }
 
-/// Returns the group that a request to send (RTS) announces; `None` for another control byte.
+/// Returns the group of a request to send (RTS); `None` for any other control byte.
 #[must_use]
 pub const fn request_to_send(bytes: &[u8; 8]) -> Option<Pgn> {
     match *bytes {
@@ -90,21 +90,21 @@ pub const fn request_to_send(bytes: &[u8; 8]) -> Option<Pgn> {
 /// A connection abort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Abort {
-    /// The reason, by the table of the standard.
+    /// The reason, from the table of the standard.
     pub reason: u8,
     /// The group of the connection.
     pub pgn: Pgn,
 }
 
 impl Abort {
-    /// Returns the abort in eight bytes.
+    /// Encodes the abort as eight data bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [low, middle, high] = self.pgn.to_bytes();
         [ABORT, self.reason, FILL, FILL, FILL, low, middle, high]
     }
 
-    /// Returns `1CECssyy: FF reason FF FF FF pgn`, to the controller at `destination`.
+    /// Encodes the frame `1CECssyy: FF reason FF FF FF pgn` to the controller at `destination`.
     #[must_use]
     pub fn frame(self, destination: Address, source: Address) -> Frame {
         let id = J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, destination, source);
@@ -115,14 +115,14 @@ impl Abort {
 /// A data packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet {
-    /// Its number, from 1.
+    /// The sequence number, from 1.
     pub sequence: u8,
-    /// Its share of the payload.
+    /// The payload bytes.
     pub data: [u8; PACKET_LEN],
 }
 
 impl Packet {
-    /// Returns the packet of these bytes; what is missing of seven is filled with 0xFF, what is beyond them left out.
+    /// Creates a packet from the first seven bytes of `payload`; missing bytes are filled with 0xFF.
     #[must_use]
     pub fn new(sequence: u8, payload: &[u8]) -> Self {
         let mut data = [FILL; PACKET_LEN];
@@ -130,21 +130,21 @@ impl Packet {
         Self { sequence, data }
     }
 
-    /// Returns the packet in the eight bytes of a TP.DT.
+    /// Decodes the eight bytes of a TP.DT.
     #[must_use]
     pub const fn parse(bytes: &[u8; 8]) -> Self {
         let &[sequence, a, b, c, d, e, f, g] = bytes;
         Self { sequence, data: [a, b, c, d, e, f, g] }
     }
 
-    /// Returns the packet in eight bytes.
+    /// Encodes the packet as eight data bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [a, b, c, d, e, f, g] = self.data;
         [self.sequence, a, b, c, d, e, f, g]
     }
 
-    /// Returns `1CEBFFyy: sequence, seven bytes`.
+    /// Encodes the frame `1CEBFFyy: sequence, seven bytes`.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_DATA, source).id(), self.emit())

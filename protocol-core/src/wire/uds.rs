@@ -1,53 +1,53 @@
-//! UDS lite: single frames in 29-bit identifiers (SPEC 7; ISO 14229-1 for the services, ISO 15765-2 for the first
+//! UDS lite: single frames with 29-bit identifiers (SPEC 7; ISO 14229-1 for the services, ISO 15765-2 for the first
 //! byte).
 
 use crate::frame::{ExtendedId, Frame, Id, extended, key};
 
-/// A node on a net, as the identifiers carry it: three bits of net, eight bits of node.
+/// A node on a net, as carried in the identifiers: three bits of net, eight bits of node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address(u16);
 
 impl Address {
-    /// Returns the low eleven bits of `raw`: net and node.
+    /// Creates an address from the low eleven bits of `raw`: net and node.
     #[must_use]
     pub const fn new(raw: u16) -> Self {
         Self(raw & 0x7FF)
     }
 
-    /// Returns a node on net 0.
+    /// Creates the address of a node on net 0.
     #[must_use]
     pub const fn node(node: u8) -> Self {
         Self(node as u16)
     }
 
-    /// Returns net and node in eleven bits.
+    /// Returns net and node as eleven bits.
     #[must_use]
     pub const fn raw(self) -> u16 {
         self.0
     }
 }
 
-/// priority 110, extended data page 1, data page 1, type of service 11
+/// Priority 110, extended data page 1, data page 1, type of service 11.
 const BASE: u32 = 0x1BC0_0000;
 
 /// Returns the identifier of a message from `source` to `destination` (R: the manual prints one identifier for both
-/// directions, and bits beside it that tell them apart).
+/// directions, but its bit table distinguishes them).
 #[must_use]
 pub const fn id(source: Address, destination: Address) -> ExtendedId {
     extended(BASE | (source.0 as u32) << 11 | destination.0 as u32)
 }
 
-/// Returns source and destination of a message; `None` for an identifier that is not one of UDS.
+/// Returns the source and destination of a message; `None` if the identifier is not a UDS identifier.
 #[inline]
 #[must_use]
 pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
     if raw & !0x003F_FFFF == BASE { Some((Address::new((raw >> 11) as u16), Address::new(raw as u16))) } else { None }
 }
 
-/// The bits of a [key] that count when the source does not.
+/// The mask of a [key] without the source.
 pub const ANY_SOURCE: u32 = !(0x7FF << 11);
 
-/// Returns the [key] of messages to `destination`, without their source.
+/// Returns the [key] of messages to `destination`, with source 0.
 #[must_use]
 pub fn key_to(destination: Address) -> u32 {
     key(id(Address::new(0), destination).into()) & ANY_SOURCE
@@ -57,34 +57,34 @@ pub fn key_to(destination: Address) -> u32 {
 pub const READ: u8 = 0x22;
 /// Service 0x2E, write data by identifier.
 pub const WRITE: u8 = 0x2E;
-/// The number that a positive answer adds to the service.
+/// The difference between the service of a positive answer and that of its request.
 const POSITIVE: u8 = 0x40;
 /// The service of a negative answer.
 const NEGATIVE: u8 = 0x7F;
 
-/// A data identifier, big-endian on the wire (R: one example of the manual has the bytes the other way round).
+/// A data identifier, big-endian on the bus (R: one example in the manual has the bytes in reverse order).
 pub type Identifier = u16;
 
-/// Why a request was refused (ISO 14229-1, negative response codes).
+/// The reason of a refusal (ISO 14229-1, negative response codes).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NegativeCode {
-    /// The service is not known.
+    /// The service is unknown.
     ServiceNotSupported = 0x11,
     /// The length is wrong.
     IncorrectLength = 0x13,
-    /// Not now.
+    /// Not possible now.
     ConditionsNotCorrect = 0x22,
-    /// The identifier is not known, or the value out of range.
+    /// The identifier is unknown, or the value is out of range.
     RequestOutOfRange = 0x31,
-    /// Factory data.
+    /// The identifier is factory data.
     SecurityAccessDenied = 0x33,
-    /// The memory could not be written.
+    /// Writing the memory failed.
     ProgrammingFailure = 0x72,
 }
 
 impl NegativeCode {
-    /// Returns what the code means, in a few words.
+    /// Returns the meaning of the code in a few words.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -98,11 +98,10 @@ impl NegativeCode {
     }
 }
 
-/// Returns the bytes of a single frame after its length byte: service, then what belongs to it. `None` for an empty
-/// frame and for a first byte that is no length of a single frame (0, or above 7).
+/// Returns the bytes of a single frame after the length byte, beginning with the service. `None` for an empty frame and
+/// for a first byte that is not the length of a single frame (0, or above 7).
 ///
-/// The second value tells whether the length byte agrees with the frame's own length; where it does not, the bytes that
-/// are there are handed out.
+/// The flag states whether the length byte matches the length of the frame; if not, all bytes present are returned.
 #[must_use]
 pub fn single_frame(data: &[u8]) -> Option<(&[u8], bool)> {
     let (&len, bytes) = data.split_first()?;
@@ -114,14 +113,14 @@ pub fn single_frame(data: &[u8]) -> Option<(&[u8], bool)> {
 pub enum Answer<'a> {
     /// `n 62 hi lo data…`, up to four bytes of data.
     Read(Identifier, &'a [u8]),
-    /// `03 6E hi lo` (R: one table of the manual has the length byte 05).
+    /// `03 6E hi lo` (R: one table in the manual has length byte 05).
     Written(Identifier),
     /// `03 7F sid code`.
     Negative(u8, NegativeCode),
 }
 
 impl Answer<'_> {
-    /// Returns the answer as it goes over the bus under `id`; data beyond four bytes is cut.
+    /// Encodes the answer as a frame with the identifier `id`; data beyond four bytes are dropped.
     #[must_use]
     pub fn frame(self, id: Id) -> Frame {
         let (head, data): (_, &[u8]) = match self {

@@ -3,10 +3,10 @@
 use super::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::frame::Frame;
 
-/// The highest port flow command: 100 % in steps of 0.4 %.
+/// The maximum port flow command: 100 % in steps of 0.4 %.
 pub const MAX_FLOW: u8 = 250;
 
-/// The reserved bits 6–5 of the third byte: sent as 1.
+/// The reserved bits 6–5 of the third byte, sent as 1.
 const RESERVED: u8 = 0b0011_0000;
 
 /// The value of reserved bytes.
@@ -16,26 +16,26 @@ const FILL: u8 = 0xFF;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// Closed: neutral.
+    /// Closed, in neutral.
     Blocked = 0,
-    /// Flow out of the extend port.
+    /// Flow from the extend port.
     Extend = 1,
-    /// Flow out of the retract port.
+    /// Flow from the retract port.
     Retract = 2,
-    /// Both ports open.
+    /// Both ports open to tank.
     Float = 3,
-    /// Moved by hand.
+    /// Operated by the hand lever.
     HandOperation = 10,
-    /// Stopped.
+    /// Emergency stop.
     EmergencyStop = 14,
 }
 
 impl State {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 6] =
         [Self::Blocked, Self::Extend, Self::Retract, Self::Float, Self::HandOperation, Self::EmergencyStop];
 
-    /// Returns the state of the low four bits; `None` for one that the manual does not know.
+    /// Decodes the low four bits; `None` for a state that is not in the manual.
     #[inline]
     #[must_use]
     pub const fn from_bits(bits: u8) -> Option<Self> {
@@ -51,46 +51,46 @@ impl State {
     }
 }
 
-/// The command of an AVC. A flow is 0–[`MAX_FLOW`]; a variant without one ignores the port flow command.
+/// The command of an AVC. A flow is 0–[`MAX_FLOW`]; a variant without a flow ignores the port flow command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Close.
+    /// Close the valve.
     Block,
-    /// Let flow out of the extend port.
+    /// Flow from the extend port.
     Extend(u8),
-    /// Let flow out of the retract port.
+    /// Flow from the retract port.
     Retract(u8),
     /// Open both ports.
     Float,
     /// Leave the spool to the hand lever.
     HandOperation,
-    /// Stop.
+    /// Emergency stop.
     EmergencyStop,
 }
 
 /// The reason an entire AVC is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ignored {
-    /// Not eight bytes.
+    /// The length is not eight bytes.
     Length,
-    /// A fail-safe mode (bits 8–7 of the third byte, here 1 or 2) other than blocked or "not available".
+    /// The fail-safe mode (bits 8–7 of the third byte) is neither "blocked" nor "not available" but this value, 1 or 2.
     FailSafeMode(u8),
-    /// A state that is not known.
+    /// The state is unknown.
     State(u8),
-    /// Extend or retract with a port flow command above [`MAX_FLOW`].
+    /// Extend or retract has a port flow command above [`MAX_FLOW`].
     Flow(u8),
 }
 
-/// Returns whether a command may have this fail-safe mode (A): 00, blocked, and 11, which says nothing.
+/// Returns whether a fail-safe mode is accepted in a command (A): 00 "blocked", or 11 "not available".
 const fn is_fail_safe_mode(mode: u8) -> bool {
     matches!(mode, 0b00 | 0b11)
 }
 
 impl Command {
-    /// Returns the order in the data of an AVC.
+    /// Decodes the data of an AVC.
     ///
     /// # Errors
-    /// Why it is to be ignored.
+    /// The reason to ignore the command.
     #[inline]
     pub fn parse(data: &[u8]) -> Result<Self, Ignored> {
         let &[flow, _, state, _, _, _, _, _] = data else { return Err(Ignored::Length) };
@@ -109,7 +109,7 @@ impl Command {
         }
     }
 
-    /// Returns the eight bytes of an AVC with this command; an invalid flow is sent as 0.
+    /// Encodes the data of an AVC, with flow 0 for a command without a flow.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let flow = match self {
@@ -119,13 +119,13 @@ impl Command {
         [flow, FILL, RESERVED | self.state() as u8, FILL, FILL, FILL, FILL, FILL]
     }
 
-    /// Returns `0CFE3xyy`, where x is the low four bits of the valve's address.
+    /// Encodes the frame `0CFE3xyy`, where x is the low four bits of the valve's address.
     #[must_use]
     pub fn frame(self, valve: Address, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::CONTROL, Pgn::avc(valve.get()), source).id(), self.emit())
     }
 
-    /// Returns the state that it asks for.
+    /// Returns the commanded state.
     #[inline]
     #[must_use]
     pub const fn state(self) -> State {
@@ -139,7 +139,7 @@ impl Command {
         }
     }
 
-    /// Returns whether it asks for neutral: blocked, or no flow.
+    /// Returns whether the command is neutral: block, or a flow of 0.
     #[inline]
     #[must_use]
     pub const fn is_neutral(self) -> bool {
@@ -150,22 +150,22 @@ impl Command {
 /// The raw value of a flow of 0 %.
 const FLOW_OFFSET: u8 = 125;
 
-/// The highest estimated flow, in percent.
+/// The maximum estimated flow, in percent.
 pub const MAX_PERCENT: u8 = 100;
 
 /// The data of an AVEF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EstimatedFlow {
-    /// Flow out of the extend port, in percent; above [`MAX_PERCENT`] it counts as that.
+    /// Flow from the extend port, in percent; above [`MAX_PERCENT`] it counts as [`MAX_PERCENT`].
     pub extend: u8,
-    /// Flow out of the retract port, likewise.
+    /// Flow from the retract port, likewise.
     pub retract: u8,
-    /// The state in force.
+    /// The state of the valve.
     pub state: State,
 }
 
 impl EstimatedFlow {
-    /// Returns what the data of an AVEF tells; `None` for another length, a flow outside 0–100 % or an unknown state.
+    /// Decodes the data of an AVEF; `None` for a length other than eight, a flow outside 0–100 % or an unknown state.
     #[must_use]
     pub fn parse(data: &[u8]) -> Option<Self> {
         let &[extend, retract, state, _, _, _, _, _] = data else { return None };
@@ -173,7 +173,7 @@ impl EstimatedFlow {
         Some(Self { extend: percent(extend)?, retract: percent(retract)?, state: State::from_bits(state)? })
     }
 
-    /// Returns the eight bytes of an AVEF; the fail-safe mode, bits 8–7 of the third, is 00: blocked.
+    /// Encodes the data of an AVEF; the fail-safe mode, bits 8–7 of the third byte, is 00: blocked.
     #[inline]
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
@@ -181,7 +181,7 @@ impl EstimatedFlow {
         [flow(self.extend), flow(self.retract), state, FILL, FILL, FILL, FILL, FILL]
     }
 
-    /// Returns `0CFE1xyy`, where x is the low four bits of the valve's own address.
+    /// Encodes the frame `0CFE1xyy`, where x is the low four bits of the valve's own address.
     #[inline]
     #[must_use]
     pub fn frame(self, valve: Address) -> Frame {
@@ -189,7 +189,7 @@ impl EstimatedFlow {
     }
 }
 
-/// Returns a flow in percent as it is sent.
+/// Encodes a flow in percent.
 const fn flow(percent: u8) -> u8 {
     FLOW_OFFSET.saturating_add(if percent > MAX_PERCENT { MAX_PERCENT } else { percent })
 }
@@ -219,7 +219,7 @@ mod tests {
         }
     }
 
-    /// Every first and third byte, against the rule of SPEC 5 written the other way round.
+    /// Every first and third byte, against the rule of SPEC 5 in the opposite order.
     #[test]
     fn every_reason_to_ignore_a_command() {
         for flow in 0..=u8::MAX {

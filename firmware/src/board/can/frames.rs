@@ -1,18 +1,18 @@
-//! Frames of the core as frames of `bxcan`, and back.
+//! Conversion between frames of the core and of `bxcan`.
 
 use embassy_stm32::pac::CAN1;
 use protocol_core::frame::{Frame, Id, extended, standard};
 
-/// Converts a frame of the core for `bxcan`, or one of `bxcan`, which was made of such a frame, for the core; it always
-/// can.
+/// Converts a frame between the core and `bxcan`. Never `None`, because frames of `bxcan` here were converted from the
+/// core.
 pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame: &From) -> Option<To> {
     if frame.is_remote_frame() { To::new_remote(frame.id(), frame.dlc()) } else { To::new(frame.id(), frame.data()) }
 }
 
-/// Length code and data at the output of a receive FIFO.
+/// The length code and data at the output of a receive FIFO.
 ///
-/// `bxcan` keeps the length code as it was received, and panics when a frame with a code of 9–15, which CAN allows and
-/// which means 8, is asked for its length or its data. So both are read here, before `bxcan` releases the frame.
+/// CAN permits length codes of 9–15, which mean 8. `bxcan` keeps such a code as received, and panics on access to the
+/// length or data of the frame. Therefore both are read here, before `bxcan` releases the frame.
 pub(super) struct Payload {
     len: u8,
     data: [u8; 8],
@@ -28,14 +28,14 @@ impl Payload {
         Self { len, data: [a, b, c, d, e, f, g, h] }
     }
 
-    /// Returns the frame that `bxcan` has taken, with this payload.
+    /// Combines a frame taken by `bxcan` with this payload.
     pub(super) fn of(self, frame: &bxcan::Frame) -> Frame {
         let id = embedded_can::Frame::id(frame);
         if frame.is_remote_frame() { Frame::remote(id, self.len) } else { Frame::with_len(id, self.data, self.len) }
     }
 }
 
-/// Returns the identifier that a transmit mailbox holds.
+/// Returns the identifier in a transmit mailbox.
 pub(super) fn identifier(mailbox: usize) -> Id {
     let register = CAN1.tx(mailbox).tir().read().0;
     let is_extended = register & 1 << 2 != 0;

@@ -1,13 +1,13 @@
-//! The CAN controller, bxCAN 1 (RM0090 chapter 32), on the driver crate `bxcan`.
+//! The CAN controller, bxCAN 1 (RM0090 chapter 32), with the driver crate `bxcan`.
 //!
-//! The registers are used directly only for what `bxcan` 0.8 does not offer: error modes and their interrupts, filters
-//! that change while the bus runs, initialisation without spinning, and what the modules say at their place.
+//! The registers are accessed directly only for features that `bxcan` 0.8 lacks: error modes and their interrupts,
+//! filter changes during operation, initialisation without busy-waiting, and those noted in the child modules.
 //!
 //! ```text
 //! mod       joining and leaving the bus, error modes, filters
 //! receive   by interrupt into a queue
 //! transmit  in the order of arbitration, back to back
-//! frames    frames of the core and of `bxcan`
+//! frames    conversion between frames of the core and of `bxcan`
 //! ```
 
 mod frames;
@@ -34,29 +34,29 @@ use super::wake_up::{Event, notify};
 pub(super) use receive::OVERRUNS;
 pub(super) use transmit::retry;
 
-/// The alternate function that connects the pins with CAN 1.
+/// The alternate function of the pins for CAN 1.
 const AF_CAN: u8 = 9;
 
-/// The number of error interrupts.
+/// The number of error interrupts that occurred.
 pub(super) static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
 /// The registers of CAN 1, for `bxcan`.
 struct Registers;
 
-// SAFETY: the pointer is that of CAN 1, whose clock is on before a `Registers` exists. `bxcan` asks for all of the
-// registers; beside it this module and its children access
-// - MCR, while `bxcan` is not called: the one task that configures the controller does both;
-// - MSR, ESR and TSR, reading, or writing ones to flags, which is one access;
+// SAFETY: the pointer is that of CAN 1, whose clock is on before a `Registers` exists. `bxcan` claims all registers; in
+// addition this module and its children access
+// - MCR, while `bxcan` is not called: only the task that configures the controller accesses it;
+// - MSR, ESR and TSR, by reading, or by a single write of ones to flags;
 // - IER, in the error interrupt or with interrupts off, after `bxcan` has written it for the last time;
-// - RF0R, RF1R, the outputs of the FIFOs and the mailboxes' identifiers, reading;
-// - single filter banks, after `bxcan` has set them up for the last time. Of `bxcan`'s own halves each has one user:
-//   the receive interrupts, the transmit interrupt with the device's task under a critical section, and `Can1` for the
-//   configuration.
+// - RF0R, RF1R, the FIFO outputs and the mailbox identifiers, by reading;
+// - single filter banks, after `bxcan` has configured them for the last time.
+// Each half of `bxcan` has one user: the receive interrupts, the transmit interrupt together with the device's task
+// under a critical section, and `Can1` for the configuration.
 unsafe impl Instance for Registers {
     const REGISTERS: *mut RegisterBlock = CAN1.as_ptr().cast();
 }
 
-// SAFETY: CAN 1 has all banks but those that are for CAN 2, which is not used.
+// SAFETY: CAN 1 owns all banks except those assigned to CAN 2, which is not used.
 unsafe impl FilterOwner for Registers {
     const NUM_FILTER_BANKS: u8 = BANKS as u8;
 }
@@ -69,8 +69,8 @@ fn CAN1_SCE() {
     notify(Event::Errors);
 }
 
-/// Enables the interrupts of the error modes that are not reached, and masks the others: a mode that stands could
-/// interrupt again at each further error. The device's task polls for the way back.
+/// Enables the interrupts of the error modes that are not reached, and masks the others: a mode already reached could
+/// interrupt again at each further error. The device's task polls for recovery.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
     CAN1.ier().modify(|ier| {
@@ -79,27 +79,27 @@ fn interrupt_unless_reached() {
     });
 }
 
-/// CAN 1.
+/// The controller CAN 1.
 pub(super) struct Can1 {
     config: bxcan::Can<Registers>,
     received: Consumer<'static, Frame>,
 }
 
 impl Can1 {
-    /// Connects two pins of CAN 1; the controller takes no part in the bus before [`join`](Self::join). Its interrupts
-    /// have this priority.
+    /// Connects two pins to CAN 1 and sets the priority of its interrupts. The controller stays off the bus until
+    /// [`join`](Self::join).
     pub(super) fn new(rx: Peri<'static, impl Pin>, tx: Peri<'static, impl Pin>, priority: Priority) -> Self {
         let (mut rx, mut tx) = (Flex::new(rx), Flex::new(tx));
         rx.set_as_af_unchecked(AF_CAN, AfType::input(Pull::Up));
-        // Edges of 10 ns (DS9405, DS10693): a hundredth of the shortest bit, and less noise than faster ones.
+        // Edges of 10 ns (DS9405, DS10693): 1 % of the shortest bit, with less noise than faster ones.
         tx.set_as_af_unchecked(AF_CAN, AfType::output(OutputType::PushPull, Speed::Medium));
-        // Dropped, they would be pins again.
+        // Dropping them would disconnect the pins.
         core::mem::forget((rx, tx));
         rcc::enable_and_reset::<peripherals::CAN1>();
         let mut config = bxcan::Can::builder(Registers).leave_disabled();
         let mut filters = config.modify_filters();
         for bank in 0..Registers::NUM_FILTER_BANKS {
-            // One filter of 32 bits with a mask, for FIFO 0: what comes in keeps its order.
+            // One 32-bit filter with a mask, for FIFO 0 only: received frames keep their order.
             filters.enable_bank(bank, Fifo::Fifo0, Mask32::accept_all()).disable_bank(bank);
         }
         drop(filters);
@@ -110,13 +110,13 @@ impl Can1 {
                 | Interrupts::ERROR,
         );
         interrupt_unless_reached();
-        // A `Can` that is split cannot be configured any more: hence two.
+        // A `Can` cannot be configured after splitting: hence two.
         let (tx, rx0, rx1) = bxcan::Can::builder(Registers).leave_disabled().split();
         transmit::start(tx);
         let received = receive::start(rx0, rx1);
         for line in [Interrupt::CAN1_RX0, Interrupt::CAN1_RX1, Interrupt::CAN1_TX, Interrupt::CAN1_SCE] {
             line.set_priority(priority);
-            // SAFETY: the halves that the handlers use are in their places.
+            // SAFETY: the halves used by the handlers are installed.
             unsafe { line.enable() };
         }
         Self { config, received }
@@ -126,36 +126,36 @@ impl Can1 {
     /// current frame.
     pub(super) fn leave(&mut self) {
         self.abort(Filter::ALL);
-        // `bxcan` would spin to the end of the frame.
+        // `bxcan` would busy-wait for the end of the frame.
         CAN1.mcr().modify(|mcr| {
             mcr.set_sleep(false);
             mcr.set_inrq(true);
         });
     }
 
-    /// Returns whether the controller takes no part in the bus.
+    /// Returns whether the controller has left the bus.
     pub(super) fn has_left(&self) -> bool {
         CAN1.msr().read().inak()
     }
 
-    /// Leaves a bus on which no frame ever ends.
+    /// Leaves a bus on which a frame never ends.
     pub(super) fn reset(&mut self) {
         CAN1.mcr().write(|mcr| mcr.set_reset(true));
         self.leave();
     }
 
-    /// Takes part in the bus at a bit rate, from the next 11 recessive bits on; recovers from bus-off by itself. To be
-    /// called when the controller [has left](Self::has_left).
+    /// Joins the bus at a bit rate, after 11 recessive bits; recovery from bus-off is automatic. To be called when the
+    /// controller [has left](Self::has_left) the bus.
     pub(super) fn join(&mut self, bit_rate: BitRate) {
         self.config.modify_config().set_bit_timing(BitTiming::of(bit_rate).register()).leave_disabled();
-        // The controller wakes up in the background.
+        // The controller starts in the background.
         let _ = self.config.enable_non_blocking();
     }
 
-    /// Returns the error mode, and has the controller interrupt when a worse one is reached.
+    /// Returns the error mode, and enables the interrupts of worse ones.
     pub(super) fn mode(&mut self) -> BusErrorMode {
         critical_section::with(|_| interrupt_unless_reached());
-        // Read after the interrupts were enabled: neither misses a mode that is reached in between.
+        // Read after enabling the interrupts: a mode reached in between is seen by one of the two.
         match CAN1.esr().read() {
             errors if errors.boff() => BusErrorMode::BusOff,
             errors if errors.epvf() => BusErrorMode::ErrorPassive,
@@ -186,7 +186,7 @@ impl Controller for Can1 {
         transmit::with(|transmission| transmission.abort(which));
     }
 
-    /// Changes one bank after the other: `bxcan` would stop all reception meanwhile.
+    /// Changes the banks one by one: `bxcan` would stop all reception meanwhile.
     fn set_filters(&mut self, filters: &Filters) {
         while let Some((number, wanted)) = next_change(&core::array::from_fn(bank), filters) {
             CAN1.fa1r().modify(|active| active.set_fact(number, false));
@@ -199,7 +199,7 @@ impl Controller for Can1 {
     }
 }
 
-/// Returns what an active filter bank holds.
+/// Returns the contents of a filter bank; `None` if it is inactive.
 fn bank(number: usize) -> Option<Bank> {
     let registers = CAN1.fb(number);
     let is_active = CAN1.fa1r().read().fact(number);

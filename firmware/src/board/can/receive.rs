@@ -15,10 +15,10 @@ use super::Registers;
 use super::frames::Payload;
 use crate::board::wake_up::{Event, notify};
 
-/// The number of frames that can wait for the device's task: 12 ms of a full bus at 1 Mbit/s.
+/// The capacity of the queue: 12 ms of a full bus at 1 Mbit/s.
 const QUEUE: usize = 256;
 
-/// The number of frames lost in the controller or in the queue, which nobody took in time. An overrun of the controller
+/// The number of received frames lost in the controller or because the queue was full. An overrun of the controller
 /// counts as one frame.
 pub(in crate::board) static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 
@@ -31,13 +31,13 @@ struct Reception {
 
 static mut RECEPTION: MaybeUninit<Reception> = MaybeUninit::uninit();
 
-/// Gives the receive interrupts their half of the controller; returns the end of the queue that they fill. To be called
+/// Hands the receive halves of the controller to the interrupts and returns the consumer of their queue. To be called
 /// once, before the interrupts are enabled.
 pub(super) fn start(rx0: Rx0<Registers>, rx1: Rx1<Registers>) -> Consumer<'static, Frame> {
-    // A queue has room for one frame less than its length.
+    // The queue holds one frame less than its length.
     static STORAGE: ConstStaticCell<Queue<Frame, { QUEUE + 1 }>> = ConstStaticCell::new(Queue::new());
     let (received, waiting) = STORAGE.take().split();
-    // SAFETY: no interrupt looks at it yet, and the storage is handed out once.
+    // SAFETY: no interrupt accesses it yet, and the storage is handed out once.
     unsafe { addr_of_mut!(RECEPTION).write(MaybeUninit::new(Reception { rx0, rx1, received })) };
     waiting
 }
@@ -52,9 +52,9 @@ fn CAN1_RX1() {
     empty(1, |reception| reception.rx1.receive());
 }
 
-/// Moves what a FIFO holds into the queue. For the receive interrupts alone.
+/// Moves the frames of a FIFO to the queue. For the receive interrupts only.
 fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Frame, OverrunError>) {
-    // SAFETY: written before the interrupts were enabled; they have one priority, so neither interrupts the other.
+    // SAFETY: written before the interrupts were enabled; they have equal priority, so neither preempts the other.
     let reception = unsafe { (*addr_of_mut!(RECEPTION)).assume_init_mut() };
     let mut lost = 0;
     while CAN1.rfr(fifo).read().fmp() != 0 {
@@ -64,7 +64,7 @@ fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Fram
             Err(nb::Error::Other(_)) => lost += 1,
             Err(nb::Error::WouldBlock) => {}
         }
-        // `bxcan` does not wait for the release: until then the output holds the frame that was taken.
+        // `bxcan` does not wait for the release; until then the output still holds the taken frame.
         while CAN1.rfr(fifo).read().rfom() {}
     }
     if lost != 0 {

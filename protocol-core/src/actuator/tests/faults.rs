@@ -1,4 +1,4 @@
-//! A fault's life, and how often it has occurred.
+//! Activation, clearing and counting of faults.
 
 use super::*;
 use crate::time::NEVER;
@@ -23,7 +23,7 @@ fn springs_take_the_spool_to_the_end_of_its_fault() {
     rig.drive(0, FLOAT);
     rig.expect_activation(Fault::FloatNotReached, 1000);
     rig.drive(1000, Drive::Off);
-    // From 80 % to 5 % at 150 ms for 100 %.
+    // From 80 % to 5 %, at 150 ms for 100 %.
     assert_eq!(rig.valve.deadline(), Instant::from_micros(1_112_500));
     rig.valve.poll(Instant::from_micros(1_112_500));
     assert_eq!(rig.valve.take_changes().cleared, FaultSet::of(Fault::FloatNotReached));
@@ -39,7 +39,7 @@ fn a_spool_stuck_in_neutral_is_a_fault_that_is_gone_at_once() {
     let stuck = FaultSet::of(Fault::SpoolNotAtSetPoint);
     assert_eq!(rig.valve.take_changes(), Changes { activated: stuck, cleared: stuck });
     assert_eq!(rig.valve.faults(), FaultSet::EMPTY);
-    // Regulated on, it comes again after the same time, and counts.
+    // If regulation continues, the fault activates again after the same delay, and is counted.
     rig.expect_activation(Fault::SpoolNotAtSetPoint, 1000);
     assert_eq!(rig.valve.counters().get(Fault::SpoolNotAtSetPoint), 2);
     rig.drive(1000, Drive::Off);

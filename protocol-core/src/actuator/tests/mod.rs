@@ -1,4 +1,4 @@
-//! Tests of the valve through its public face, in virtual time.
+//! Tests of the valve through its public interface, in virtual time.
 
 mod faults;
 mod model;
@@ -36,7 +36,7 @@ fn to(raw: i16) -> Drive {
     Drive::Regulate(SetPoint::Position(Position::new(raw).unwrap()))
 }
 
-/// A valve with its inputs at hand. Its calls take milliseconds.
+/// A valve together with its inputs. Times are in milliseconds.
 struct Rig {
     valve: Valve,
     inputs: ValveInputs,
@@ -72,13 +72,13 @@ impl Rig {
         self.valve.position(ms(at)).raw()
     }
 
-    /// What is active after a poll at that instant.
+    /// Polls the valve and returns the active faults.
     fn active(&mut self, at: Instant) -> FaultSet {
         self.valve.poll(at);
         self.valve.faults()
     }
 
-    /// The fault activates at that millisecond and not a microsecond earlier, and `deadline` knew.
+    /// Checks that the fault activates at this millisecond, not a microsecond earlier, and as `deadline` predicts.
     fn expect_activation(&mut self, fault: Fault, at: u64) {
         assert!(!self.active(ms(at) - MICROSECOND).contains(fault), "{fault:?} before {at} ms");
         assert_eq!(self.valve.deadline(), ms(at), "{fault:?}");

@@ -1,8 +1,7 @@
-//! The monitors of the spool against a model of them that is told nothing but SPEC 2.
+//! The spool monitors, compared with an independent model derived from SPEC 2.
 //!
-//! The valve reckons when something is due, and looks as seldom as it can while it follows one set-point after another.
-//! The model looks every millisecond, and where a reading has changed it halves the millisecond until it has the
-//! instant.
+//! The valve computes deadlines ahead, and evaluates as rarely as possible while it follows set-points. The model
+//! evaluates every millisecond, and locates a change within a millisecond by bisection.
 
 use super::time::Numbers;
 use super::*;
@@ -10,13 +9,13 @@ use super::*;
 /// Microseconds since power-up.
 type Micros = i64;
 
-/// The full stroke, in steps of which every rate here is a whole number in a microsecond.
+/// The full stroke, in steps for which every rate here is an integer per microsecond.
 const STROKE: i64 = 768_000_000;
 const UNIT: i64 = STROKE / Position::FULL as i64;
 const SOLENOIDS: i64 = STROKE / 250_000;
 const SPRINGS: i64 = STROKE / 150_000;
 
-/// A monitor: since when its reading has been bad.
+/// A monitor, and the time since when its reading has been bad.
 #[derive(Debug)]
 struct Watch {
     fault: Fault,
@@ -36,7 +35,7 @@ struct Model {
     drive: Drive,
     slow: bool,
     lever: Option<i64>,
-    /// Where the spool was when it last set out, and when that was.
+    /// The start of the present movement: travel and time.
     from: (i64, Micros),
     now: Micros,
     watches: [Watch; 2],
@@ -49,7 +48,7 @@ impl Model {
         Self { config, drive: Drive::Off, slow: false, lever: None, from: (0, 0), now: 0, watches }
     }
 
-    /// Where the drive sends the spool, and how fast.
+    /// Returns the destination and the speed of the spool.
     fn course(&self) -> (i64, i64) {
         match self.drive {
             Drive::Regulate(SetPoint::Position(position)) => (i64::from(position.raw()) * UNIT, SOLENOIDS),
@@ -64,7 +63,7 @@ impl Model {
         self.lever.unwrap_or(if from < to { to.min(from + way) } else { to.max(from - way) })
     }
 
-    /// What each monitor would say of the spool.
+    /// Returns whether the reading of each monitor is bad.
     fn bad(&self, now: Micros) -> [bool; 2] {
         let place = self.place(now);
         let runs = match self.drive {
@@ -78,7 +77,7 @@ impl Model {
         [runs && away, self.drive == FLOAT && short]
     }
 
-    /// Lets time pass; the fault that activates first, if one does, and when.
+    /// Advances the time; returns the first fault that activates, and its time.
     fn pass(&mut self, until: Micros) -> Option<(Fault, Micros)> {
         while self.now < until {
             let next = (self.now + 1000).min(until);
@@ -92,7 +91,7 @@ impl Model {
                     let middle = (old + new) / 2;
                     *(if self.bad(middle)[index] == before[index] { &mut old } else { &mut new }) = middle;
                 }
-                // `new` is the first instant of a reading that has changed: to be bad until then is not enough.
+                // `new` is the first time of a changed reading: a reading that is bad only until then does not count.
                 let watch = &mut self.watches[index];
                 let due = watch.since.map_or(Micros::MAX, |since| since + watch.delay);
                 if due < new || (due == new && after[index]) {
@@ -105,7 +104,7 @@ impl Model {
         None
     }
 
-    /// Something happens to the valve now: the spool sets out anew from where it is.
+    /// Applies a change now: the spool starts a new movement from its present travel.
     fn change(&mut self, change: impl FnOnce(&mut Self)) {
         self.from = (self.place(self.now), self.now);
         let (drive, config) = (self.drive, self.config.spool_monitors);
@@ -125,7 +124,7 @@ impl Model {
     }
 }
 
-/// Far away mostly, so that a spool that turns around all the time stays away for long.
+/// Returns a set-point, usually far away, so that a frequently reversing spool stays outside the tolerance for long.
 fn set_point(numbers: &mut Numbers) -> Drive {
     match numbers.next(20) {
         0 => BLOCKED,
@@ -136,7 +135,7 @@ fn set_point(numbers: &mut Numbers) -> Drive {
     }
 }
 
-/// Lets set-points come, and now and then something else, until a fault activates; which, and how many came before.
+/// Plays set-points and occasional other events until a fault activates; returns the fault and the number of events.
 fn run(seed: u64, config: ValveConfig) -> Option<(Fault, u32)> {
     let mut numbers = Numbers::new(seed);
     let (mut valve, mut model) = (Valve::new(config, Counters::default(), ms(0)), Model::new(config));
@@ -149,14 +148,14 @@ fn run(seed: u64, config: ValveConfig) -> Option<(Fault, u32)> {
         while valve.deadline() < at(next) {
             let due = valve.deadline();
             valve.poll(due);
-            // One that activates while the spool passes through neutral is gone at once.
+            // A fault that activates while the spool passes through neutral clears at once.
             if let Some(fault) = valve.take_changes().activated.highest() {
                 assert_eq!(activated.map(|(fault, micros)| (fault, at(micros))), Some((fault, due)), "seed {seed}");
                 return Some((fault, event));
             }
         }
         if let Some((fault, micros)) = activated {
-            // What is due at the instant of the next event is left to that.
+            // A fault due at the time of the next event activates with that event.
             valve.poll(at(next));
             let changes = valve.take_changes();
             assert!(micros == next && changes.activated.contains(fault), "seed {seed}: {fault:?} at {micros}");

@@ -1,16 +1,16 @@
-//! Every row of the table of the monitors (SPEC 2): limit, delay, hysteresis, and when a monitor runs.
+//! Every row of the table of the monitors (SPEC 2): limit, delay, hysteresis, and the states in which a monitor runs.
 
 use super::*;
 use crate::time::NEVER;
 
-/// A value that is watched: how it is set, and the fault it can raise.
+/// A monitored value: its setter and its fault.
 struct Row {
     fault: Fault,
     set: fn(&mut ValveInputs, i32),
     delay: u64,
     allowed: i32,
     trips: i32,
-    /// The last value at which an active fault stays.
+    /// The last value at which an active fault persists.
     stays: i32,
     clears: i32,
 }
@@ -39,7 +39,7 @@ fn supply_and_temperature_have_limit_delay_and_hysteresis() {
         assert_eq!(rig.active(ms(10_000)), FaultSet::EMPTY, "{fault:?} at {allowed}");
         assert_eq!(rig.valve.deadline(), NEVER);
 
-        // Back inside the limit, if not past the hysteresis, restarts the delay.
+        // Returning inside the limit restarts the delay, even without passing the hysteresis.
         rig.sense(10_000, |inputs| set(inputs, trips));
         rig.sense(10_000 + delay - 1, |inputs| set(inputs, allowed));
         assert_eq!(rig.valve.deadline(), NEVER);
@@ -142,7 +142,7 @@ fn a_drifting_spool_is_found_once_it_is_15_percent_away() {
     let mut rig = Rig::new(CANOPEN);
     rig.spool(0, SpoolFault::Drifting);
     rig.drive(0, to(8192));
-    // There after 125 ms, 15 % at an eighth a second after 1200 ms more; a microsecond later it is beyond.
+    // The spool arrives after 125 ms, and drifts 15 % in another 1200 ms; a microsecond later it is outside.
     let beyond = ms(125 + 1200) + MICROSECOND;
     assert_eq!(rig.active(beyond + SET_POINT_DELAY - MICROSECOND), FaultSet::EMPTY);
     assert_eq!(rig.active(beyond + SET_POINT_DELAY), FaultSet::of(Fault::SpoolNotAtSetPoint));
@@ -183,8 +183,8 @@ fn monitors_of_the_spool_begin_anew_with_regulation() {
     rig.drive(950, FLOAT);
     rig.expect_activation(Fault::FloatNotReached, 1950);
 
-    // Where monitor 1 runs while the drive is off too, the beginning of regulation is none for it; the end of hand
-    // operation is.
+    // If monitor 1 also runs while the drive is off, the start of regulation does not restart it; the end of hand
+    // operation does.
     let mut rig = Rig::new(ISOBUS);
     rig.lever(0, 5000);
     rig.drive(300, to(16000));
@@ -196,7 +196,7 @@ fn monitors_of_the_spool_begin_anew_with_regulation() {
     rig.expect_activation(Fault::SpoolNotAtSetPoint, 1100);
 }
 
-/// With the drive off, as in a shutdown, within 5 %.
+/// With the drive off, as in a shutdown, the spool must be within 5 % of neutral.
 #[test]
 fn monitor_1_wants_neutral_when_the_valve_is_off_if_it_runs_then() {
     for (config, drive, limit, fault) in [
@@ -275,12 +275,12 @@ fn the_guard_wants_a_set_point_every_250_ms() {
     rig.expect_activation(Fault::TimeGuarding, 799);
     assert_eq!(rig.valve.deadline(), NEVER);
 
-    // Goes on to need set-points.
+    // The guard continues to require set-points.
     rig.valve.feed_guard(ms(2000));
     assert_eq!(rig.valve.take_changes().cleared, FaultSet::of(Fault::TimeGuarding));
     rig.expect_activation(Fault::TimeGuarding, 2250);
 
-    // Stopped, it leaves the fault to the next set-point.
+    // Stopping the guard leaves the fault active until the next set-point.
     rig.valve.stop_guard(ms(3000));
     assert!(rig.active(ms(9000)).contains(Fault::TimeGuarding));
     rig.valve.feed_guard(ms(9000));

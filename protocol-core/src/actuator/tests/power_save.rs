@@ -1,9 +1,9 @@
-//! Power save: when it begins, and what ends it.
+//! The beginning and the end of power save.
 
 use super::*;
 use crate::time::NEVER;
 
-/// A valve that has been in power save since 200 ms.
+/// Returns a valve in power save since 200 ms.
 fn saving() -> Rig {
     let mut rig = Rig::new(CANOPEN);
     rig.drive(0, BLOCKED);
@@ -27,7 +27,7 @@ fn begins_after_200_ms_in_blocked() {
     assert_eq!(rig.valve.deadline(), NEVER);
 }
 
-/// Blocked is spool and valves in neutral: from full stroke the spool needs 237.5 ms to come within 5 %.
+/// The valve is blocked when set-point and spool are neutral: from full stroke the spool takes 237.5 ms to within 5 %.
 #[test]
 fn the_200_ms_count_from_the_instant_when_set_point_and_spool_are_neutral() {
     for full in [16384, -16384] {
@@ -103,7 +103,7 @@ fn a_drifting_spool_is_not_left_alone() {
     assert!(rig.valve.solenoids());
 }
 
-/// The springs hold the spool, and nothing is left that could drift.
+/// Without energised solenoids no position is held that could drift.
 #[test]
 fn a_spool_does_not_drift_while_the_solenoids_are_off() {
     let mut rig = saving();

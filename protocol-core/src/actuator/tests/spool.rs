@@ -1,4 +1,4 @@
-//! How the spool moves.
+//! The movement of the spool.
 
 use super::*;
 use crate::time::NEVER;
@@ -99,11 +99,11 @@ fn a_drifting_spool_creeps_away_as_long_as_the_solenoids_act() {
     let mut rig = Rig::new(CANOPEN);
     rig.spool(0, SpoolFault::Drifting);
     rig.drive(0, to(8192));
-    // There at 125 ms; 20 % in 1600 ms after that.
+    // The spool arrives at 125 ms, and creeps 20 % in another 1600 ms.
     assert_eq!([100, 125, 925, 1725, 9000].map(|at| rig.position(at)), [6553, 8192, 9830, 11468, 11468]);
     rig.drive(9000, Drive::Off);
     assert_eq!(rig.position(9150), 0);
-    // Where there is no room towards B, towards A.
+    // Without room towards B it creeps towards A.
     rig.drive(10_000, to(16384));
     assert_eq!(rig.position(12_000), 13107);
 }
@@ -181,7 +181,7 @@ fn takes_the_times_that_were_measured() {
     rig.drive(0, to(8192));
     assert_eq!([200, 400].map(|at| rig.position(at)), [4096, 8192]);
 
-    // No time is kept worse than by 0.4 %.
+    // Every stroke time is accurate to 0.4 %.
     for millis in SpoolTimes::RANGE_MS {
         let mut rig = timed(millis, millis);
         rig.drive(0, to(16384));
@@ -195,7 +195,7 @@ fn takes_the_times_that_were_measured() {
     }
 }
 
-/// A change in the middle of the way: the rest of it is as fast as the new time says.
+/// New times apply to the rest of a movement in progress.
 #[test]
 fn other_times_count_from_where_it_is() {
     let mut rig = Rig::new(CANOPEN);
@@ -204,18 +204,17 @@ fn other_times_count_from_where_it_is() {
     assert_eq!([125, 250, 375].map(|at| rig.position(at)), [8192, 12288, 16384]);
 }
 
-/// The monitors look at the spool that there is: a measured stroke that is too slow for them is a fault, as of a real
-/// valve.
+/// The monitors apply to the spool as configured: a measured stroke too slow for them is a fault, as with a real valve.
 #[test]
 fn a_stroke_slower_than_the_monitors_is_a_fault() {
-    // 85 % of the stroke within 500 ms
+    // 85 % of the stroke within 500 ms.
     for (stroke_ms, is_fault) in [(588, false), (590, true)] {
         let mut rig = Rig::new(CANOPEN);
         rig.sense(0, |inputs| inputs.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());
         rig.drive(0, to(16384));
         assert_eq!(rig.active(ms(501)).contains(Fault::SpoolNotAtSetPoint), is_fault, "{stroke_ms} ms");
     }
-    // 95 % of it within 1000 ms
+    // 95 % of the stroke within 1000 ms.
     for (stroke_ms, is_fault) in [(1052, false), (1054, true)] {
         let mut rig = Rig::new(CANOPEN);
         rig.sense(0, |inputs| inputs.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());

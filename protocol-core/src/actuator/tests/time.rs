@@ -1,4 +1,4 @@
-//! It does not matter when, or how often, the valve is polled.
+//! The time and frequency of polling have no effect on the valve.
 
 extern crate std;
 
@@ -7,7 +7,7 @@ use std::vec::Vec;
 use super::*;
 use crate::time::{NEVER, after};
 
-/// Numbers that look random and are the same every time (xorshift).
+/// A pseudo-random sequence that is the same in every run (xorshift).
 pub(super) struct Numbers(u64);
 
 impl Numbers {
@@ -27,34 +27,34 @@ impl Numbers {
     }
 }
 
-/// When the valve is polled between two things that happen to it.
+/// The polling of the valve between two events.
 #[derive(Clone, Copy, Debug)]
 enum Polling {
     /// At every deadline.
     Deadlines,
-    /// Every so many microseconds.
+    /// At this interval in microseconds.
     Every(u64),
     /// Not at all.
     Never,
 }
 
-/// What was seen of a valve: when it did what.
+/// The observed positions and fault changes of a valve.
 #[derive(Debug, Default, PartialEq)]
 struct Story {
     positions: Vec<(i16, bool)>,
     changes: Vec<(Instant, Changes)>,
 }
 
-/// How a set-point is handed over.
+/// A function that applies a set-point.
 type Order = fn(&mut Valve, Drive, Instant);
 
-/// The guard and the drive one by one, which is what a command is made of.
+/// Calls the guard and the drive separately; together they are equivalent to a command.
 fn one_by_one(valve: &mut Valve, drive: Drive, now: Instant) {
     valve.feed_guard(now);
     valve.drive(drive, now);
 }
 
-/// Something that happens to the valve.
+/// Applies a random event to the valve.
 fn happen(valve: &mut Valve, inputs: &mut ValveInputs, numbers: &mut Numbers, order: Order, now: Instant) {
     match numbers.next(12) {
         0 => valve.drive(Drive::Off, now),
@@ -75,7 +75,7 @@ fn happen(valve: &mut Valve, inputs: &mut ValveInputs, numbers: &mut Numbers, or
     valve.sense(inputs, now);
 }
 
-/// Lets the same things happen, at whole milliseconds, to a valve that is polled in one way or another.
+/// Applies the same events, at whole milliseconds, to a valve polled in this way.
 fn run(seed: u64, config: ValveConfig, polling: Polling, order: Order) -> Story {
     let (mut numbers, mut story) = (Numbers::new(seed), Story::default());
     let (mut valve, mut inputs) = (Valve::new(config, Counters::default(), ms(0)), ValveInputs::default());
@@ -200,7 +200,7 @@ fn the_end_of_time_is_survived() {
     assert_eq!(rig.position(0), 0);
 }
 
-/// A set-point that comes when the time guard has run out comes too late, polled for or not.
+/// A set-point that arrives exactly when the guard time is over is too late, whether or not the valve was polled.
 #[test]
 fn what_is_due_at_the_instant_of_a_set_point_happens_before_it() {
     for polled in [true, false] {

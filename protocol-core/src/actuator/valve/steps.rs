@@ -1,4 +1,5 @@
-//! The course of a valve in time: steps from deadline to deadline, each of which looks at everything that may change.
+//! The progress of a valve in time: steps from deadline to deadline, each of which evaluates everything that may
+//! change.
 
 use super::super::fault::Fault;
 use super::super::monitor::{Reading, tolerance};
@@ -8,16 +9,16 @@ use super::super::travel::{Band, Travel};
 use super::{Drive, SpoolMonitors, Valve};
 use crate::time::{Instant, NEVER};
 
-/// The band of monitor 1 in a shutdown, where it runs then (A): the neutral that ends the shutdown.
-/// A spool held a little further out would keep the valve down without a fault.
+/// The band of monitor 1 in a shutdown, if the monitor then runs (A): neutral, which ends the shutdown. With a wider
+/// band, a spool held just outside neutral would prolong the shutdown without a fault.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// The number of deadlines that a late call makes up for. Between two changes of faults there are fewer: the spool moves
-/// and stops once by solenoids and once by springs, and crosses each band at most twice each way.
+/// The number of deadlines handled in a late call. There are fewer between two fault changes: the spool moves and stops
+/// once by solenoids and once by springs, and crosses each band at most twice each way.
 const CATCH_UP_STEPS: u32 = 16;
 
 impl Valve {
-    /// Returns the band that monitor 1 allows the spool; `None` while the monitor does not run.
+    /// Returns the band that monitor 1 allows; `None` while the monitor does not run.
     pub(super) fn wanted(&self) -> Option<Band> {
         match self.drive {
             Drive::Regulate(SetPoint::Position(position)) => Some(tolerance(self.target(position))),
@@ -26,7 +27,7 @@ impl Valve {
         }
     }
 
-    /// Runs the timers due up to `now`, each at its instant where possible. Returns the instant of the call.
+    /// Handles the timers due up to `now`, each at its own time where possible. Returns the effective time of the call.
     #[inline]
     pub(super) fn catch_up(&mut self, now: Instant) -> Instant {
         self.now = self.now.max(now);
@@ -36,7 +37,7 @@ impl Valve {
         self.now
     }
 
-    /// Steps from deadline to deadline. A change of a fault ends that: the protocol has to act on it first.
+    /// Steps from deadline to deadline until a fault changes: the protocol must handle the change first.
     #[inline(never)]
     fn run(&mut self, now: Instant) {
         for _ in 0..CATCH_UP_STEPS {
@@ -55,7 +56,7 @@ impl Valve {
         self.step(now);
     }
 
-    /// Looks at everything as it is at `now`, which is not before anything that was due.
+    /// Evaluates everything at `now`, which is not before any earlier deadline.
     pub(super) fn step(&mut self, now: Instant) {
         self.environment.observe(self.inputs.supply_mv, self.inputs.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);
@@ -63,7 +64,7 @@ impl Valve {
         self.schedule();
     }
 
-    /// Looks at the spool alone.
+    /// Evaluates the spool only.
     pub(super) fn step_spool(&mut self, now: Instant) {
         let here = self.spool.at(now);
         let neutral = IN_NEUTRAL.contains(here);
@@ -83,7 +84,7 @@ impl Valve {
         }
     }
 
-    /// Decides on power save and lets the solenoids act on the spool, which is `here`.
+    /// Updates power save and applies the solenoids to the spool at `here`.
     fn energise(&mut self, here: Travel, neutral: bool, now: Instant) {
         let commanded = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
         self.power_save.update(commanded, neutral, self.spool.rests(), now);
@@ -97,7 +98,7 @@ impl Valve {
         self.power_save.note_return(|| self.spool.crosses(IN_NEUTRAL, now));
     }
 
-    /// Returns when the moving spool next crosses a level that a monitor looks at.
+    /// Returns the next time at which the moving spool crosses a monitored limit.
     fn next_crossing(&self, wanted: Option<Band>, now: Instant) -> Instant {
         let mut due = NEVER;
         let mut watch = |band| due = due.min(self.spool.crosses(band, now));

@@ -1,4 +1,4 @@
-//! The objects of a product as an EDS describes them: each with the value that a new device reads.
+//! The objects of a product as an EDS describes them, each with its value in a new device.
 
 use super::object::{NodeObject, Object};
 use super::objects::STORES_ON_COMMAND;
@@ -6,10 +6,10 @@ use super::product::Product;
 use crate::canopen::dictionary::{DefaultValue, Entry, Initial, Place, Value};
 use crate::wire::cob_id::Function;
 
-/// The sub-index of the identity object that differs from device to device.
+/// The sub-index of the identity object that is individual to each device.
 const SERIAL_NUMBER: u8 = 4;
 
-/// Hands out every object of a new device, in the order of the dictionary.
+/// Passes every object of a new device to `each`, in dictionary order.
 pub(crate) fn describe<P: Product>(product: &P, mut each: impl FnMut(&'static Entry, Initial<'_>)) {
     let number = |number| Initial::Fixed(Value::Number(number));
     for Place { entry, position } in P::DICTIONARY.entries().iter() {
@@ -28,7 +28,8 @@ pub(crate) fn describe<P: Product>(product: &P, mut each: impl FnMut(&'static En
                 let part = entry.sub().checked_sub(1).and_then(|part| product.identity().part(part));
                 part.map_or(Initial::Individual, number)
             }
-            // An entry of the history exists once there was an error; the others are stored, and their rows say it.
+            // A history entry exists only after an error. All other objects of the node are stored, so their rows give
+            // the default.
             (_, Object::Node(_)) => Initial::Individual,
         };
         each(entry, initial);

@@ -1,4 +1,4 @@
-//! The identifiers that the node listens to: found when one of them changes, not for every frame on the bus.
+//! The identifiers that the node receives: computed when one changes, not for every frame.
 
 use super::objects::Communication;
 use super::product::Rules;
@@ -6,7 +6,7 @@ use crate::controller::{FILTERS, Filter, Filters};
 use crate::frame::Frame;
 use crate::wire::cob_id::{Function, LSS_REQUEST, NMT};
 
-/// The service that a frame is for.
+/// The service that a frame belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Service {
     /// RPDO 1.
@@ -17,50 +17,50 @@ pub enum Service {
     Sync,
     /// SDO.
     Sdo,
-    /// The EMCY that the node listens to.
+    /// The consumed EMCY of another node.
     EmcyConsumer,
     /// LSS.
     Lss,
-    /// Another protocol of the device.
+    /// A non-CANopen protocol of the device.
     OtherProtocol,
 }
 
-/// The number of services of CANopen.
+/// The number of CANopen services.
 const SERVICES: usize = 6;
 
-/// The key of no frame.
+/// A key that no frame has.
 const NONE: u32 = u32::MAX;
 
-// One for each service, and one for the other protocol.
+// One filter for each service, and one for the other protocol.
 const _: () = assert!(SERVICES < FILTERS);
 
-/// Returns the bit of the group that a key is in: of a standard identifier, its function code.
+/// Returns the group bit of a key. For a standard identifier the group is its function code.
 #[inline(always)]
 const fn group(key: u32) -> u32 {
     1_u32.wrapping_shl(key >> 7)
 }
 
-/// The [keys](crate::frame::key) of the frames that the node listens to.
+/// The [keys](crate::frame::key) of the frames that the node receives.
 #[derive(Clone, Debug)]
 pub(super) struct Listening {
-    /// By service, the most frequent first.
+    /// By service, most frequent first.
     keys: [u32; SERVICES],
-    /// Another protocol's frames.
+    /// The frames of the other protocol.
     other: Filter,
-    /// The [groups](group) of all of them: most frames are in none.
+    /// The [groups](group) of all keys. Most frames on the bus are in none of them.
     groups: u32,
-    /// The node ID; 0 without one.
+    /// The node ID; 0 for none.
     node: u8,
-    /// The controller has these filters.
+    /// Whether the controller has these filters.
     told: bool,
 }
 
 impl Listening {
-    /// Listens to nothing.
+    /// Receives nothing.
     pub(super) const NOTHING: Self =
         Self { keys: [NONE; SERVICES], other: Filter::exactly(NONE), groups: 0, node: 0, told: true };
 
-    /// Returns what a node listens to; without a node ID that is LSS alone.
+    /// Computes the identifiers of a node; without a node ID the node receives only LSS.
     pub(super) fn of(objects: &Communication, rules: &Rules) -> Self {
         let mut new = Self { told: false, ..Self::NOTHING };
         let [rpdo, sync, nmt, sdo, emcy_consumer, lss] = &mut new.keys;
@@ -73,21 +73,22 @@ impl Listening {
             *emcy_consumer = objects.emcy_consumer.key().unwrap_or(NONE);
             new.other = rules.other_protocol.map_or(new.other, |filter| filter(node_id));
             new.node = node_id.get();
-            // (A) An emergency stop is not lost to a PDO or SYNC that was given its identifier.
+            // (A) The consumed EMCY, an emergency stop, has precedence over an RPDO or SYNC configured with its
+            // identifier.
             for key in [rpdo, sync] {
                 if *key == *emcy_consumer {
                     *key = NONE;
                 }
             }
         }
-        // The mask may leave a bit of the group open.
+        // The mask may ignore a bit of the group.
         let others = group(new.other.key) | group(new.other.key | !new.other.mask);
-        // `NONE` is in the last group, where hardly a frame is.
+        // `NONE` falls into the last group, where frames are rare.
         new.groups = new.keys.into_iter().fold(others, |groups, key| groups | group(key));
         new
     }
 
-    /// Takes changed identifiers from the objects.
+    /// Recomputes the identifiers after a change of the objects.
     pub(super) fn update(&mut self, objects: &Communication, rules: &Rules) {
         let new = Self::of(objects, rules);
         if new.keys != self.keys {
@@ -95,7 +96,7 @@ impl Listening {
         }
     }
 
-    /// Returns the filters of the controller when they have changed.
+    /// Returns the controller filters if they have changed.
     #[inline(always)]
     pub(super) fn take_filters(&mut self) -> Option<Filters> {
         if self.told {
@@ -110,7 +111,7 @@ impl Listening {
         let mut filters = Filters::new();
         let mut add = |filter: Filter| {
             if filter.key != NONE {
-                // There is a place for every service, and for the other protocol.
+                // The capacity covers every service and the other protocol.
                 let _ = filters.push(filter);
             }
         };
@@ -119,7 +120,7 @@ impl Listening {
         filters
     }
 
-    /// Returns the service that a frame is for; an RPDO comes before a SYNC with the same identifier (A).
+    /// Returns the service that a frame belongs to. An RPDO has precedence over a SYNC with the same identifier (A).
     #[inline(always)]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
         let key = frame.key();
@@ -139,7 +140,7 @@ impl Listening {
         }
     }
 
-    /// Returns whether an NMT command is for this node or for all: most are for one of many.
+    /// Returns whether an NMT command addresses this node or all; most commands address other nodes.
     fn is_addressed(&self, frame: &Frame) -> bool {
         let [_, node, ..] = frame.bytes();
         *node == 0 || *node == self.node

@@ -1,15 +1,15 @@
-//! A CANopen node: the services put together, without a product (CiA 301, CiA 305).
+//! A CANopen node: the product-independent services combined (CiA 301, CiA 305).
 //!
 //! ```text
-//! mod        the node: what goes in, and what it demands of the device around it
+//! mod        the node: its interface, and its demands on the device
 //! product    the trait of a product
-//! object     the object of a row of the dictionary             objects    the node's own objects
+//! object     the objects behind the rows                       objects      the node's own objects
 //! services   the services of the node
-//! listening  which frames are for the node
-//! pending    the frames that wait for the bus                description  the objects as an EDS describes them
+//! listening  the frames for the node
+//! pending    the pending frames                                description  the objects as an EDS describes them
 //! ```
 //!
-//! The node keeps no product: every call that needs it is given one.
+//! The node does not own the product: every call that needs the product takes a reference.
 
 #[cfg(feature = "names")]
 mod description;
@@ -50,14 +50,14 @@ use crate::wire::nmt::State;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::AbortCode;
 
-/// A demand of the node on the device around it.
+/// A demand of the node on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand<T> {
-    /// An SDO client waits for a task of the product: answer with [`Node::end_task`].
+    /// Execute a task of the product for an SDO client, then call [`Node::end_task`].
     Task(T),
-    /// LSS waits for what [`Node::begin_lss_store`] returns to be stored: answer with [`Node::end_lss_store`].
+    /// Store the configuration that [`Node::begin_lss_store`] returns, then call [`Node::end_lss_store`].
     StoreConfiguration,
-    /// A restart.
+    /// Restart the node.
     Reset(Reset),
 }
 
@@ -70,29 +70,30 @@ pub(crate) struct Node<P: Product> {
     lss: LssSlave,
     listening: Listening,
     pending: Pending,
-    /// The controller is bus-off.
+    /// Whether the controller is bus-off.
     bus_off: bool,
-    /// In force on the bus.
+    /// The bit rate in force.
     bit_rate: BitRate,
-    /// The platform has not taken `bit_rate` yet.
+    /// Whether the platform has yet to take `bit_rate`.
     rate_is_new: bool,
-    /// Configured by LSS, in force from the restart that it has demanded.
+    /// The node ID configured by LSS for the restart that it has demanded.
     activated: Option<LssNodeId>,
     /// Configured by LSS, in force and not stored: the node ID until power-off, the bit rate until the next start.
     held: Configuration,
-    /// The LSS stores that wait for the memory.
+    /// The number of LSS store requests not yet answered.
     lss_stores: u32,
-    /// The configuration for these stores, as LSS had it when they were demanded: NMT start drops what is pending, and no
-    /// store (A).
+    /// The configuration to store, as it was when the store was requested. NMT start drops a pending configuration, but
+    /// not a requested store (A).
     to_store: Configuration,
-    /// Enters operational by itself once boot-up and EMCYs are sent; an NMT command before that ends it (A).
+    /// Enters operational without a command once boot-up and EMCYs are sent. An NMT command before that cancels this
+    /// (A).
     starts_itself: bool,
-    /// The product whose dictionary and rules the node has.
+    /// The product that supplies the dictionary and rules.
     product: PhantomData<P>,
 }
 
 impl<P: Product> Node<P> {
-    /// Returns a node that has not started.
+    /// Creates a node that has not started.
     pub(crate) const fn new() -> Self {
         Self {
             objects: Communication::new(const { &P::RULES.heartbeat }),
@@ -113,11 +114,11 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Takes the node ID and the bit rate from the memory and forgets the communication so far: the first half of a
-    /// start. Returns the node ID in force from now on.
+    /// Begins a start: resets the communication and applies the stored node ID and bit rate. Returns the node ID in
+    /// force.
     ///
-    /// A start after reset application takes the stored bit rate and empties the error history as well. An activation
-    /// of a bit rate goes on over a reset of the communication.
+    /// Reset application also applies the stored bit rate and clears the error history. A bit-rate activation continues
+    /// over reset communication.
     pub(crate) fn reset(&mut self, scope: Reset, stored: Configuration) -> Option<NodeId> {
         self.held.node_id = self.activated.take().or(self.held.node_id);
         match scope {
@@ -144,8 +145,8 @@ impl<P: Product> Node<P> {
         self.objects.node_id
     }
 
-    /// Loads the parameters, group by group, and boots up: the second half of a start. Without a node ID the node stays
-    /// in initialisation, with LSS alone. Reset communication leaves the product's own objects alone.
+    /// Completes a start: loads the parameters, group by group, and boots. Without a node ID the node stays in
+    /// initialisation, with LSS only. Reset communication does not load the product's own objects.
     pub(crate) fn boot<const GROUPS: usize>(
         &mut self,
         scope: Reset,
@@ -177,7 +178,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Does to the NMT state what 0x1029 says for an error, in operational alone. Pending EMCYs still go out.
+    /// Applies the error behaviour (0x1029), in operational only. Pending EMCYs are still sent.
     pub(crate) fn behave(&mut self, class: ErrorClass, product: &mut P, now: Instant) {
         if self.nmt.is_operational()
             && let Some(state) = self.objects.error_behaviour.of(class).state()
@@ -186,7 +187,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Lets the timers that are due act.
+    /// Handles the timers that are due.
     pub(crate) fn poll(&mut self, product: &P, now: Instant) {
         if let Some(switch) = self.lss.poll(now) {
             self.bit_rate = switch.bit_rate;
@@ -209,7 +210,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns when [`poll`](Self::poll) is next due.
+    /// Returns the time at which [`poll`](Self::poll) is next due.
     #[inline]
     pub(crate) fn deadline(&self) -> Instant {
         let runs = P::RULES.tpdo.timers && self.nmt.is_operational();
@@ -217,8 +218,9 @@ impl<P: Product> Node<P> {
         self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline()).min(tpdo)
     }
 
-    /// Notes whether the controller is bus-off. Its frames are lost then: answers are dropped and counted, the boot-up
-    /// and EMCYs are queued again. The NMT state stays (A); a product with 0x1029 calls [`behave`](Self::behave).
+    /// Records whether the controller is bus-off. Bus-off loses the controller's frames: answers are dropped and
+    /// counted, the boot-up and EMCYs are queued again. The NMT state stays (A); a product with 0x1029 calls
+    /// [`behave`](Self::behave).
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.pending.bus_lost();
@@ -227,7 +229,7 @@ impl<P: Product> Node<P> {
         self.bus_off = bus_off;
     }
 
-    /// Returns a bit rate that is in force since this was last called.
+    /// Returns the bit rate if it has changed since the last call.
     #[inline]
     pub(crate) fn take_bit_rate(&mut self) -> Option<BitRate> {
         if !self.rate_is_new {
@@ -237,34 +239,34 @@ impl<P: Product> Node<P> {
         Some(self.bit_rate)
     }
 
-    /// Queues an EMCY that makes no entry in the history: the end of an error, or a repetition.
+    /// Queues an EMCY without a history entry: the end of an error, or a repetition.
     pub(crate) fn send_emcy(&mut self, message: Emcy) {
         self.queue_emcy(message, false);
     }
 
-    /// Queues an EMCY, in pre-operational and operational alone, and only while EMCYs are on.
+    /// Queues an EMCY, in pre-operational and operational only, and only while EMCYs are on.
     fn queue_emcy(&mut self, message: Emcy, entered: bool) {
         if self.nmt.serves() && self.objects.emcy.id().is_some() {
             self.pending.queue_emcy(message, entered);
         }
     }
 
-    /// Returns the [key](Frame::key) of TPDO 1 and the objects that it maps; `None` while it is off.
+    /// Returns the [key](Frame::key) of TPDO 1 and its mapped objects; `None` while the TPDO is off.
     pub(crate) fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
         let tpdo = &self.objects.tpdo;
         Some((tpdo.key()?, tpdo.mapping()))
     }
 
-    /// Notes that what the TPDO reports has changed: one that is sampled when it is sent, and has not gone out yet,
-    /// tells it.
+    /// After a change of the reported values, replaces a TPDO that the controller may hold, if TPDOs are sampled when
+    /// sent.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
             self.pending.renew_tpdo();
         }
     }
 
-    /// Queues the EMCY of a new error, and enters its code into the history with the manufacturer's upper half. Both only
-    /// while EMCYs are on; returns whether they are. A node without node ID has none.
+    /// Queues the EMCY of a new error and enters its code into the history, with the manufacturer's number in the upper
+    /// half. Does neither while EMCYs are off or without a node ID; returns whether it did.
     pub(crate) fn tell_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
@@ -274,21 +276,21 @@ impl<P: Product> Node<P> {
         tells
     }
 
-    /// Withdraws an error whose EMCYs were kept from the bus by bus-off: the EMCYs of its begin and its end, and the
-    /// entries in the history that were made for them (A). `register` are the bits of the error register that it sets.
+    /// Withdraws an error whose EMCYs could not be sent because of bus-off: the EMCYs of its beginning and end, and
+    /// their history entries (A). `register` holds the error's bits in the error register.
     pub(crate) fn withdraw_error(&mut self, code: u16, register: u8) {
         for _ in 0..self.pending.withdraw_emcys(code, register) {
             self.objects.history.withdraw(code);
         }
     }
 
-    /// Queues an answer of another service of the device.
+    /// Queues an answer of a non-CANopen service of the device.
     pub(crate) fn answer(&mut self, answer: Frame) {
         let mute = self.is_mute();
         self.pending.queue_answer(answer, mute);
     }
 
-    /// Answers an SDO client whose task has ended.
+    /// Answers the SDO client that waits for this task.
     pub(crate) fn end_task(&mut self, task: P::Task, stored: bool) {
         let behind = self.sdo.waits_for().and_then(|place| P::DICTIONARY.behind(place.position));
         let is_awaited = matches!(behind, Some(Object::Signature(awaited)) if awaited == task);
@@ -298,7 +300,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Answers an LSS store: the oldest, or all that were demanded when none `is_last` to be written.
+    /// Answers LSS store requests: the oldest, or all of them if `is_last`, when no further write is pending.
     pub(crate) fn end_lss_store(&mut self, stored: bool, is_last: bool) {
         let error = if stored { lss::SUCCESS } else { P::RULES.lss.store_error };
         let answers = if is_last { self.lss_stores } else { self.lss_stores.min(1) };
@@ -308,19 +310,19 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns whether a node without node ID has a new one that LSS has stored, and is in LSS waiting: reset
-    /// communication is due.
+    /// Returns whether a node without node ID, in LSS waiting, has a new node ID stored by LSS: it then needs reset
+    /// communication.
     pub(crate) fn boots(&self) -> bool {
         self.lss.boots(self.objects.node_id)
     }
 
-    /// Begins an LSS store. Returns what LSS had configured when the store was demanded, and what it has in force
+    /// Begins an LSS store. Returns the configuration as of the store request, completed with the parts in force but
     /// unstored.
     pub(crate) fn begin_lss_store(&mut self) -> Configuration {
         core::mem::take(&mut self.to_store).or(self.held)
     }
 
-    /// Notes what the memory holds now, whoever has stored it.
+    /// Records the configuration that the memory now holds, whichever service stored it.
     pub(crate) fn configuration_stored(&mut self, stored: Configuration) {
         self.lss.stored(stored);
         if stored.node_id.is_some() {
@@ -331,14 +333,14 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Appends the parameters of a group as they are to a payload; `None` when there is no room.
+    /// Appends the present parameters of a group to a payload; `None` if they do not fit.
     pub(crate) fn parameters(&self, group: Group, product: &P, payload: &mut VecView<u8>) -> Option<()> {
-        // None of them changes with time.
+        // No parameter changes with time.
         let value_of = |place| self.objects.read(place, product, Instant::MIN).ok();
         parameters::encode(P::DICTIONARY.entries(), group, &value_of, payload)
     }
 
-    /// Appends all defaults for the node ID in force to a payload; `None` without one, or when there is no room.
+    /// Appends all defaults for the node ID in force to a payload; `None` without a node ID, or if they do not fit.
     pub(crate) fn default_parameters(&self, product: &P, payload: &mut VecView<u8>) -> Option<()> {
         let value_of = |place| self.objects.default(place, product);
         parameters::encode(P::DICTIONARY.entries(), Group::All, &value_of, payload)
@@ -349,12 +351,12 @@ impl<P: Product> Node<P> {
         self.nmt.state()
     }
 
-    /// Returns whether LSS is changing the bit rate: the node is silent meanwhile.
+    /// Returns whether LSS is changing the bit rate; the node is silent meanwhile.
     pub(crate) const fn is_switching_bit_rate(&self) -> bool {
         self.lss.is_silent()
     }
 
-    /// Returns how often the error history holds an error.
+    /// Returns how often the error history contains an error.
     pub(crate) fn times_entered(&self, code: u16, manufacturer: u16) -> u8 {
         self.objects.history.times(code, manufacturer)
     }
@@ -370,18 +372,18 @@ impl<P: Product> Node<P> {
         self.bit_rate
     }
 
-    /// Returns the number of frames that were dropped.
+    /// Returns the number of dropped frames.
     pub(crate) const fn frames_dropped(&self) -> u32 {
         self.pending.dropped()
     }
 
-    /// Returns the identifiers that the node listens to, when they have changed.
+    /// Returns the controller filters if they have changed.
     #[inline]
     pub(crate) fn take_filters(&mut self) -> Option<Filters> {
         self.listening.take_filters()
     }
 
-    /// Queues a TPDO that has become due at an instant.
+    /// Queues a TPDO that became due at `at`.
     #[inline]
     fn queue_tpdo(&mut self, product: &P, at: Instant) {
         if !self.is_mute() {
@@ -390,20 +392,20 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Samples what the TPDO carries that has become due, where that is not done when it is sent.
+    /// Samples the mapped objects if the product samples a TPDO when it becomes due.
     #[inline]
     fn sample_when_due(&self, product: &P, at: Instant) -> Sample {
         if P::RULES.tpdo.sampled_when_due { self.sample_tpdo(product, at) } else { Sample::NOTHING }
     }
 
-    /// Samples what the TPDO carries.
+    /// Samples the mapped objects of the TPDO.
     #[inline]
     fn sample_tpdo(&self, product: &P, at: Instant) -> Sample {
         let objects = &self.objects;
         objects.tpdo.sample(|position| objects.sample(position, product, at))
     }
 
-    /// Returns whether nothing may be sent now.
+    /// Returns whether the node must not send.
     const fn is_mute(&self) -> bool {
         self.bus_off || self.lss.is_silent()
     }

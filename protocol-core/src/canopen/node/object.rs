@@ -1,31 +1,32 @@
-//! The objects behind the rows of the dictionary: those of the node, and those of the product.
+//! The objects behind the rows of the dictionary: the node's and the product's.
 
 use crate::canopen::dictionary::{DataType, Row};
 
-/// The signature that 0x1010 takes (CiA 301 7.5.2.13).
+/// The signature for 0x1010 (CiA 301 7.5.2.13).
 pub(crate) const SAVE: u32 = u32::from_le_bytes(*b"save");
 
-/// The signature that 0x1011 takes (CiA 301 7.5.2.14).
+/// The signature for 0x1011 (CiA 301 7.5.2.14).
 pub(crate) const LOAD: u32 = u32::from_le_bytes(*b"load");
 
-/// The object of a row: `A` are the product's own objects, `T` the tasks of signatures.
+/// The object behind a row. `A` is the type of the product's own objects, `T` that of the tasks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Object<A, T> {
-    /// A number that never changes, see [`Row::constant`].
+    /// A constant, see [`Row::constant`].
     Constant,
     /// One of the product's own objects.
     Product(A),
     /// One of the node's objects.
     Node(NodeObject),
-    /// 0x1001: the product knows it.
+    /// 0x1001, supplied by the product.
     ErrorRegister,
-    /// 0x1018:1–4: the product knows it.
+    /// 0x1018:1–4, supplied by the product.
     Identity,
-    /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task, see [`Row::signature`].
+    /// 0x1010 and 0x1011: reads 1. Writing the signature demands the task, see [`Row::signature`].
     Signature(T),
 }
 
-/// The communication objects that the node holds. Those with several sub-indices of one kind take theirs from the row.
+/// The communication objects held by the node. Objects with several sub-indices of one kind take the sub-index from the
+/// row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum NodeObject {
     /// 0x1003:0
@@ -34,7 +35,7 @@ pub(crate) enum NodeObject {
     ErrorField,
     /// 0x1005
     SyncCobId,
-    /// 0x1014: while it is not stored, it follows the node ID.
+    /// 0x1014: follows the node ID until it is stored.
     EmcyCobId,
     /// 0x1017
     HeartbeatTime,
@@ -51,22 +52,22 @@ pub(crate) enum NodeObject {
 }
 
 impl NodeObject {
-    /// Returns whether the object holds an identifier that the node listens to.
+    /// Returns whether the object is the identifier of received frames.
     pub(super) const fn is_cob_id(self) -> bool {
         matches!(self, Self::SyncCobId | Self::EmcyConsumer | Self::Rpdo(PdoParameter::CobId))
     }
 }
 
-/// The errors that can change the NMT state, 0x1029.
+/// The classes of errors that can change the NMT state, 0x1029.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ErrorClass {
-    /// Sub-index 1: an error of the communication.
+    /// Sub-index 1: communication error.
     Communication,
-    /// Sub-index 2: an error of the product.
+    /// Sub-index 2: error of the product.
     Product,
 }
 
-/// The parameters of a PDO.
+/// A parameter of a PDO.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum PdoParameter {
     /// Sub-index 1 of the communication parameter.
@@ -84,13 +85,13 @@ pub(crate) enum PdoParameter {
 }
 
 impl<A: Copy, T: Copy> Row<Object<A, T>> {
-    /// Returns the row of a number that never changes.
+    /// Creates the row of a constant.
     #[must_use]
     pub(crate) const fn constant(index: u16, sub: u8, data_type: DataType, number: u32, name: &'static str) -> Self {
         Self::ro(index, sub, data_type, Object::Constant, name).with(number)
     }
 
-    /// Returns the row of a signature that demands a task.
+    /// Creates the row of a signature that demands a task.
     #[must_use]
     pub(crate) const fn signature(index: u16, sub: u8, signature: u32, task: T, name: &'static str) -> Self {
         Self::rw(index, sub, DataType::U32, Object::Signature(task), name).with(signature)

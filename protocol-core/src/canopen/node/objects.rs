@@ -1,4 +1,4 @@
-//! The communication objects 0x1000–0x1FFF, and the way to the objects of the product.
+//! The communication objects 0x1000–0x1FFF, and access to the objects of the product.
 
 use super::object::{ErrorClass, NodeObject, Object, PdoParameter};
 use super::product::{Product, Rules};
@@ -13,10 +13,10 @@ use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
 use crate::wire::sdo::AbortCode;
 
-/// The value that an object of "save" and "load" reads: it stores on command (CiA 301 7.5.2.13).
+/// The value of 0x1010 and 0x1011 on reading: the device stores on command (CiA 301 7.5.2.13).
 pub(super) const STORES_ON_COMMAND: u32 = 1;
 
-/// The effects of errors on the NMT state, by their class.
+/// The effect of errors on the NMT state, by error class.
 #[derive(Clone, Debug)]
 pub(super) struct ErrorBehaviours {
     communication: ErrorBehaviour,
@@ -39,7 +39,7 @@ impl ErrorBehaviours {
     }
 }
 
-/// The communication objects. What they do without a product is compiled once for all products of an image.
+/// The communication objects. The product-independent part is compiled once for all products of an image.
 #[derive(Clone, Debug)]
 pub(super) struct Communication {
     pub(super) node_id: Option<NodeId>,
@@ -73,8 +73,8 @@ impl Communication {
         }
     }
 
-    /// Takes the stored parameters of a group, or the defaults where there are none. Reset communication leaves the
-    /// product's own objects alone.
+    /// Loads the stored parameters of a group, or the defaults without any. Reset communication does not load the
+    /// product's own objects.
     pub(super) fn load<P: Product>(
         &mut self,
         scope: Reset,
@@ -92,13 +92,13 @@ impl Communication {
         }
     }
 
-    /// Switches the PDOs on, after everything was loaded.
+    /// Switches the PDOs on, after all parameters are loaded.
     pub(super) fn start_pdos(&mut self, rules: &Rules, objects: Entries) {
         self.rpdo.start(&rules.rpdo, objects);
         self.tpdo.start(&rules.tpdo, objects);
     }
 
-    /// Returns the default of a stored object; `None` for one that needs a node ID when there is none.
+    /// Returns the default of a stored object; `None` if it depends on a node ID and there is none.
     pub(super) fn default<P: Product>(&self, place: Place, product: &P) -> Option<Value<'static>> {
         match place.entry.default()? {
             DefaultValue::Number(number) => Some(Value::Number(number)),
@@ -112,7 +112,8 @@ impl Communication {
         }
     }
 
-    /// Puts in a stored value, unchecked: it was checked when it was written. No other objects are stored.
+    /// Loads a stored value without checks, because it was checked when written. Only the product's and the node's
+    /// objects are stored.
     fn put<P: Product>(&mut self, scope: Reset, place: Place, value: Value<'_>, product: &mut P) {
         match P::DICTIONARY.behind(place.position) {
             Some(Object::Product(object)) if scope == Reset::Application => product.load(object, value),
@@ -137,7 +138,7 @@ impl Communication {
         }
     }
 
-    /// Returns the number that the mapped object at a position holds.
+    /// Returns the value of the mapped object at a position.
     #[inline]
     pub(super) fn sample<P: Product>(&self, position: u8, product: &P, now: Instant) -> u32 {
         match P::DICTIONARY.behind(position) {
@@ -189,10 +190,10 @@ impl Communication {
         })
     }
 
-    /// Writes one of the node's objects; the number has the object's size.
+    /// Writes one of the node's objects; `number` has the object's size.
     ///
     /// # Errors
-    /// An abort code, with nothing changed, when the number or the state forbids it.
+    /// An abort code if the value or the state forbids the write; nothing changes then.
     pub(super) fn write_own(
         &mut self,
         (object, sub): (NodeObject, u8),
@@ -230,7 +231,7 @@ impl Communication {
     }
 }
 
-/// Returns the number of a value: of the node's own objects none holds a text.
+/// Returns the number of a value. None of the node's own objects is a text.
 pub(super) fn number(value: Value<'_>) -> u32 {
     value.number().unwrap_or(0)
 }

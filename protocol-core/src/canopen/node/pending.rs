@@ -1,8 +1,7 @@
-//! The frames that wait for the bus. A frame is rendered when the controller can take it, with the state of
-//! that instant.
+//! The pending frames. A frame is encoded when the controller can take it, with the state of that moment.
 //!
-//! Answers wait in order. Of several boot-ups, heartbeats or TPDOs only the latest is sent. EMCYs keep their order, and
-//! the last one always goes out.
+//! Answers keep their order. Of several boot-ups, heartbeats or TPDOs only the latest is sent. EMCYs keep their order,
+//! and the last one is always sent.
 
 use heapless::Vec;
 
@@ -19,20 +18,20 @@ use crate::wire::cob_id::Function;
 use crate::wire::emcy::Emcy;
 use crate::wire::nmt::{State, heartbeat};
 
-/// The number of identifiers to be aborted at once: heartbeat, TPDO and EMCY.
+/// The number of identifiers that can be aborted at once: heartbeat, TPDO and EMCY.
 const ABORTS: usize = 3;
 
-/// The progress of the boot-up. No frame may go out before it: an EMCY would overtake it.
+/// The progress of the boot-up. All other frames wait for it; an EMCY could otherwise overtake it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BootUp {
     Pending,
-    /// In the controller.
+    /// The controller holds it.
     Taken,
-    /// On the bus, or there is none because there is no node ID.
+    /// On the bus, or not needed without a node ID.
     Done,
 }
 
-/// A frame that waits for the bus.
+/// The kind of a pending frame.
 #[derive(Clone, Copy)]
 enum Candidate {
     BootUp,
@@ -42,18 +41,18 @@ enum Candidate {
     Heartbeat,
 }
 
-/// A cyclic frame: of several that are pending only the latest is sent.
+/// A cyclic frame: only the latest of several pending ones is sent.
 #[derive(Clone, Debug)]
 pub(super) struct Latest {
     pending: bool,
-    /// The key of the frame that the controller took and may have still.
+    /// The key of the frame that the controller may still hold.
     taken: Option<u32>,
 }
 
 impl Latest {
     const NONE: Self = Self { pending: false, taken: None };
 
-    /// Drops the frame. Returns the key of the frame that the controller may have.
+    /// Drops the frame. Returns the key of the frame that the controller may hold.
     const fn clear(&mut self) -> Option<u32> {
         self.pending = false;
         self.taken.take()
@@ -70,17 +69,17 @@ impl Latest {
     }
 }
 
-/// The frames of a node that wait for the bus.
+/// The pending frames of a node.
 #[derive(Clone, Debug)]
 pub(super) struct Pending {
     boot_up: BootUp,
     heartbeat: Latest,
     tpdo: Latest,
-    /// The data of the TPDO, of a product that samples when it becomes due.
+    /// The data of the TPDO, for a product that samples it when it becomes due.
     tpdo_sample: Sample,
     emcys: EmcyQueue,
     answers: Answers,
-    /// The frames that the controller may have and that must not go out any more.
+    /// The frames that the controller may hold but must no longer send.
     aborts: Vec<Filter, ABORTS>,
     dropped: u32,
 }
@@ -99,7 +98,7 @@ impl Pending {
         }
     }
 
-    /// Forgets all: the node starts anew.
+    /// Drops all frames when the node restarts.
     pub(super) fn clear(&mut self) {
         self.boot_up = BootUp::Done;
         self.heartbeat = Latest::NONE;
@@ -112,26 +111,26 @@ impl Pending {
         self.boot_up = BootUp::Pending;
     }
 
-    /// Queues a heartbeat. An older one must not go out any more.
+    /// Queues a heartbeat and aborts an older one.
     pub(super) fn queue_heartbeat(&mut self) {
         self.clear_heartbeat();
         self.heartbeat.pending = true;
     }
 
-    /// Drops the heartbeat, also from the controller.
+    /// Drops the heartbeat, also in the controller.
     pub(super) fn clear_heartbeat(&mut self) {
         let taken = self.heartbeat.clear();
         self.abort(taken);
     }
 
-    /// Queues a heartbeat in the place of one that still waits: it tells another state.
+    /// Replaces a heartbeat that the controller may hold, because the state has changed.
     pub(super) fn renew_heartbeat(&mut self) {
         if self.heartbeat.taken.is_some() {
             self.queue_heartbeat();
         }
     }
 
-    /// Queues a TPDO. An older one must not go out any more.
+    /// Queues a TPDO and aborts an older one.
     #[inline]
     pub(super) fn queue_tpdo(&mut self, sample: Sample) {
         self.clear_tpdo();
@@ -139,7 +138,7 @@ impl Pending {
         self.tpdo_sample = sample;
     }
 
-    /// Queues a TPDO in the place of one that still waits: it reports something else.
+    /// Replaces a TPDO that the controller may hold, because the reported values have changed.
     #[inline]
     pub(super) fn renew_tpdo(&mut self) {
         if self.tpdo.taken.is_some() {
@@ -147,52 +146,51 @@ impl Pending {
         }
     }
 
-    /// Drops the TPDO, also from the controller.
+    /// Drops the TPDO, also in the controller.
     #[inline]
     pub(super) fn clear_tpdo(&mut self) {
         let taken = self.tpdo.clear();
         self.abort(taken);
     }
 
-    /// Returns whether a TPDO waits that the controller does not have.
+    /// Returns whether a TPDO is waiting for the controller.
     #[inline]
     pub(super) const fn has_tpdo(&self) -> bool {
         self.tpdo.pending
     }
 
-    /// Queues an EMCY; `entered` says whether the history has an entry for it.
+    /// Queues an EMCY; `entered` states whether the history has an entry for it.
     pub(super) fn queue_emcy(&mut self, message: Emcy, entered: bool) {
         if !self.emcys.push(message, entered) {
             self.count_dropped(1);
         }
     }
 
-    /// Queues an answer. When it is the newest of too many, or the node must be `mute`, it is dropped and counted.
+    /// Queues an answer. If the queue is full or the node is `mute`, the answer is dropped and counted.
     pub(super) fn queue_answer(&mut self, answer: Frame, mute: bool) {
         if mute || !self.answers.push(answer) {
             self.count_dropped(1);
         }
     }
 
-    /// Drops all EMCYs; those that the controller may have are under this key.
+    /// Drops all EMCYs; `key` identifies those that the controller may hold.
     pub(super) fn drop_emcys(&mut self, key: Option<u32>) {
         self.abort(key.filter(|_| self.emcys.is_taken()));
         self.emcys.clear();
     }
 
-    /// Drops the EMCYs of an error that the bus has not had. Returns the number of entries in the history that go with
-    /// them.
+    /// Drops the EMCYs of an error that are not on the bus. Returns the number of their history entries.
     pub(super) fn withdraw_emcys(&mut self, code: u16, register: u8) -> u8 {
         self.emcys.withdraw(code, register)
     }
 
-    /// Returns whether boot-up and EMCYs are on the bus.
+    /// Returns whether the boot-up and all EMCYs are on the bus.
     #[inline]
     pub(super) fn has_told_start(&self) -> bool {
         self.boot_up == BootUp::Done && self.emcys.is_empty()
     }
 
-    /// Notes that the controller is bus-off and has dropped its frames.
+    /// Handles bus-off, on which the controller drops its frames.
     pub(super) fn bus_lost(&mut self) {
         self.heartbeat = Latest::NONE;
         self.tpdo = Latest::NONE;
@@ -203,7 +201,7 @@ impl Pending {
         }
     }
 
-    /// Begins a time in which nothing may be sent, not even by the controller.
+    /// Begins a period of silence: the controller must not send either.
     pub(super) fn silence(&mut self) {
         self.bus_lost();
         self.aborts.clear();
@@ -218,7 +216,7 @@ impl Pending {
     fn is_empty(&self) -> bool {
         match self.boot_up {
             BootUp::Pending => false,
-            // Every other frame waits for it.
+            // Every other frame waits for the boot-up.
             BootUp::Taken => true,
             BootUp::Done => {
                 !self.tpdo.pending && self.answers.is_empty() && !self.heartbeat.pending && !self.emcys.is_pending()
@@ -226,7 +224,7 @@ impl Pending {
         }
     }
 
-    /// Returns the most urgent frame: the boot-up, then by arbitration. An EMCY goes before a TPDO of any identifier.
+    /// Returns the most urgent frame: the boot-up, otherwise by arbitration. EMCYs precede a TPDO of any identifier.
     fn most_urgent(&self, objects: &Communication) -> Option<Candidate> {
         if self.boot_up == BootUp::Pending {
             return Some(Candidate::BootUp);
@@ -259,8 +257,8 @@ impl Pending {
         first.1
     }
 
-    /// Returns whether a TPDO with this key may go out: the controller could send one that is more urgent than a waiting
-    /// EMCY before it.
+    /// Returns whether a TPDO with this key may be sent. A TPDO more urgent than a pending EMCY must wait, because the
+    /// controller could send it first.
     fn may_send_tpdo(&self, key: u32, emcys: Option<u32>) -> bool {
         self.emcys.is_empty() || emcys.is_none_or(|emcys| arbitration(key) > arbitration(emcys))
     }
@@ -270,13 +268,13 @@ impl Pending {
         if let Some(key) = key
             && self.aborts.push(Filter::exactly(key)).is_err()
         {
-            // Cannot happen: they are taken after every call.
+            // Cannot happen: the aborts are taken after every call.
             self.aborts.clear();
             let _ = self.aborts.push(Filter::ALL);
         }
     }
 
-    /// Drops and counts all answers. Those that the controller has may be lost with it.
+    /// Drops and counts all answers, including those that the controller may lose.
     fn drop_answers(&mut self) {
         let dropped = self.answers.clear();
         self.count_dropped(dropped);
@@ -288,19 +286,19 @@ impl Pending {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a pending frame may be sent now: not before the platform has taken a new bit rate.
+    /// Returns whether a pending frame may be sent now. None may be sent before the platform has taken a new bit rate.
     #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {
         !self.pending.is_empty() && !self.is_mute() && !self.rate_is_new
     }
 
-    /// Makes the most urgent pending frame: in the order of arbitration, answers first come first served.
+    /// Encodes the most urgent pending frame. Answers with the same identifier keep their order.
     #[inline]
     pub(crate) fn next_frame(&mut self, product: &P, now: Instant) -> Option<Frame> {
         if !self.has_frame() {
             return None;
         }
-        // Mostly one frame waits, and nothing is compared: 80 instructions less for an SDO, 60 for a PDO.
+        // Usually one frame is pending and no comparison is needed: 80 instructions less for an SDO, 60 for a PDO.
         let pending = &mut self.pending;
         let others = pending.heartbeat.pending || !pending.has_told_start();
         match (others, pending.tpdo.pending, pending.answers.is_empty()) {
@@ -332,10 +330,10 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns the identifiers of frames that the controller took and that must not go out any more.
+    /// Returns a filter for frames that the controller may hold but must no longer send.
     #[inline]
     pub(crate) fn take_abort(&mut self) -> Option<Filter> {
-        // There is almost never one: a look is cheaper than a call.
+        // There is almost never an abort: a check is cheaper than a call.
         if self.pending.aborts.is_empty() { None } else { self.next_abort() }
     }
 
@@ -348,13 +346,13 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns whether an abort is for EMCYs that must go out. A TPDO can have their identifier: an outdated TPDO then
-    /// goes out too, so that no EMCY is lost (A).
+    /// Returns whether an abort would hit EMCYs in the controller. A TPDO can have their identifier: an outdated TPDO
+    /// is then sent too, so that no EMCY is lost (A).
     fn is_of_emcys(&self, abort: Filter) -> bool {
         self.pending.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }
 
-    /// Takes back a frame that the controller could not take, or gave back for a more urgent one.
+    /// Takes back a frame that the controller rejected, or returned in favour of a more urgent one.
     pub(crate) fn give_back(&mut self, frame: Frame) {
         let emcys = self.objects.emcy.key();
         let pending = &mut self.pending;
@@ -383,7 +381,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Notes that every frame which the controller took is on the bus.
+    /// Records that all frames taken by the controller are on the bus.
     #[inline]
     pub(crate) fn all_sent(&mut self) {
         let pending = &mut self.pending;
@@ -396,7 +394,7 @@ impl<P: Product> Node<P> {
         pending.emcys.sent();
     }
 
-    /// Hands out the TPDO, as it was sampled or as things are now.
+    /// Hands the TPDO to the controller, with the sample of its due time or a new one.
     #[inline(never)]
     fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let sample =

@@ -1,4 +1,4 @@
-//! A product of the node: its dictionary, the objects behind it, and its rules.
+//! The trait of a product: its dictionary, the objects behind it, and its rules.
 
 use core::fmt::Debug;
 
@@ -14,41 +14,41 @@ use crate::wire::emcy::Emcy;
 use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
 
-/// The rules that one maker has and another has not.
+/// The rules in which products differ.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// SYNC, EMCY and the EMCY consumer can have 29-bit identifiers.
+    /// Whether SYNC, EMCY and the EMCY consumer can have 29-bit identifiers.
     pub(crate) extended_ids: bool,
-    /// The NMT state.
+    /// The rules for the NMT state.
     pub(crate) nmt: nmt::Rules,
-    /// The heartbeat.
+    /// The rules for the heartbeat.
     pub(crate) heartbeat: heartbeat::Rules,
-    /// The RPDO.
+    /// The rules for the RPDO.
     pub(crate) rpdo: pdo::Rules,
-    /// The TPDO.
+    /// The rules for the TPDO.
     pub(crate) tpdo: pdo::Rules,
-    /// LSS.
+    /// The rules for LSS.
     pub(crate) lss: lss::Rules,
-    /// The frames of another protocol that the device serves beside CANopen.
+    /// The filter for the frames of a non-CANopen protocol of the device.
     pub(crate) other_protocol: Option<fn(NodeId) -> Filter>,
 }
 
-/// The object of a row, of a product.
+/// The type of the objects behind a product's rows.
 pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Task>;
 
-/// A product on CANopen.
+/// A CANopen product.
 pub(crate) trait Product: Sized {
     /// The product's own objects.
     type Object: Copy + Debug + 'static;
-    /// The tasks of the signatures of 0x1010 and 0x1011.
+    /// The tasks demanded by the signatures in 0x1010 and 0x1011.
     type Task: Copy + Debug + PartialEq + 'static;
 
-    /// Every object of the product, and no other.
+    /// All objects of the product.
     const DICTIONARY: Dictionary<ObjectOf<Self>>;
     /// The product's rules.
     const RULES: Rules;
 
-    /// Returns the four numbers of the identity object.
+    /// Returns the LSS address: the four numbers of the identity object.
     fn identity(&self) -> &Address;
 
     /// Returns the error register.
@@ -57,10 +57,10 @@ pub(crate) trait Product: Sized {
     /// Reads an object.
     fn read(&self, object: Self::Object, now: Instant) -> Value<'_>;
 
-    /// Returns the number that an object holds which can be mapped; 0 for another.
+    /// Returns the value of a mappable object; 0 for any other.
     fn sample(&self, object: Self::Object, now: Instant) -> u32;
 
-    /// Returns what an object reads in a new device.
+    /// Returns the value of an object in a new device.
     #[cfg(feature = "names")]
     fn initial(&self, object: Self::Object) -> Initial<'_> {
         Initial::Fixed(self.read(object, Instant::MIN))
@@ -69,21 +69,21 @@ pub(crate) trait Product: Sized {
     /// Writes an object.
     ///
     /// # Errors
-    /// An abort code, with nothing changed, when the value or the state forbids it.
+    /// An abort code if the value or the state forbids the write; nothing changes then.
     fn write(&mut self, object: Self::Object, value: Value<'_>, now: Instant) -> Result<(), AbortCode>;
 
-    /// Takes the stored value of an object, or its default, unchecked: it was checked when it was written.
+    /// Loads a stored or default value without checks, because it was checked when written.
     fn load(&mut self, object: Self::Object, value: Value<'_>);
 
-    /// Returns the default of a stored object whose row gives none.
+    /// Returns the default of a stored object whose row has none.
     fn default(&self, object: Self::Object) -> Value<'static>;
 
-    /// Takes the values of an RPDO in the order of the mapping; what is invalid is dropped.
+    /// Applies the values of an RPDO in mapping order; invalid values are dropped.
     fn receive(&mut self, _values: impl Iterator<Item = (Self::Object, u32)>, _now: Instant) {}
 
-    /// Takes note that the node was stopped.
+    /// Handles NMT stop.
     fn stopped(&mut self, _now: Instant) {}
 
-    /// Takes the EMCY of the node that the product listens to.
+    /// Handles a consumed EMCY of another node.
     fn hear_emcy(&mut self, _message: Emcy, _now: Instant) {}
 }

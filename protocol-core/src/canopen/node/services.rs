@@ -18,17 +18,17 @@ use crate::wire::lss::Request;
 use crate::wire::nmt::{self, Command, State, Target};
 use crate::wire::sdo::AbortCode;
 
-/// The outcome of a frame: what it demands of the device.
+/// The demand of a frame on the device.
 type Served<P> = Option<Demand<<P as Product>::Task>>;
 
 impl<P: Product> Node<P> {
-    /// Returns the service that a frame is for.
+    /// Returns the service that a frame belongs to.
     #[inline]
     pub(crate) fn service(&self, frame: &Frame) -> Option<Service> {
         self.listening.service(frame)
     }
 
-    /// Takes a frame for one of the services of CANopen; returns what it demands of the device.
+    /// Handles a frame of a CANopen service; returns its demand on the device.
     #[inline]
     pub(crate) fn handle(&mut self, service: Service, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
         if frame.is_remote() {
@@ -46,7 +46,7 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns the reset that an NMT command demands.
+    /// Returns the reset that an NMT command requests.
     pub(crate) fn reset_demanded(&self, frame: &Frame) -> Option<Reset> {
         if self.listening.service(frame) != Some(Service::Nmt) {
             return None;
@@ -90,9 +90,9 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Acts on a state that was entered.
+    /// Handles the entry of a state.
     fn entered(&mut self, state: State, product: &mut P, now: Instant) {
-        // A heartbeat that still waits tells the state before.
+        // A heartbeat already in the controller carries the previous state.
         self.pending.renew_heartbeat();
         match state {
             State::Operational => self.objects.tpdo.restart(now),
@@ -105,7 +105,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Takes no part in the bus any more until the restart: answers and pending EMCYs still go out.
+    /// Stops communication until the restart; queued answers and EMCYs are still sent.
     fn leave_bus(&mut self) {
         self.nmt = NmtSlave::new();
         self.starts_itself = false;
@@ -124,7 +124,7 @@ impl<P: Product> Node<P> {
             return;
         }
         let sample = self.sample_when_due(product, now);
-        // One that still waits must not tell the data of an earlier SYNC.
+        // A pending TPDO must not carry the data of an earlier SYNC.
         if at_sync == AtSync::Due || self.pending.has_tpdo() || self.objects.tpdo.has_changed(sample) {
             self.pending.queue_tpdo(sample);
         }
@@ -183,7 +183,7 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Writes one of the node's objects, and acts on new identifiers and on a heartbeat that is off.
+    /// Writes one of the node's objects, then applies new identifiers and drops frames that were switched off.
     fn write_own(
         &mut self,
         object: (NodeObject, u8),
@@ -197,7 +197,7 @@ impl<P: Product> Node<P> {
         if object.0.is_cob_id() {
             self.listening.update(&self.objects, rules);
         }
-        // Its identifier changes only while it is off.
+        // The identifier of the TPDO changes only while the TPDO is off.
         if self.objects.tpdo.key().is_none() {
             self.pending.clear_tpdo();
         }
@@ -210,13 +210,13 @@ impl<P: Product> Node<P> {
         Ok(())
     }
 
-    /// Serves LSS everywhere but in operational; without a node ID the NMT state is initialising.
+    /// Handles LSS in every NMT state but operational. Without a node ID the NMT state is initialisation.
     fn serve_lss(&mut self, frame: &Frame, product: &P, now: Instant) -> Served<P> {
         let bytes = frame.eight().filter(|_| !self.nmt.is_operational())?;
         let identity = Identity { address: product.identity(), node_id: self.objects.node_id, bit_rate: self.bit_rate };
         let outcome = self.lss.handle(Request::parse(bytes), identity, &P::RULES.lss, now);
         if self.lss.is_silent() {
-            // Nothing is sent from here to the end of the second delay.
+            // The node is silent until the end of the second delay.
             self.pending.silence();
         }
         match outcome {

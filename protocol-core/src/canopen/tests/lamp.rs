@@ -1,4 +1,4 @@
-//! The made-up product: a lamp that is dimmed by an RPDO and reports its brightness and the error register.
+//! The fictitious product: a lamp that is dimmed by an RPDO and reports its brightness and the error register.
 
 use crate::canopen::dictionary::DataType::{Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};
@@ -64,7 +64,7 @@ const PDO: pdo::Rules = pdo::Rules {
     sampled_when_due: false,
 };
 
-/// A lamp that cannot be brighter than 100.
+/// A lamp with a brightness of at most 100.
 #[derive(Debug, Default)]
 pub(super) struct Lamp {
     pub(super) brightness: u8,

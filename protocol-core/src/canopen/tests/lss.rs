@@ -1,4 +1,4 @@
-//! LSS with the rules of a product that is identified in waiting and has its own error codes.
+//! LSS with the rules of a product that answers identification in waiting and has its own error codes.
 
 use super::super::lss::Configuration;
 use super::super::nmt::Reset;
@@ -12,7 +12,7 @@ fn configuring(rig: &mut Rig) {
     assert!(rig.exchange("7E5: 04 01 00 00 00 00 00 00").is_empty());
 }
 
-/// What a store that is demanded now is to store.
+/// Requests a store and returns the configuration to store.
 fn to_store(rig: &mut Rig) -> Configuration {
     configuring(rig);
     assert_eq!(rig.take("7E5: 17 00 00 00 00 00 00 00"), Some(Demand::StoreConfiguration));
@@ -58,7 +58,7 @@ fn a_configuration_is_unstored_until_the_memory_holds_it() {
     rig.start(Reset::Application, Some(5), None);
     rig.sent();
     assert_eq!(to_store(&mut rig), Configuration { bit_rate: None, ..both });
-    // Whoever stores another one: it is in force from the next start.
+    // A node ID stored by another service is in force from the next start.
     rig.node.configuration_stored(Configuration { node_id: LssNodeId::new(12), bit_rate: None });
     rig.start(Reset::Communication, Some(12), None);
     assert_eq!(rig.node.node_id(), NodeId::new(12));

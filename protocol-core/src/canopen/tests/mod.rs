@@ -1,4 +1,4 @@
-//! Tests of the node and its services without a product of the project: a made-up lamp whose rules are not the valves'.
+//! Tests of the node and its services with a fictitious product, a lamp, whose rules differ from the valves'.
 
 mod emcy;
 mod lamp;
@@ -25,7 +25,7 @@ use crate::frame::Frame;
 use crate::time::{Duration, Instant, after};
 use crate::wire::lss::LssNodeId;
 
-/// A lamp on a bus that takes every frame unless it is held.
+/// A lamp on a bus that accepts every frame unless `held`.
 struct Rig {
     node: Node<Lamp>,
     lamp: Lamp,
@@ -34,14 +34,14 @@ struct Rig {
 }
 
 impl Rig {
-    /// A lamp at node 5 that has booted.
+    /// Returns a lamp with node ID 5 that has booted.
     fn booted() -> Self {
         let mut rig = Self::started(Some(5), None);
         assert_eq!(rig.sent(), ["705: 00"]);
         rig
     }
 
-    /// A lamp that has just started with this node ID and these parameters.
+    /// Returns a lamp just started with this node ID and these parameters.
     fn started(node_id: Option<u8>, parameters: Option<&[u8]>) -> Self {
         let now = Instant::from_secs(1);
         let mut rig = Self { node: Node::new(), lamp: Lamp::default(), now, held: false };
@@ -62,7 +62,7 @@ impl Rig {
         self.node.handle(service, &frame, &mut self.lamp, self.now)
     }
 
-    /// Takes a frame that demands nothing; returns the frames sent after it.
+    /// Handles a frame that must demand nothing, and returns the frames sent after it.
     #[track_caller]
     fn exchange(&mut self, text: &str) -> Vec<String> {
         assert_eq!(self.take(text), None, "{text}");
@@ -81,7 +81,7 @@ impl Rig {
         sent
     }
 
-    /// Lets the bus take the pending frames; nothing while it is held.
+    /// Sends the pending frames and returns them; sends none while the bus is held.
     fn sent(&mut self) -> Vec<String> {
         let mut sent = Vec::new();
         while !self.held && self.node.has_frame() {

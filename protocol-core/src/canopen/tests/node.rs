@@ -43,7 +43,7 @@ fn every_nth_sync() {
     assert!(rig.exchange("205: 07").is_empty());
     assert!(rig.exchange("080:").is_empty());
     assert_eq!(rig.exchange("080:"), ["185: 07 00"]);
-    // A 29-bit identifier, which this product allows.
+    // A 29-bit identifier, which this product permits.
     assert_eq!(rig.exchange("605: 23 05 10 00 80 00 00 20"), ["585: 60 05 10 00 00 00 00 00"]);
     assert!(rig.exchange("080:").is_empty());
     assert!(rig.exchange("00000080:").is_empty());

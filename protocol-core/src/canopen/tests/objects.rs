@@ -1,4 +1,4 @@
-//! The dictionary behind the SDO server, and the parameters that are stored.
+//! The dictionary with the SDO server, and the stored parameters.
 
 use heapless::Vec;
 
@@ -77,7 +77,7 @@ fn parameters_come_back_and_defaults_follow_the_node_id() {
     assert_eq!(other.sent(), ["706: 00"]);
     assert_eq!(other.exchange("606: 40 17 10 00 00 00 00 00"), ["586: 4B 17 10 00 F4 01 00 00"]);
     assert_eq!(other.exchange("606: 40 00 18 01 00 00 00 00"), ["586: 43 00 18 01 85 01 00 00"], "an absolute number");
-    // Reset communication leaves the product's own objects alone.
+    // Reset communication does not load the product's own objects.
     other.lamp.label = Vec::from_slice(b"mine").unwrap();
     other.start(Reset::Communication, Some(6), Some(&defaults));
     assert_eq!(other.lamp.label, b"mine");

@@ -1,4 +1,5 @@
-//! PDO parameters with the rules of a product in CiA order, with 29-bit identifiers and without dummies.
+//! PDO parameters of a product that requires the mapping order of CiA 301 and permits 29-bit identifiers but no
+//! dummies.
 
 use super::Rig;
 

@@ -1,4 +1,4 @@
-//! Pending frames while the bus takes nothing, and those that the controller gives back.
+//! Pending frames while the bus is blocked, and frames returned by the controller.
 
 use super::Rig;
 use crate::controller::Filter;
@@ -37,7 +37,7 @@ fn the_most_urgent_first_and_the_latest_of_news() {
     assert_eq!(rig.sent(), expected);
 }
 
-/// An EMCY goes before the TPDO of the same instant, even one that was given a more urgent identifier.
+/// An EMCY precedes a TPDO queued at the same time, even if the TPDO has a more urgent identifier.
 #[test]
 fn an_emcy_before_a_more_urgent_tpdo() {
     let mut rig = operational();
@@ -72,7 +72,7 @@ fn a_frame_that_is_out_of_date_is_aborted() {
     assert_eq!(next(&mut rig), None);
 }
 
-/// A controller can have both at once, and aborts by identifier.
+/// A controller can hold both, and aborts by identifier.
 #[test]
 fn an_emcy_is_not_aborted_with_a_tpdo_under_its_identifier() {
     let mut rig = operational();
@@ -87,7 +87,8 @@ fn an_emcy_is_not_aborted_with_a_tpdo_under_its_identifier() {
     assert_eq!(rig.node.take_abort(), None);
 }
 
-/// The two arbitrate alike, and a controller may send either first: the node hands out the TPDO after the EMCY is sent.
+/// Both have equal arbitration values, so a controller may send either first: the node hands out the TPDO only once the
+/// EMCY is sent.
 #[test]
 fn an_emcy_before_a_tpdo_under_its_identifier() {
     let mut rig = operational();
@@ -138,7 +139,7 @@ fn bus_off_keeps_emcys_and_the_boot_up_and_counts_answers() {
     assert_eq!(rig.sent(), ["705: 00", "085: 00 00 00 00 00 00 00 00"]);
 }
 
-/// Bus-off and the silence of LSS drop what the controller had: given back later, it is not sent, nor counted twice.
+/// Bus-off and LSS silence drop the controller's frames: a frame returned later is neither sent nor counted twice.
 #[test]
 fn what_is_given_back_too_late_is_not_sent() {
     for by_bus_off in [true, false] {

@@ -1,5 +1,5 @@
-//! The object dictionary (SPEC 9), as one table. Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF,
-//! and of CiA 406 from 0x6000 on.
+//! The object dictionary (SPEC 9), as one table. Names follow CiA 301 below 0x2000, the manual up to 0x5FFF, and CiA
+//! 406 from 0x6000.
 
 use self::HatObject::{
     Alarms, BitRateDemanded, BitRateInForce, DeviceName, HardwareVersion, NodeIdDemanded, NodeIdInForce, Offset,
@@ -22,15 +22,16 @@ use crate::encoder::{POSITION_MAX, STEPS};
 use crate::wire::cob_id::{self, Function};
 use crate::wire::sdo::Multiplexer;
 
-/// The value of 0x1F80 for a sensor that waits to be started.
+/// The value of 0x1F80 for a sensor that starts on command.
 pub(super) const WAITS: u32 = 0x08;
-/// The value of 0x1F80 for a sensor that enters operational by itself (R: in CiA 302 bit 2 has the opposite meaning).
+/// The value of 0x1F80 for a sensor that enters operational without a command (R: in CiA 302 bit 2 has the opposite
+/// meaning).
 pub(super) const STARTS_ITSELF: u32 = 0x0C;
 
 /// The value of 0x6507: software version 1.07, profile version 3.2 (A).
 const VERSIONS: u32 = 0x0107_0302;
 
-/// The TPDO leaves the factory switched off.
+/// The default COB-ID of the TPDO: switched off.
 const TPDO_OFF: u32 = cob_id::CobId::OFF | Function::Tpdo1 as u32;
 
 /// The product's own objects.
@@ -50,7 +51,7 @@ pub(in crate::device) enum HatObject {
     SerialNumber,
 }
 
-/// The parameters that a sub-index of 0x1010 and 0x1011 stands for.
+/// The part of the parameters selected by a sub-index of 0x1010 and 0x1011.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::device) enum Part {
     /// Communication and application.
@@ -63,7 +64,7 @@ pub(in crate::device) enum Part {
     Lss,
 }
 
-/// The task that a signature in 0x1010 or 0x1011 asks for.
+/// The task demanded by a signature in 0x1010 or 0x1011.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::device) enum Task {
     /// "save"
@@ -72,18 +73,18 @@ pub(in crate::device) enum Task {
     Load(Part),
 }
 
-/// Returns the description of an object; `None` when there is no such object.
+/// Returns the description of an object; `None` if it does not exist.
 #[must_use]
 pub fn entry(object: Multiplexer) -> Option<&'static Entry> {
     DICTIONARY.entries().find(object).ok().map(|place| place.entry)
 }
 
-/// Every object of a sensor, and no other.
+/// All objects of a sensor.
 pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::new(&Table::new([
     Row::constant(0x1000, 0, U32, 0x0001_0196, "Device type"),
     Row::ro(0x1001, 0, U8, ErrorRegister, "Error register").mappable(IntoTpdo),
     Row::constant(0x1002, 0, U32, 0, "Manufacturer status register").mappable(IntoTpdo),
-    // (R) CiA 301 lets a write of 0 clear it.
+    // (R) In CiA 301 writing 0 clears the history.
     Row::ro(0x1003, 0, U8, Node(ErrorCount), "Pre-defined error field: number of errors"),
     Row::ro(0x1003, 1, U32, Node(ErrorField), "Pre-defined error field 1"),
     Row::ro(0x1003, 2, U32, Node(ErrorField), "Pre-defined error field 2"),
@@ -139,7 +140,7 @@ pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::n
     Row::rw(0x1A00, 7, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 7").stored(Number(0)),
     Row::rw(0x1A00, 8, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 8").stored(Number(0)),
     Row::rw(0x1F80, 0, U32, Node(NmtStartup), "NMT startup").stored(Number(WAITS)),
-    // (R) The manual prints sub-indices 4, 5 and 6.
+    // (R) The manual prints 4, 5 and 6 as sub-indices.
     Row::constant(0x2001, 0, U8, 2, "Node ID: highest sub-index"),
     Row::ro(0x2001, 1, U8, Product(NodeIdInForce), "Node ID in force"),
     Row::rw(0x2001, 2, U8, Product(NodeIdDemanded), "Node ID demanded").within(1, 255),

@@ -1,4 +1,4 @@
-//! The errors that EMCYs tell of (SPEC 9).
+//! The errors reported by EMCYs (SPEC 9).
 
 use crate::wire::emcy::{Emcy, NO_ERROR};
 
@@ -6,21 +6,21 @@ use crate::wire::emcy::{Emcy, NO_ERROR};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Error {
-    /// The user set-up could not be loaded: a record of the memory is damaged.
+    /// The user set-up could not be loaded: a memory record is damaged.
     SetUp = 1 << 0,
-    /// The controller: an internal fault, or a watchdog reset.
+    /// Controller error: an internal fault, or a watchdog reset.
     Controller = 1 << 1,
     /// The CAN controller is error-passive.
     Passive = 1 << 2,
-    /// The CAN controller is bus-off: reported when it has recovered.
+    /// The CAN controller was bus-off; reported after recovery.
     BusOff = 1 << 3,
 }
 
 impl Error {
-    /// All errors, in the order in which they are reported.
+    /// All errors, in the order of their reporting.
     pub const ALL: [Self; 4] = [Self::SetUp, Self::Controller, Self::Passive, Self::BusOff];
 
-    /// Returns the emergency error code, the manufacturer-specific field, and the bits of the error register.
+    /// Returns the emergency error code, the manufacturer-specific field, and the error register bits.
     #[must_use]
     pub const fn codes(self) -> (u16, u16, u8) {
         match self {
@@ -43,7 +43,7 @@ impl Errors {
         self.0 & error as u8 != 0
     }
 
-    /// Puts an error in, or takes it out. Returns whether that changes anything.
+    /// Adds or removes an error. Returns whether this changed the set.
     pub(super) const fn set(&mut self, error: Error, active: bool) -> bool {
         let changes = self.has(error) != active;
         if changes {
@@ -64,8 +64,8 @@ impl Errors {
         Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
-    /// Returns the EMCY that tells the end of an error, also while others last (R: a valve tells the end of the last
-    /// one alone). The register shows what remains.
+    /// Encodes the EMCY that reports the end of an error, even while others last (R: a valve reports only the end of
+    /// the last one). The register shows the remaining errors.
     pub(super) fn end(self) -> Emcy {
         Emcy { code: NO_ERROR, register: self.register(), manufacturer: [0; 5] }
     }

@@ -1,12 +1,12 @@
 //! The angle sensors HAT 1000 and HAT 3000 (SPEC 9).
 //!
 //! ```text
-//! mod         the application of the device: what the node and the sensor tell each other
+//! mod         the application: connects the node and the sensor
 //! dictionary  the object dictionary, one table
-//! objects     what lies behind it, and the rules
-//! errors      what EMCYs tell of
-//! records     what is kept in the memory
-//! storing     writes to the memory, and who waits for them
+//! objects     the state behind its objects, and the rules
+//! errors      the errors reported by EMCYs
+//! records     the payloads of the memory records
+//! storing     writes to the memory, and their clients
 //! ```
 
 mod dictionary;
@@ -51,28 +51,28 @@ pub struct HatSensor {
     setup: Setup,
     pub(super) objects: HatObjects,
     pub(super) node: Node<HatObjects>,
-    /// Node ID and bit rate as stored.
+    /// The stored node ID and bit rate.
     layer: Layer,
-    /// The changes of node ID and bit rate by the write in flight.
+    /// The parts of the node ID and bit rate changed by the write in flight.
     layer_in_flight: Configuration,
-    /// The task that an SDO client waits for.
+    /// The task that an SDO client is waiting for.
     task: Option<Task>,
-    /// A write of the task has failed; the client is answered after the last write.
+    /// Whether a write of the task has failed; the client is answered after the last write.
     task_failed: bool,
-    /// The records that are damaged, by their position.
+    /// The damaged records, one bit per position.
     damaged: u8,
-    /// The errors that were entered into the history at their last report.
+    /// The errors that were entered into the history when last reported.
     entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
 }
 
-/// The bit of [`HatSensor::damaged`] for the memory as a whole: it lasts to the next start.
+/// The bit of [`HatSensor::damaged`] for the entire memory; it lasts until the next start.
 const WHOLE_MEMORY: u8 = 1 << 7;
 const _: () = assert!(RecordKey::ALL.len() <= 7);
 
 impl HatSensor {
-    /// Notes that an error has begun or ended, and tells it.
+    /// Sets or clears an error, and reports a change.
     fn set_error(&mut self, error: Error, active: bool, base: &Base) {
         if !self.objects.errors.set(error, active) {
             return;
@@ -86,14 +86,14 @@ impl HatSensor {
         }
     }
 
-    /// Enters an error into the history and sends its EMCY.
+    /// Enters an error into the history and queues its EMCY.
     fn tell(&mut self, error: Error) {
         let (_, field, _) = error.codes();
         let entered = self.node.tell_error(self.objects.errors.message(error), field);
         self.entered.set(error, entered);
     }
 
-    /// Takes the mode of the CAN controller. Bus-off replaces error-passive; it is reported when it is over.
+    /// Updates the mode of the CAN controller. Bus-off replaces error-passive and is reported after recovery.
     fn set_bus(&mut self, bus: BusErrorMode, base: &Base) {
         self.bus = bus;
         let bus_off = bus == BusErrorMode::BusOff;
@@ -130,7 +130,8 @@ impl HatSensor {
         }
     }
 
-    /// Returns the node ID and bit rate of the memory. A damaged record had a node ID: a new one alone can be blank.
+    /// Returns the stored node ID and bit rate. If the record is damaged, a node ID is assumed: only a new sensor can
+    /// be without.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
         let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
@@ -141,7 +142,7 @@ impl HatSensor {
     }
 }
 
-/// Returns the parameters of a group; `None` for the defaults, which "load" stores as an empty record.
+/// Returns the stored parameters of a group; `None` for the defaults, which "load" stores as an empty record.
 fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (Group, Option<Stored<'a>>) {
     let decode = |payload: &'a [u8]| match payload {
         [] => Some(None),
@@ -186,7 +187,7 @@ impl Application for HatSensor {
         }
     }
 
-    /// Takes another reset: the wider one counts.
+    /// Handles a further reset request: the wider scope wins.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -252,8 +253,9 @@ impl Application for HatSensor {
         self.node.take_bit_rate()
     }
 
-    /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that
-    /// a reset of the communication has left are reported again, and not entered again if they are in the history.
+    /// Starts with the contents of the memory: both resets load both parameter groups, reset application also the bit
+    /// rate. Errors that persist over reset communication are reported again, but not entered again if they are already
+    /// in the history.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);
@@ -284,7 +286,7 @@ impl Application for HatSensor {
             }
         }
         let corrupt = RecordKey::ALL.into_iter().filter(|key| reading.is_corrupt(*key));
-        // A memory tells once that it was damaged.
+        // The memory reports damage only once.
         let known = if scope == Restart::Communication { self.damaged & WHOLE_MEMORY } else { 0 };
         let whole = if reading.is_damaged() { WHOLE_MEMORY } else { known };
         self.set_damaged(corrupt.fold(whole, |damaged, key| damaged | storing::bit(key)), base);
@@ -295,7 +297,7 @@ impl Application for HatSensor {
         base.fill(&reading);
     }
 
-    /// Tells a watchdog reset, and that it is over.
+    /// Reports a watchdog reset, and its end.
     fn watchdog_reset(&mut self, base: &mut Base) {
         self.set_error(Error::Controller, true, base);
         self.set_error(Error::Controller, self.internal_fault, base);

@@ -1,4 +1,4 @@
-//! The sensor as its object dictionary sees it (SPEC 9): what lies behind the product's own objects, and its rules.
+//! The state behind the sensor's own objects, and the rules of the sensors (SPEC 9).
 
 use super::Kind;
 use super::dictionary::{DICTIONARY, HatObject, STARTS_ITSELF, Task, WAITS};
@@ -39,12 +39,12 @@ pub(in crate::device) const RULES: Rules = Rules {
         bit_rates: Kind::Hat1000.bit_rates(),
         remote_in: &[lss::State::Waiting, lss::State::Configuration],
         non_configured_in: &[lss::State::Waiting, lss::State::Configuration],
-        // (C) The manual has no fast scan: that of CiA 305.
+        // (C) The manual does not describe fast scan; this follows CiA 305.
         fast_scan_in: &[lss::State::Waiting],
         fast_scan_selects: true,
         takes_node_id_away: true,
         on_waiting: lss::OnWaiting::Boot,
-        // (A) The manual does not say what NMT start does with a pending node ID or bit rate.
+        // (A) The manual does not define the effect of NMT start on a pending node ID or bit rate.
         start_drops_pending: false,
         node_id_error: 255,
         bit_rate_error: 1,
@@ -53,18 +53,19 @@ pub(in crate::device) const RULES: Rules = Rules {
     other_protocol: None,
 };
 
-/// The state behind the objects.
+/// The state behind the product's objects.
 #[derive(Clone, Debug)]
 pub(in crate::device) struct HatObjects {
     kind: Kind,
     pub(super) identity: Address,
     pub(in crate::device) errors: Errors,
     pub(super) shaft: Shaft,
-    /// Node ID and bit rate in force.
+    /// The node ID and bit rate in force.
     pub(super) in_force: Layer,
-    /// Node ID and bit rate as 0x2001:2 and 0x2002:2 demand them.
+    /// The node ID and bit rate last written to 0x2001:2 and 0x2002:2.
     pub(super) demanded: Layer,
-    /// Parts that a client has demanded since the last request of LSS to store: the end of that store leaves them alone.
+    /// The values written to 0x2001:2 and 0x2002:2 since the last LSS store request; the end of that store does not
+    /// overwrite them.
     pub(super) demanded_since: Configuration,
     preset: Preset,
 }
@@ -83,7 +84,7 @@ impl HatObjects {
         }
     }
 
-    /// Returns object 0x6004.
+    /// Returns the position value, object 0x6004.
     #[inline(never)]
     pub(in crate::device) fn position(&self, now: Instant) -> u32 {
         self.preset.position(self.shaft.position_at(now))
@@ -158,7 +159,7 @@ impl Product for HatObjects {
         Ok(())
     }
 
-    /// Takes a stored value: of the preset or the offset, which alone are stored.
+    /// Loads a stored preset or offset, the only stored objects of the product.
     fn load(&mut self, object: HatObject, value: Value<'_>) {
         match (object, value) {
             (HatObject::Preset, Value::Number(preset)) => self.preset.load_value(preset),
@@ -167,7 +168,7 @@ impl Product for HatObjects {
         }
     }
 
-    /// Returns 0: the rows give all defaults.
+    /// Never used, because the rows give all defaults.
     fn default(&self, _: HatObject) -> Value<'static> {
         Value::Number(0)
     }

@@ -1,4 +1,4 @@
-//! The payloads of a sensor's records beside the parameters (SPEC 6, 9).
+//! The payloads of a sensor's records, except the parameters (SPEC 6, 9).
 
 use super::{Kind, Setup};
 use crate::canopen::lss::Layer;
@@ -14,7 +14,7 @@ const VENDOR: u32 = 0xDA;
 /// Revision number (A).
 const REVISION: u32 = 0x0001_0007;
 
-/// Returns the identity of a sensor with this serial number; `None` for the default.
+/// Returns the identity of a sensor; `None` stands for the default serial number.
 pub(in crate::device) fn identity(kind: Kind, serial: Option<u32>) -> Address {
     let serial = serial.unwrap_or(kind.default_serial());
     Address { vendor: VENDOR, product: kind.product_code(), revision: REVISION, serial }
@@ -25,11 +25,11 @@ pub(super) fn decode_serial(payload: &[u8]) -> Option<u32> {
     payload.try_into().map(u32::from_le_bytes).ok()
 }
 
-/// The node ID and bit rate that "load" restores.
+/// The node ID and bit rate restored by "load".
 pub(super) const LAYER: Layer =
     Layer { node_id: LssNodeId(NodeId::new(Kind::Hat1000.default_node_id())), bit_rate: BitRate::Kbit500 };
 
-/// Returns those that a new memory is filled with.
+/// Returns the node ID and bit rate of a new memory.
 pub(in crate::device) fn new_layer(setup: &Setup) -> Layer {
     let bit_rate = setup.bit_rate.unwrap_or(LAYER.bit_rate);
     Layer { node_id: LssNodeId(setup.node_id.and_then(NodeId::new)), bit_rate }

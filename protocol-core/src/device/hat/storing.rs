@@ -1,4 +1,4 @@
-//! Writes to the memory: what each holds, and who waits for it (SPEC 6, 9).
+//! Writes to the memory: their contents and their clients (SPEC 6, 9).
 
 use heapless::VecView;
 
@@ -25,7 +25,7 @@ pub(super) const fn bit(key: RecordKey) -> u8 {
     1 << key.position()
 }
 
-/// The bit that tells "load" from "save" in the value of a write.
+/// The bit in the value of a write that marks "load" rather than "save".
 const LOADS: u8 = 1 << 7;
 
 /// Returns the value of a task's writes: the bits of its records, and [`LOADS`].
@@ -41,8 +41,8 @@ const fn value_of(task: Task) -> u8 {
 }
 
 impl HatSensor {
-    /// Begins what an SDO client waits for. Of two tasks on one record that waits the newer one counts: its client has
-    /// given the older one up.
+    /// Begins the task that an SDO client waits for. A newer task for a waiting record replaces the older one, whose
+    /// client has given up.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         self.task = Some(task);
         self.task_failed = false;
@@ -67,7 +67,7 @@ impl Storing for HatSensor {
                 };
                 &self.layer.with(self.layer_in_flight).encode()
             }
-            // The defaults: communication objects follow the node ID again.
+            // An empty payload for the defaults: communication objects follow the node ID again.
             _ if loads => &[],
             record => {
                 let group = if record == RecordKey::Application { Group::Application } else { Group::Communication };
@@ -77,7 +77,7 @@ impl Storing for HatSensor {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Takes the memory's answer to a write: a failure is reported to the client that waits for it alone.
+    /// Handles the result of a write. A failure is reported only to the client that waits for the write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
             self.set_damaged(self.damaged & !bit(write.record), base);
@@ -100,7 +100,7 @@ impl Storing for HatSensor {
             }
             Requester::Sdo => {
                 let Some(task) = self.task.filter(|task| value_of(*task) == write.value) else { return };
-                // Asked for again while it was in flight, the record is written once more: that write is the client's.
+                // If the record was requested again during the write, it is written once more, and that write decides.
                 self.task_failed |= !stored && is_last;
                 if !base.writes.iter().any(|other| other.requester == Requester::Sdo && other.value == write.value) {
                     self.node.end_task(task, !self.task_failed);

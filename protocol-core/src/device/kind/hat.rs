@@ -14,10 +14,10 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
+    /// All HAT kinds.
     pub const ALL: [Self; 2] = [Self::Hat1000, Self::Hat3000];
 
-    /// Returns the name used everywhere.
+    /// Returns the name of the kind in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -26,7 +26,7 @@ impl Kind {
         }
     }
 
-    /// Returns object 0x1008.
+    /// Returns the device name, object 0x1008.
     #[must_use]
     pub const fn device_name(self) -> &'static str {
         match self {
@@ -35,7 +35,7 @@ impl Kind {
         }
     }
 
-    /// Returns the product code, which is the part number; that of the HAT 3000 is an assumption (A).
+    /// Returns the product code, which is the part number; (A) for the HAT 3000.
     #[must_use]
     pub const fn product_code(self) -> u32 {
         match self {
@@ -44,25 +44,25 @@ impl Kind {
         }
     }
 
-    /// Returns the node IDs that it can have.
+    /// Returns the permitted node IDs.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         1..=127
     }
 
-    /// Returns the node ID that it leaves the factory with.
+    /// Returns the node ID as delivered.
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         1
     }
 
-    /// Returns the serial number that it leaves the factory with (A).
+    /// Returns the serial number as delivered (A).
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         1
     }
 
-    /// Returns the bit rates that it can run at, the default first.
+    /// Returns the supported bit rates, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
         use BitRate::{Kbit10, Kbit20, Kbit50, Kbit125, Kbit250, Kbit500, Kbit800, Kbit1000};

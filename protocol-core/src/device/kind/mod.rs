@@ -1,4 +1,4 @@
-//! Every product (SPEC 1), and what a device of one is made as.
+//! All products (SPEC 1), and the setup of a device.
 
 pub(super) mod hat;
 pub(super) mod pve;
@@ -21,7 +21,7 @@ pub enum Kind {
     Hat(hat::Kind),
 }
 
-/// The protocol that a product speaks.
+/// The protocol of a product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Protocol {
     /// CiA 301 and 305, with a device profile.
@@ -31,7 +31,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// Returns the word of its standard for the number in the identifiers of a device.
+    /// Returns the standard's term for the identifying number of a device.
     #[must_use]
     pub const fn id_name(self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl Protocol {
 }
 
 impl Kind {
-    /// All of them, in the order in which they are listed to the user.
+    /// All kinds, in the order shown to the user.
     pub const ALL: [Self; 6] = [
         Self::Pve(pve::Kind::PveaCanopen),
         Self::Pve(pve::Kind::PveoCanopen),
@@ -52,7 +52,7 @@ impl Kind {
         Self::Hat(hat::Kind::Hat3000),
     ];
 
-    /// Returns the name used everywhere.
+    /// Returns the name of the kind in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,13 +61,13 @@ impl Kind {
         }
     }
 
-    /// Returns the kind of that name.
+    /// Returns the kind with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Returns the number that memories store, from 1 on: never changed.
+    /// Returns the number of the kind in stored memories; numbers start at 1 and never change.
     #[must_use]
     pub const fn number(self) -> u8 {
         match self {
@@ -80,7 +80,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind of that number.
+    /// Returns the kind with this number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.number() == number)
@@ -95,13 +95,13 @@ impl Kind {
         }
     }
 
-    /// Returns whether it can be without a node ID. A device on ISOBUS always has an address.
+    /// Returns whether a device can be without node ID. A device on ISOBUS always has an address.
     #[must_use]
     pub const fn can_be_blank(self) -> bool {
         matches!(self.protocol(), Protocol::Canopen)
     }
 
-    /// Returns the number that distinguishes a device on the bus: on CANopen the whole serial number, a part of the LSS
+    /// Returns the number that distinguishes a device on the bus: on CANopen the serial number, part of the LSS
     /// address; on ISOBUS its low 21 bits, the identity number of the NAME (SPEC 1).
     #[must_use]
     pub const fn known_by(self, serial: u32) -> (Protocol, u32) {
@@ -111,7 +111,7 @@ impl Kind {
         }
     }
 
-    /// Returns the names of the faults that it reports, in the order of [`View::faults`](super::View::faults).
+    /// Returns the names of the reported faults, in the order of [`View::faults`](super::View::faults).
     #[must_use]
     pub fn fault_names(self) -> heapless::Vec<&'static str, FAULTS> {
         match self {
@@ -120,7 +120,7 @@ impl Kind {
         }
     }
 
-    /// Returns the node IDs, on ISOBUS addresses, that it can have.
+    /// Returns the permitted node IDs, on ISOBUS addresses.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         match self {
@@ -129,7 +129,7 @@ impl Kind {
         }
     }
 
-    /// Returns the node ID that it leaves the factory with.
+    /// Returns the node ID or address as delivered.
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         match self {
@@ -138,7 +138,7 @@ impl Kind {
         }
     }
 
-    /// Returns the serial number that it leaves the factory with.
+    /// Returns the serial number as delivered.
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         match self {
@@ -147,7 +147,7 @@ impl Kind {
         }
     }
 
-    /// Returns the bit rates that it can run at, the default first.
+    /// Returns the supported bit rates, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
         match self {
@@ -157,17 +157,18 @@ impl Kind {
     }
 }
 
-/// The setup of a device. Node ID and serial number fill a new memory; those in an existing memory take precedence.
+/// The setup of a device. Node ID, serial number and bit rate apply to a new memory; an existing memory takes
+/// precedence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup<K = Kind> {
     /// The product.
     pub kind: K,
-    /// The node ID, on ISOBUS the address, of a new memory. One that the product cannot have counts as `None`: on
-    /// CANopen a device that leaves the factory blank, on ISOBUS the default.
+    /// The node ID, on ISOBUS the address, of a new memory. A value that the product does not permit counts as `None`:
+    /// on CANopen no node ID, on ISOBUS the default address.
     pub node_id: Option<u8>,
-    /// The serial number of a new memory; `None` for the product's.
+    /// The serial number of a new memory; `None` for the product's default.
     pub serial: Option<u32>,
-    /// The bit rate of a new memory; `None`, or one that the product cannot run at, for its default.
+    /// The bit rate of a new memory; `None` or an unsupported one for the product's default.
     pub bit_rate: Option<BitRate>,
 }
 
@@ -178,13 +179,13 @@ impl fmt::Display for Kind {
 }
 
 impl Setup {
-    /// Returns a device of this kind with the default node ID and serial number.
+    /// Returns the setup of this kind with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: Kind) -> Self {
         Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
     }
 
-    /// Returns the same setup of another type of kind.
+    /// Converts the setup to another type of kind.
     #[must_use]
     pub fn with_kind<K>(self, kind: K) -> Setup<K> {
         Setup { kind, node_id: self.node_id, serial: self.serial, bit_rate: self.bit_rate }
@@ -192,7 +193,7 @@ impl Setup {
 }
 
 impl Setup<pve::Kind> {
-    /// Returns a valve of this kind with the default node ID and serial number.
+    /// Returns the setup of this valve with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: pve::Kind) -> Self {
         Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
@@ -200,7 +201,7 @@ impl Setup<pve::Kind> {
 }
 
 impl Setup<hat::Kind> {
-    /// Returns a sensor of this kind with the default node ID and serial number.
+    /// Returns the setup of this sensor with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: hat::Kind) -> Self {
         Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
@@ -231,7 +232,7 @@ impl From<hat::Kind> for Kind {
     }
 }
 
-/// A device as it leaves the factory.
+/// The setup of a device as delivered.
 impl<K: Into<Kind>> From<K> for Setup {
     fn from(kind: K) -> Self {
         Self::new(kind.into())

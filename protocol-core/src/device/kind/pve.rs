@@ -23,7 +23,7 @@ impl Kind {
     /// All PVE kinds.
     pub const ALL: [Self; 4] = [Self::PveaCanopen, Self::PveoCanopen, Self::PveaIsobus, Self::PveoIsobus];
 
-    /// Returns the name used everywhere.
+    /// Returns the name of the kind in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind of that name.
+    /// Returns the kind with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
@@ -60,7 +60,7 @@ impl Kind {
         }
     }
 
-    /// Returns the node IDs, on ISOBUS addresses, that it can have.
+    /// Returns the permitted node IDs, on ISOBUS addresses.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         match self.protocol() {
@@ -69,7 +69,7 @@ impl Kind {
         }
     }
 
-    /// Returns the node ID that it leaves the factory with; for ISOBUS an assumption (A).
+    /// Returns the node ID as delivered; for ISOBUS an assumption (A).
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         match self.protocol() {
@@ -78,8 +78,8 @@ impl Kind {
         }
     }
 
-    /// Returns the serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's identity
-    /// number.
+    /// Returns the serial number of the manual's examples: on CANopen from the identity object, on ISOBUS the identity
+    /// number of the NAME.
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         match self.protocol() {
@@ -88,7 +88,7 @@ impl Kind {
         }
     }
 
-    /// Returns the bit rates that it can run at, the default first.
+    /// Returns the supported bit rates, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
         match self.protocol() {

@@ -1,20 +1,20 @@
-//! The faults of a button, for a board without a console.
+//! The faults injected by a button, for a board without a console.
 
 use super::Plant;
 use crate::actuator::{SpoolFault, ValveInputs};
 use crate::device::{Inputs, ProductInputs};
 
-/// The faults that the button goes through, one a press.
+/// The faults that the button injects; each press selects the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Injection {
     /// A healthy device.
     #[default]
     None,
-    /// Valves: supply under 9 V.
+    /// Valves: supply below 9 V.
     SupplyLow,
-    /// Valves: supply over 36 V.
+    /// Valves: supply above 36 V.
     SupplyHigh,
-    /// Valves: hotter than 120 °C.
+    /// Valves: temperature above 120 °C.
     Temperature,
     /// Valves: the spool is stuck.
     SpoolStuck,
@@ -25,7 +25,7 @@ pub enum Injection {
 }
 
 impl Injection {
-    /// Returns the injection that the next press selects for the product of these inputs.
+    /// Returns the injection after the next press, for the product of these inputs.
     #[must_use]
     pub const fn next(self, product: &ProductInputs) -> Self {
         match (self, product) {
@@ -39,7 +39,7 @@ impl Injection {
         }
     }
 
-    /// Returns the plant with this fault in the place of the ones that the button can bring; the rest stays.
+    /// Returns the plant with this fault instead of any other fault that the button can inject.
     #[must_use]
     pub fn applied_to(self, plant: Plant) -> Plant {
         let mut inputs = Inputs { internal_fault: self == Self::Internal, ..plant.inputs };

@@ -1,4 +1,4 @@
-//! A change of the plant: parsed from a word and its value, printed as such, and applied.
+//! A change of the plant: parsing, printing and applying.
 
 use core::fmt;
 
@@ -11,44 +11,44 @@ use crate::device::{Inputs, ProductInputs};
 use crate::encoder::Shaft;
 use crate::time::Instant;
 
-/// A change of the plant; its range is that of the [word](Self::word). Its text is the word and the value of a console
-/// line: `supply_mv 8500`.
+/// A change of the plant, limited to the range of its [word](Self::word). Printed as in a console line: `supply_mv
+/// 8500`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
     /// Valves: the supply, in millivolt.
     SupplyMv(u32),
     /// Valves: the temperature, in °C.
     TemperatureC(i16),
-    /// Valves: what is wrong with the spool.
+    /// Valves: the fault of the spool.
     Spool(SpoolFault),
-    /// Valves: where the hand lever pushes the spool; `None`: it is let go.
+    /// Valves: the position to which the hand lever pushes the spool; `None` if released.
     Lever(Option<i16>),
-    /// Encoders: the angle of the shaft, in 1/100 degree. A shaft that turns goes on from there.
+    /// Encoders: the angle of the shaft, in 1/100 degree. A turning shaft continues from this angle.
     AngleCdeg(u32),
-    /// Encoders: the speed of the shaft, in turns a minute, positive clockwise. It turns from where it is, to a whole
-    /// 1/100 degree.
+    /// Encoders: the speed of the shaft, in turns per minute, positive clockwise. The shaft turns from its present
+    /// angle, rounded down to 1/100 degree.
     SpeedRpm(i32),
-    /// Encoders: the sensor unit detects a measuring error.
+    /// Encoders: whether the sensor unit detects a measuring error.
     MeasuringError(bool),
-    /// An internal fault is there, or taken away.
+    /// Whether an internal fault is injected.
     InternalFault(bool),
-    /// Every write to the memory fails, or none.
+    /// Whether every write to the memory fails.
     MemoryFails(bool),
-    /// The CAN controller is kept bus-off, or left to recover.
+    /// Whether the CAN controller is kept bus-off.
     BusOff(bool),
 }
 
-/// A device cannot be changed so.
+/// The reason why a change cannot be applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inapplicable {
-    /// Another product has that.
+    /// The word belongs to another product.
     OtherProduct,
-    /// The value cannot be.
+    /// The value is out of range.
     OutOfRange,
 }
 
 impl Change {
-    /// Reads a word and its value; `None` when they are not understood.
+    /// Parses a word and its value; `None` if either is invalid.
     #[must_use]
     pub fn parse(word: &str, value: &str) -> Option<Self> {
         Some(match word {
@@ -68,7 +68,7 @@ impl Change {
         })
     }
 
-    /// Returns the word in the table.
+    /// Returns the entry of the word in the table.
     #[must_use]
     pub const fn word(self) -> &'static Word {
         let [supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, common @ ..] = &WORDS;
@@ -87,7 +87,7 @@ impl Change {
         }
     }
 
-    /// Returns the word and the value.
+    /// Returns the word and the value as text.
     #[must_use]
     pub fn text(self) -> (&'static str, Value) {
         (self.word().name, self.value())
@@ -110,10 +110,11 @@ impl Change {
         }
     }
 
-    /// Changes an input of a device, at this instant. Memory and bus-off belong to the platform, and are no inputs.
+    /// Applies the change to the inputs of a device. Memory and bus-off changes have no effect here: they belong to the
+    /// platform.
     ///
     /// # Errors
-    /// [`Inapplicable`]; nothing is changed then.
+    /// [`Inapplicable`]; the inputs are then unchanged.
     pub fn apply(self, inputs: &mut Inputs, now: Instant) -> Result<(), Inapplicable> {
         use ProductInputs::{Encoder, Valve};
         let word = self.word();
@@ -134,7 +135,7 @@ impl Change {
             }
             (Self::MeasuringError(there), Encoder(shaft)) => shaft.measuring_error = there,
             (Self::InternalFault(there), _) => inputs.internal_fault = there,
-            // Memory and bus-off; the words of the other product are refused above.
+            // Memory and bus-off; words of another product were rejected above.
             _ => {}
         }
         Ok(())
@@ -154,7 +155,7 @@ const DECIMAL: u32 = 10;
 const SPOOL_FAULTS: [SpoolFault; SPOOL_WORDS.len()] =
     [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
 
-/// Parses a number without a minus sign.
+/// Parses a number without a sign.
 #[must_use]
 pub fn natural(value: &str, radix: u32) -> Option<u32> {
     u32::from_str_radix(value, radix).ok()

@@ -1,5 +1,5 @@
-//! What acts on a device from outside: its plant, by the words and units of the control interface, as a console takes
-//! them and tells them; and the faults of a button.
+//! The plant of a device: its external influences, in the words and units of the control interface and of consoles, and
+//! the faults injected by a button.
 
 mod button;
 mod change;
@@ -13,14 +13,14 @@ use super::{Inputs, Kind, ProductInputs};
 use crate::actuator::{Position, ValveInputs};
 use crate::time::Instant;
 
-/// The plant of a device: all its inputs but the error mode of the bus, which the controller reports.
+/// The plant of a device: all inputs but the error mode of the bus, which the controller reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plant {
     /// The inputs of the device.
     pub inputs: Inputs,
-    /// Every write to the memory fails.
+    /// Whether every write to the memory fails.
     pub memory_fails: bool,
-    /// The controller is kept off the bus, as in bus-off.
+    /// Whether the controller is kept bus-off.
     pub bus_off: bool,
 }
 
@@ -31,10 +31,10 @@ impl Plant {
         Self { inputs: Inputs::healthy(kind), memory_fails: false, bus_off: false }
     }
 
-    /// Changes one thing, at this instant.
+    /// Applies a change.
     ///
     /// # Errors
-    /// [`Inapplicable`]; nothing is changed then.
+    /// [`Inapplicable`]; the plant is then unchanged.
     pub fn change(&mut self, change: Change, now: Instant) -> Result<(), Inapplicable> {
         match change {
             Change::MemoryFails(fails) => self.memory_fails = fails,
@@ -44,7 +44,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Returns the changes that would make any plant of the product this one: one for each of its words.
+    /// Returns the changes that reproduce this plant: one for each word of its product.
     pub fn words(&self, now: Instant) -> impl Iterator<Item = Change> + use<> {
         let own = match &self.inputs.product {
             ProductInputs::Valve(ValveInputs { supply_mv, temperature_c, spool }) => [

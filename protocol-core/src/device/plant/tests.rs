@@ -1,4 +1,4 @@
-//! The words of a console: what they change, what they stand at, and what is refused.
+//! The words of a console: their effect, their values, and rejected input.
 
 extern crate std;
 use std::string::{String, ToString as _};
@@ -13,7 +13,7 @@ const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const SENSOR: Kind = Kind::Hat(hat::Kind::Hat3000);
 const NOW: Instant = Instant::from_secs(7);
 
-/// Types lines at a healthy device.
+/// Applies console lines to a healthy device.
 fn after(kind: Kind, lines: &[&str]) -> Plant {
     let mut plant = Plant::healthy(kind);
     for line in lines {

@@ -1,5 +1,5 @@
-//! The words of the plant: one table for consoles, control interface, scenarios, panel and pages. The word of a change is
-//! [`Change::word`](super::Change::word).
+//! The words of the plant: one table for consoles, control interface, scenarios, panel and pages.
+//! [`Change::word`](super::Change::word) returns the entry of a change.
 
 use core::fmt;
 
@@ -10,11 +10,11 @@ use crate::encoder::TURN_CDEG;
 use crate::time::Instant;
 use crate::wire::decimal::decimal;
 
-/// The highest supply that can be set, in millivolt (A): far beyond what any monitor tells apart.
+/// The highest supply voltage that can be set, in millivolts (A): far above every monitor limit.
 const SUPPLY_MAX_MV: i32 = 100_000;
-/// The lowest temperature that can be set, in °C (A): far beyond what any monitor tells apart.
+/// The lowest temperature that can be set, in °C (A): far below every monitor limit.
 const TEMPERATURE_MIN_C: i32 = -273;
-/// The highest temperature that can be set, in °C (A): far beyond what any monitor tells apart.
+/// The highest temperature that can be set, in °C (A): far above every monitor limit.
 const TEMPERATURE_MAX_C: i32 = 1000;
 
 pub(super) const SUPPLY_MV: &str = "supply_mv";
@@ -32,12 +32,12 @@ pub(super) const ON: &str = "on";
 pub(super) const OFF: &str = "off";
 pub(super) const OK: &str = "ok";
 pub(super) const WRITE_FAILS: &str = "write-fails";
-/// The words of a spool, in the order of `SPOOL_FAULTS`.
+/// The words of the spool faults, in the order of `SPOOL_FAULTS`.
 pub(super) const SPOOL_WORDS: [&str; 5] = [OK, "stuck", "slow", "drifting", "no-float"];
 
 const SWITCH: Values = Values::Words(&[ON, OFF]);
 
-/// The words of the plant, those of a product together, in the order in which consoles print them.
+/// The words of the plant, grouped by product, in the order in which consoles print them.
 pub static WORDS: [Word; 10] = [
     Word {
         name: SUPPLY_MV,
@@ -86,54 +86,54 @@ pub static WORDS: [Word; 10] = [
     Word { name: BUS_OFF, values: SWITCH, help: "keeps the controller off the bus", product: None },
 ];
 
-/// A word of the plant. Its text is the word with its values in short: `lever N|off`.
+/// A word of the plant. Printed with its values in short form: `lever N|off`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Word {
-    /// The word: the key of JSON and TOML, too.
+    /// The word, also the key in JSON and TOML.
     pub name: &'static str,
-    /// The values that it can stand at.
+    /// The permitted values.
     pub values: Values,
-    /// The quantity, for a line of help.
+    /// The description for a help line.
     pub help: &'static str,
-    /// The product that has it; `None`: every product.
+    /// The product that has the word; `None` for all products.
     pub product: Option<Product>,
 }
 
-/// The values of a word. Their text is a list: `0 to 100000 mV`, `on, off`.
+/// The permitted values of a word. Printed as a list: `0 to 100000 mV`, `on, off`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
-    /// Whole numbers.
+    /// An integer.
     Number {
-        /// The lowest one.
+        /// The minimum.
         min: i32,
-        /// The highest one.
+        /// The maximum.
         max: i32,
-        /// Their unit.
+        /// The unit.
         unit: &'static str,
     },
-    /// Whole numbers without a unit, or `off`.
+    /// An integer without a unit, or `off`.
     NumberOrOff {
-        /// The lowest one.
+        /// The minimum.
         min: i32,
-        /// The highest one.
+        /// The maximum.
         max: i32,
     },
-    /// A word of this list.
+    /// One of these words.
     Words(&'static [&'static str]),
 }
 
 /// The value of a plant word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// A number that is not negative.
+    /// An unsigned number.
     Natural(u32),
-    /// A number.
+    /// A signed number.
     Integer(i32),
-    /// Another word.
+    /// A word such as `off`.
     Word(&'static str),
 }
 
-/// The product of a device, as its plant distinguishes it.
+/// The product of a device, as far as the plant distinguishes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// A valve.
@@ -159,7 +159,7 @@ impl From<&ProductInputs> for Product {
 }
 
 impl Word {
-    /// Returns what the word stands at when a device is healthy.
+    /// Returns the value for a healthy device.
     #[must_use]
     pub fn healthy(&self) -> Option<Value> {
         let kind = match self.product {
@@ -170,7 +170,7 @@ impl Word {
         words.find_map(|change| Some(change.text()).filter(|(name, _)| *name == self.name)).map(|(_, value)| value)
     }
 
-    /// Gives a line of help to `put`, part by part: the word, then from this column on what it is, and its values.
+    /// Writes a help line to `put`, part by part: the word, from `column` on its description, then its values.
     pub fn tell(&self, column: usize, put: &mut dyn FnMut(&str)) {
         put(self.name);
         (self.name.len()..column).for_each(|_| put(" "));
@@ -181,7 +181,7 @@ impl Word {
 }
 
 impl Values {
-    /// Returns whether a word of these values can stand at this one.
+    /// Returns whether a value is permitted.
     #[must_use]
     pub fn contain(&self, value: Value) -> bool {
         let number = match value {
@@ -198,7 +198,7 @@ impl Values {
         self.range().zip(number).is_some_and(|((min, max), number)| (min..=max).contains(&number))
     }
 
-    /// Returns the lowest and the highest number; `None` where there are words alone.
+    /// Returns the minimum and maximum of the numbers; `None` if only words are permitted.
     #[must_use]
     pub const fn range(&self) -> Option<(i32, i32)> {
         match *self {
@@ -207,7 +207,7 @@ impl Values {
         }
     }
 
-    /// Gives the list of values to `put`, part by part. The firmware has no room for formatting.
+    /// Writes the list of values to `put`, part by part. The firmware has no room for formatting.
     fn tell(&self, put: &mut dyn FnMut(&str)) {
         if let Some((min, max)) = self.range() {
             tell_number(min, put);

@@ -1,5 +1,5 @@
-//! The valve under ISO 11783-7: the effect of an AVC, shutdown by a fault, recovery by two neutral commands, and the
-//! data of AVEF and DM2 (SPEC 5).
+//! The auxiliary valve of ISO 11783-7: the effect of an AVC, shutdown on a fault, recovery by two neutral commands, and
+//! the data of AVEF and DM2 (SPEC 5).
 
 use super::fault_codes::codes;
 use crate::actuator::{
@@ -11,15 +11,15 @@ use crate::time::Instant;
 use crate::wire::dm::Trouble;
 use crate::wire::valve::{Command, EstimatedFlow, State};
 
-/// The number of neutral commands in a row that end a shutdown.
+/// The number of consecutive neutral commands that end a shutdown.
 const NEUTRAL_COMMANDS: u8 = 2;
 
-/// The regulation is shut down by faults.
+/// A shutdown of the regulation by faults.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shutdown {
-    /// The faults since it began.
+    /// All faults since the shutdown began.
     faults: FaultSet,
-    /// The number of commands in a row that were neutral, with the spool in neutral and nothing active.
+    /// The number of consecutive neutral commands, counted while the spool is in neutral and no fault is active.
     neutral: u8,
 }
 
@@ -27,9 +27,9 @@ struct Shutdown {
 #[derive(Clone, Debug)]
 pub(super) struct AuxiliaryValve {
     pub(super) valve: Valve,
-    /// The last valid command; block before the first.
+    /// The last valid command; block before the first one.
     command: Command,
-    /// The time guard runs: from the first valid command on (A).
+    /// Whether the time guard runs: from the first valid command (A).
     guarded: bool,
     shutdown: Option<Shutdown>,
 }
@@ -46,14 +46,14 @@ impl AuxiliaryValve {
         Self { valve, command: Command::Block, guarded: false, shutdown: None }
     }
 
-    /// Starts anew with these counters: everything but the spool, which is where it is.
+    /// Restarts with these counters. The spool position stays.
     pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
         self.valve.restart(counters, now);
         self.shutdown = None;
         self.block(now);
     }
 
-    /// Obeys a valid AVC.
+    /// Executes a valid AVC.
     pub(super) fn execute(&mut self, command: Command, now: Instant) {
         if !self.guarded {
             self.guarded = true;
@@ -69,8 +69,8 @@ impl AuxiliaryValve {
         }
     }
 
-    /// Blocks the valve until the next command, for which nobody waits: it lost its address, or starts. Fault 8 is
-    /// gone.
+    /// Blocks the valve until the next command, at a start or after loss of the address. The time guard stops and fault
+    /// 8 clears.
     pub(super) fn block(&mut self, now: Instant) {
         self.command = Command::Block;
         self.guarded = false;
@@ -79,20 +79,20 @@ impl AuxiliaryValve {
         self.apply(now);
     }
 
-    /// Blocks the valve with the solenoids off, until it starts anew: the restart can wait for the bus and for the
-    /// memory, and neither commands nor the time guard act meanwhile.
+    /// Blocks the valve with the solenoids off until the restart. The restart may have to wait for the bus and the
+    /// memory; commands and the time guard have no effect meanwhile.
     pub(super) fn switch_off(&mut self, now: Instant) {
         self.block(now);
         self.valve.drive(Drive::Off, now);
     }
 
-    /// Returns what became of the faults. Every activated fault shuts the regulation down.
+    /// Returns the fault changes. Every activation shuts down the regulation.
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
             self.shutdown = Some(Shutdown { faults: self.in_shutdown().union(changes.activated), neutral: 0 });
             self.apply(now);
-            // Switching the drive off can clear what was just activated, never activate.
+            // Switching the drive off can clear a fault just activated, but not activate one.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);
@@ -100,7 +100,7 @@ impl AuxiliaryValve {
         changes
     }
 
-    /// Returns the faults that were active before: counted, and neither active nor part of the shutdown.
+    /// Returns the previously active faults: counted, and neither active nor part of the shutdown.
     pub(super) fn previously_active_faults(&self) -> FaultSet {
         let counters = self.valve.counters();
         let counted: FaultSet = FaultSet::ALL.into_iter().filter(|fault| counters.get(*fault) > 0).collect();
@@ -113,7 +113,7 @@ impl AuxiliaryValve {
         Trouble { lamp: codes.lamp, dtc: codes.dtc, count: self.valve.counters().get(fault) }
     }
 
-    /// Returns what the LED shows. Without an address nobody can end a shutdown, and it does not show.
+    /// Returns the state of the LED. Without an address a shutdown cannot be ended, so the LED does not show it.
     pub(super) fn led(&self, address_lost: bool) -> Led {
         Led::of(Condition {
             faults: self.valve.faults(),
@@ -123,7 +123,7 @@ impl AuxiliaryValve {
         })
     }
 
-    /// Returns the state that AVEF tells: blocked during a shutdown.
+    /// Returns the state reported in AVEF: blocked during a shutdown.
     pub(super) const fn state(&self) -> State {
         if self.shutdown.is_some() { State::Blocked } else { self.command.state() }
     }
@@ -140,7 +140,7 @@ impl AuxiliaryValve {
         self.shutdown.map_or(FaultSet::EMPTY, |shutdown| shutdown.faults)
     }
 
-    /// Counts neutral commands while nothing is active. The second ends the shutdown, and acts no more itself.
+    /// Counts neutral commands while no fault is active. The second one ends the shutdown, and has no further effect.
     fn recover(&mut self, now: Instant) {
         let Some(shutdown) = &mut self.shutdown else { return };
         let counts = self.valve.faults().is_empty() && self.command.is_neutral() && self.valve.in_neutral(now);
@@ -151,8 +151,8 @@ impl AuxiliaryValve {
         }
     }
 
-    /// Lets the valve do what the command says. In a shutdown the solenoids are off, and hand operation and emergency
-    /// stop still keep the monitors of the spool off.
+    /// Applies the command to the valve. In a shutdown the solenoids are off; hand operation and emergency stop still
+    /// disable the spool monitors.
     fn apply(&mut self, now: Instant) {
         let drive = match drive(self.command) {
             Drive::Regulate(_) if self.shutdown.is_some() => Drive::Off,
@@ -180,7 +180,7 @@ impl Product for AuxiliaryValve {
     }
 }
 
-/// Returns what a command lets the valve do when nothing keeps it from it.
+/// Returns the drive for a command outside a shutdown.
 fn drive(command: Command) -> Drive {
     match command {
         Command::HandOperation => Drive::Hand,
@@ -192,7 +192,7 @@ fn drive(command: Command) -> Drive {
     }
 }
 
-/// Returns the position of a port flow command, 0–250.
+/// Returns the position for a port flow command, 0–250.
 fn position(flow: u8) -> Position {
     Scale::Per250.to_position(flow.into()).unwrap_or(Position::NEUTRAL)
 }

@@ -1,4 +1,4 @@
-//! The valve under the device state machine: control word, device mode and set-point (SPEC 4.1, 4.3).
+//! The valve controlled by the device state machine: control word, device mode and set-point (SPEC 4.1, 4.3).
 
 use super::Kind;
 use super::state_machine::{DeviceMode, DeviceState, StateMachine};
@@ -7,19 +7,20 @@ use crate::actuator::{
 };
 use crate::time::Instant;
 
-/// The value of 0x6300 and 0x6301 for float.
+/// The value for float in 0x6300 and 0x6301.
 pub(super) const FLOAT: i16 = 32767;
 
-/// Device control: the effect of set-point, control word and device mode on the valve, whatever service brought them.
+/// Device control: the effect of set-point, control word and device mode on the valve, independent of the service that
+/// sets them.
 #[derive(Clone, Debug)]
 pub(super) struct DeviceControl {
     pub(super) valve: Valve,
     machine: StateMachine,
     mode: DeviceMode,
     control_word: u16,
-    /// The last one that was accepted, as it reads back.
+    /// The last accepted set-point, as read back.
     set_point: SetPoint,
-    /// The one that acts.
+    /// The set-point in force.
     in_force: SetPoint,
 }
 
@@ -41,7 +42,7 @@ impl DeviceControl {
         }
     }
 
-    /// Starts anew at reset application: everything but the spool, which is where it is.
+    /// Restarts on reset application. The spool position stays.
     pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
         self.valve.restart(counters, now);
         self.machine = StateMachine::new();
@@ -63,7 +64,7 @@ impl DeviceControl {
         self.control_word
     }
 
-    /// Takes a control word.
+    /// Applies a control word.
     #[inline]
     pub(super) fn set_control_word(&mut self, word: u16, now: Instant) {
         self.control_word = word;
@@ -74,13 +75,13 @@ impl DeviceControl {
         }
     }
 
-    /// Takes a device mode.
+    /// Applies a device mode.
     pub(super) fn set_mode(&mut self, mode: DeviceMode, now: Instant) {
         self.mode = mode;
         self.apply(now);
     }
 
-    /// Takes a valid set-point: it feeds the time guard in any state, and acts where it may.
+    /// Applies a valid set-point: feeds the time guard in any state, and moves the spool while the valve regulates.
     pub(super) fn accept(&mut self, set_point: SetPoint, now: Instant) {
         self.set_point = set_point;
         if self.valve.regulating() {
@@ -97,13 +98,13 @@ impl DeviceControl {
         self.apply(now);
     }
 
-    /// Returns the changes of the faults. Each activation shuts the device down, D8 (R: one table of the manual leaves
-    /// some faults active).
+    /// Returns the fault changes. Each activation shuts the device down, D8 (R: in one table of the manual some faults
+    /// do not).
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
             self.shut_down(now);
-            // Switching the drive off can clear what was just activated, never activate.
+            // Switching the drive off can clear a fault just activated, but not activate one.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);
@@ -121,7 +122,7 @@ impl DeviceControl {
         })
     }
 
-    /// Returns the set-point as it reads back.
+    /// Returns the last accepted set-point.
     pub(super) const fn set_point(&self) -> SetPoint {
         self.set_point
     }
@@ -134,7 +135,7 @@ impl DeviceControl {
         }
     }
 
-    /// Returns the set-point as 0x6300 holds it.
+    /// Returns the value of 0x6300.
     pub(super) const fn set_point_raw(&self) -> i16 {
         match self.set_point {
             SetPoint::Position(position) => position.raw(),
@@ -142,12 +143,12 @@ impl DeviceControl {
         }
     }
 
-    /// Returns the actual value on a scale of ±N; N when float is reached.
+    /// Returns the actual value on a scale of ±N; N once float is reached.
     pub(super) fn actual_on(&self, scale: Scale, now: Instant) -> i16 {
         if self.valve.float_reached(now) { scale.full() } else { scale.of_position(self.position(now)) }
     }
 
-    /// Returns the actual value as 0x6301 holds it.
+    /// Returns the value of 0x6301.
     #[inline]
     pub(super) fn actual_raw(&self, now: Instant) -> i16 {
         if self.valve.float_reached(now) { FLOAT } else { self.position(now).raw() }
@@ -160,12 +161,12 @@ impl DeviceControl {
     fn drive(&self) -> Drive {
         match (self.machine.state(), self.mode) {
             (DeviceState::Active, DeviceMode::FullOperational) => Drive::Regulate(self.in_force),
-            // Hand operation too: the monitors of the spool run only while the valve regulates.
+            // Includes hand operation: the spool monitors run only while the valve regulates.
             _ => Drive::Off,
         }
     }
 
-    /// Lets the valve do what state, mode and set-point say. Regulation begins with a neutral set-point in force.
+    /// Applies state, mode and set-point to the valve. Regulation begins with a neutral set-point.
     fn apply(&mut self, now: Instant) {
         let regulated = self.valve.regulating();
         if !regulated {

@@ -1,6 +1,6 @@
 //! The object dictionary of the CANopen kinds (SPEC 4.1), as one table.
 //!
-//! Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF, and of CiA 408 from 0x6000 on.
+//! Names follow CiA 301 below 0x2000, the manual up to 0x5FFF, and CiA 408 from 0x6000.
 
 use super::device_control::FLOAT;
 use crate::actuator::{COUNTER_MAX, Fault, Position};
@@ -59,7 +59,7 @@ pub(super) enum ValveObject {
     Actual,
 }
 
-/// The tasks of the signatures of 0x1010 and 0x1011.
+/// The tasks demanded by the signatures in 0x1010 and 0x1011.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Task {
     /// "save"
@@ -73,13 +73,13 @@ pub(super) enum Task {
 /// Full stroke in 0x6300 and 0x6301.
 const FULL: i32 = Position::FULL as i32;
 
-/// The highest producer heartbeat time.
+/// The maximum producer heartbeat time.
 pub(super) const HEARTBEAT_MAX: u16 = 0x7FFF;
 
-/// The most characters of object 0x6053.
+/// The maximum length of object 0x6053.
 pub(super) const DESCRIPTION_MAX: usize = 10;
 
-/// A mapping entry that stands for a gap of one bit.
+/// The mapping entry for a gap of one bit.
 const DUMMY: u32 = 0x0001_0001;
 
 /// The number of characters of the software version.
@@ -88,13 +88,13 @@ const SOFTWARE_VERSION_LEN: u8 = 47;
 /// The signature of 0x1011:5 that clears the occurrence counters: "pkds".
 const CLEAR_COUNTERS: u32 = 0x7364_6B70;
 
-/// Returns the description of an object; `None` when there is no such object.
+/// Returns the description of an object; `None` if it does not exist.
 #[must_use]
 pub fn entry(object: Multiplexer) -> Option<&'static Entry> {
     DICTIONARY.entries().find(object).ok().map(|place| place.entry)
 }
 
-/// Every object of a valve on CANopen, and no other.
+/// All objects of a CANopen valve.
 pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary::new(&Table::new([
     Row::constant(0x1000, 0, U32, 0x0000_0198, "Device type"),
     Row::ro(0x1001, 0, U8, ErrorRegister, "Error register"),
@@ -118,7 +118,7 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
     Row::rw(0x1017, 0, U16, Node(HeartbeatTime), "Producer heartbeat time")
         .within(0, HEARTBEAT_MAX as i32)
         .stored(Number(0)),
-    // (R) sub-index 0 reads 3 although sub-index 4 can be read: the real device does so
+    // (R) Sub-index 0 reads 3 although sub-index 4 can be read: the real device does so.
     Row::constant(0x1018, 0, U8, 3, "Identity object: highest sub-index"),
     Row::ro(0x1018, 1, U32, Identity, "Vendor ID"),
     Row::ro(0x1018, 2, U32, Identity, "Product code"),
@@ -170,10 +170,10 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
         "Error: spool not at set-point or float not reached",
     )
     .within(0, COUNTER_MAX as i32),
-    // (R) the manual describes it as a spool position that is not reached; it is time guarding
+    // (R) The manual describes this as a spool position not reached; it is time guarding.
     Row::ro(0x2023, 0, U8, Product(FaultCount(Fault::TimeGuarding)), "Error: set-point timeout")
         .within(0, COUNTER_MAX as i32),
-    // (R) the EDS list says 0x2040, the object table 0x2024
+    // (R) 0x2040 according to the EDS list; the object table prints 0x2024.
     Row::ro(0x2024, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error").within(0, COUNTER_MAX as i32),
     Row::ro(0x2040, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error (second index)")
         .within(0, COUNTER_MAX as i32),
@@ -183,7 +183,7 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
         .within(-127, 127)
         .mappable(Mappable::Tpdo),
     Row::rw(0x3303, 0, I16, Product(SetPointPer1000), "Set-point, 16 bit").within(-1000, 1000).mappable(Mappable::Rpdo),
-    // (R) the manual's list of mappable objects calls it a status word
+    // (R) The manual's list of mappable objects calls this a status word.
     Row::ro(0x3304, 0, I16, Product(ActualPer1000), "Actual value, 16 bit")
         .within(-1000, 1000)
         .mappable(Mappable::Tpdo),

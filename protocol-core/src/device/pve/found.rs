@@ -1,4 +1,4 @@
-//! The records that a start finds in the memory: each checked, with the defaults for those that are missing (SPEC 6).
+//! The records found in the memory at a start, each checked, with defaults for missing ones (SPEC 6).
 
 use super::Setup;
 use super::records::{Factory, FaultLog, LocalLayer, VERSION};
@@ -7,7 +7,7 @@ use crate::device::reading::Reading;
 use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 
-/// The records as they were found.
+/// The contents of the memory at a start.
 pub(super) struct Found<'a> {
     pub(super) reading: Reading<'a>,
     pub(super) factory: Factory,
@@ -31,7 +31,7 @@ impl<'a> Found<'a> {
         if let Some(layer) = found.payload(RecordKey::LocalLayer, |payload| LocalLayer::decode(kind, payload)) {
             found.local_layer = layer;
         } else if found.reading.is_corrupt(RecordKey::LocalLayer) && setup.node_id.is_none() {
-            // It had a node ID: only a layer that was never written can be blank.
+            // A corrupt record had a node ID: only a new device can be without.
             found.local_layer = LocalLayer::new(Setup::new(kind));
         }
         if let Some(log) = found.payload(RecordKey::FaultLog, FaultLog::decode) {
@@ -40,12 +40,12 @@ impl<'a> Found<'a> {
         found
     }
 
-    /// Returns the meaning of a record; `None` when it was never written, or is corrupt, which is noted.
+    /// Decodes a record; `None` if it was never written or is corrupt. A corrupt record is noted.
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         self.reading.record(key, VERSION, decode)
     }
 
-    /// Raises the internal error for what is damaged.
+    /// Raises the internal error for damaged records or a damaged memory.
     pub(super) fn tell_faults(&self, valve: &mut Valve, now: Instant) {
         if self.reading.is_damaged() {
             valve.set_internal(InternalCause::Memory, true, now);

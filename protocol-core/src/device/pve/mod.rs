@@ -3,13 +3,13 @@
 //! ```text
 //! fault_codes     the codes of the faults: SPEC 3
 //! dictionary      the object dictionary, one table          objects    the state behind its objects
-//! state_machine   the device state machine of CiA 408       device_control  the valve under it
-//! auxiliary_valve the valve under the commands of ISO 11783-7
-//! found           the records that a start finds in the memory
+//! state_machine   the device state machine of CiA 408       device_control  the valve controlled by it
+//! auxiliary_valve the valve controlled by ISO 11783-7 commands
+//! found           the records found in the memory at a start
 //! records         the payloads of the records
-//! identification  the identifiers of UDS lite          sensing    the faults that inputs cause
-//! view            its state for people and tools
-//! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
+//! identification  the identifiers of UDS lite          sensing    the faults caused by inputs
+//! view            the view for people and tools
+//! canopen/        the application: a valve on CANopen       isobus/    on ISOBUS
 //! ```
 
 mod auxiliary_valve;

@@ -1,4 +1,4 @@
-//! The valve as its object dictionary sees it (SPEC 4.1): what lies behind the product's own objects, and its rules.
+//! The state behind the valve's own objects, and the rules of the CANopen valves (SPEC 4.1).
 
 use heapless::Vec;
 
@@ -48,12 +48,12 @@ const RULES: Rules = Rules {
     extended_ids: false,
     nmt: nmt::Rules::NONE,
     heartbeat: heartbeat::Rules {
-        // Periods are rounded up to it (A).
+        // Periods are rounded up to a multiple of this (A).
         resolution: 10,
         max: HEARTBEAT_MAX,
     },
     rpdo: pdo::Rules { direction: Mappable::Rpdo, transmission_types: &[pdo::EVENT_DRIVEN..=pdo::EVENT_DRIVEN], ..PDO },
-    // (R) The manual prints 7 as the lower end once, 1 otherwise.
+    // (R) The manual once prints 7 as the lower limit, otherwise 1.
     tpdo: pdo::Rules {
         direction: Mappable::Tpdo,
         transmission_types: &[1..=240, pdo::EVENT_DRIVEN..=pdo::EVENT_DRIVEN],
@@ -61,7 +61,7 @@ const RULES: Rules = Rules {
     },
     lss: lss::Rules {
         bit_rates: Kind::PveaCanopen.bit_rates(),
-        // (R) In CiA 305 also in waiting.
+        // (R) In CiA 305 also in LSS waiting.
         non_configured_in: &[lss::State::Configuration],
         fast_scan_in: &[lss::State::Configuration],
         fast_scan_selects: false,
@@ -79,15 +79,15 @@ const RULES: Rules = Rules {
     }),
 };
 
-/// The rules of either PDO.
+/// The rules common to both PDOs.
 const PDO: pdo::Rules = pdo::Rules {
     direction: Mappable::No,
     transmission_types: &[],
     extended_ids: false,
-    // (A) The manual does not say what switching on an empty mapping does.
+    // (A) The manual does not define the effect of switching on an empty mapping.
     may_be_empty: false,
     dummies: true,
-    // (R) In CiA 301 only while sub-index 0 is 0.
+    // (R) In CiA 301 mapping entries can be written only while sub-index 0 is 0.
     entries_while_counted: true,
     timers: false,
     sampled_when_due: false,
@@ -103,7 +103,7 @@ pub(super) struct ValveObjects {
     serial_text: Vec<u8, DIGITS>,
 }
 
-/// The command that an object gives to the device control.
+/// A command of an object to the device control.
 #[derive(Clone, Copy, Debug)]
 enum Command {
     /// 0x3300, 0x3303, 0x6300:1
@@ -130,13 +130,13 @@ impl ValveObjects {
         &self.factory
     }
 
-    /// Takes new factory data, as read at a start.
+    /// Sets the factory data read at a start.
     pub(super) fn set_factory(&mut self, factory: Factory) {
         self.factory = factory;
         self.serial_text = decimal(factory.identity.serial);
     }
 
-    /// Returns the command that a value of an object means: out of range it is refused over SDO and dropped in a PDO.
+    /// Decodes a value of an object as a command. A value out of range is rejected over SDO and dropped in a PDO.
     #[inline]
     fn command(object: ValveObject, raw: u32) -> Result<Command, AbortCode> {
         let scaled = |scale: Scale, value: i16| match scale.to_position(value) {
@@ -237,7 +237,7 @@ impl Product for ValveObjects {
         Ok(())
     }
 
-    /// Takes the description, the only product object that is stored.
+    /// Loads the description, the only stored object of the product.
     fn load(&mut self, object: ValveObject, value: Value<'_>) {
         if let (ValveObject::Description, Value::Text(text)) = (object, value) {
             self.description = Vec::from_slice(text).unwrap_or_default();
@@ -248,8 +248,8 @@ impl Product for ValveObjects {
         Value::Text(description(self.kind).as_bytes())
     }
 
-    /// Takes the values of one RPDO: mode first, then control word, then set-point, whatever the mapping's order; what
-    /// is invalid is dropped, the rest acts (SPEC 4.1).
+    /// Applies the values of one RPDO in the order mode, control word, set-point, regardless of the mapping. Invalid
+    /// values are dropped, the others applied (SPEC 4.1).
     #[inline]
     fn receive(&mut self, values: impl Iterator<Item = (ValveObject, u32)>, now: Instant) {
         let (mut mode, mut control, mut set_point) = (None, None, None);
@@ -276,7 +276,7 @@ impl Product for ValveObjects {
         self.control.shut_down(now);
     }
 
-    /// Takes a generic error of the configured node for an emergency stop (SPEC 4.2).
+    /// Handles a consumed EMCY: a generic error is an emergency stop (SPEC 4.2).
     fn hear_emcy(&mut self, message: Emcy, now: Instant) {
         if message.code == GENERIC_ERROR && self.control.state() == DeviceState::Active {
             self.control.shut_down(now);
@@ -284,7 +284,7 @@ impl Product for ValveObjects {
     }
 }
 
-/// Hands out every object of a new valve on CANopen.
+/// Passes every object of a new CANopen valve to `each`.
 #[cfg(feature = "names")]
 pub(in crate::device) fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Capabilities {
     let mut objects = ValveObjects::new(kind);
@@ -293,12 +293,12 @@ pub(in crate::device) fn describe(kind: Kind, each: impl FnMut(&'static Entry, I
     Capabilities { dummies: PDO.dummies }
 }
 
-/// Returns an INTEGER8 in the low bits.
+/// Returns an INTEGER8 as the low bits of a u32.
 fn low_bits_8(value: i16) -> u32 {
     u32::from(value as u8)
 }
 
-/// Returns an INTEGER16 in the low bits.
+/// Returns an INTEGER16 as the low bits of a u32.
 fn low_bits_16(value: i16) -> u32 {
     u32::from(value as u16)
 }

@@ -1,4 +1,4 @@
-//! The payloads of a valve's records beside the parameters (SPEC 6).
+//! The payloads of a valve's records, except the parameters (SPEC 6).
 
 use super::{Kind, Setup};
 use crate::actuator::Counters;
@@ -8,20 +8,20 @@ use crate::wire::lss;
 /// The version of every record's payload.
 pub(super) const VERSION: u8 = 1;
 
-/// Factory data: never written after the first start, never changed by restore.
+/// Factory data: written at the first start only, and not affected by restore.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Factory {
     /// The identity object, which is the LSS address.
     pub(super) identity: lss::Address,
-    /// The function instance of the NAME, which only the ISOBUS kinds tell.
+    /// The function instance of the NAME, used by the ISOBUS kinds only.
     pub(super) function_instance: u8,
     pub(super) hardware_number: u32,
-    /// Four characters, left adjusted, padded with blanks.
+    /// Four characters, left-aligned, padded with blanks.
     pub(super) hardware_version: [u8; 4],
     pub(super) software_number: u32,
-    /// Four characters, left adjusted, padded with blanks.
+    /// Four characters, left-aligned, padded with blanks.
     pub(super) software_version: [u8; 4],
-    /// Year, month, day, BCD.
+    /// Year, month, day in BCD.
     pub(super) manufactured: [u8; 3],
 }
 
@@ -29,18 +29,18 @@ pub(super) struct Factory {
 const VENDOR: u32 = 0x0100_0019;
 /// Product code.
 const PRODUCT: u32 = 0x5336_0000;
-/// Revision R1.32: major number in the high word, minor in the low one (R: the manual calls it BCD, its example is
+/// Revision R1.32: major number in the high word, minor in the low word (R: the manual calls it BCD, but its example is
 /// not).
 const REVISION: u32 = 0x0001_0020;
 /// The hardware version (A).
 const HARDWARE_VERSION: [u8; 4] = *b"1.00";
-/// The software version (A): that of the revision.
+/// The software version (A), matching the revision.
 const SOFTWARE_VERSION: [u8; 4] = *b"1.32";
-/// The manufacturing date (A): that of the firmware in 0x100A.
+/// The manufacturing date (A), matching the firmware date in 0x100A.
 const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 
 impl Factory {
-    /// The factory data of a device that has not read its memory yet.
+    /// A placeholder until the memory is read.
     pub(super) const UNREAD: Self = Self {
         identity: lss::Address { vendor: 0, product: 0, revision: 0, serial: 0 },
         function_instance: 0,
@@ -51,7 +51,7 @@ impl Factory {
         manufactured: [0; 3],
     };
 
-    /// Returns what a new memory is filled with.
+    /// Returns the factory data of a new memory.
     pub(super) fn new(kind: Kind, serial: Option<u32>) -> Self {
         Self {
             identity: lss::Address {
@@ -122,19 +122,19 @@ impl Factory {
     }
 }
 
-/// Node ID, on ISOBUS the address, and bit rate, as they are in force after the next start.
+/// Node ID (on ISOBUS the address) and bit rate, in force from the next start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalLayer {
-    /// `None` only in a memory that was blank from the factory.
+    /// `None` only for a device delivered without node ID.
     pub(super) node_id: Option<u8>,
     pub(super) bit_rate: BitRate,
 }
 
 impl LocalLayer {
-    /// The node ID and bit rate of a device that has not read its memory yet.
+    /// A placeholder until the memory is read.
     pub(super) const UNREAD: Self = Self { node_id: None, bit_rate: BitRate::Kbit250 };
 
-    /// Returns what a new memory is filled with.
+    /// Returns the local layer of a new memory.
     pub(super) fn new(Setup { kind, node_id, bit_rate, .. }: Setup) -> Self {
         let default = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);
         let bit_rate = bit_rate.filter(|rate| kind.bit_rates().contains(rate)).unwrap_or(default);
@@ -157,7 +157,7 @@ impl LocalLayer {
     }
 }
 
-/// Returns the restore flag.
+/// Encodes the restore flag.
 pub(super) const fn encode_flag(set: bool) -> [u8; 1] {
     [set as u8]
 }
@@ -170,13 +170,13 @@ pub(super) fn decode_flag(payload: &[u8]) -> Option<bool> {
     }
 }
 
-/// The fault log: how often each fault has occurred.
+/// The fault log: the occurrence counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct FaultLog {
     pub(super) counters: Counters,
 }
 
-/// The last byte of a fault log. Earlier versions kept the previously active faults there; they follow from the
+/// The last byte of a fault log. Earlier versions stored the previously active faults there; they follow from the
 /// counters.
 const RESERVED: u8 = 0;
 

@@ -1,11 +1,12 @@
-//! The inputs of a device that become faults of its valve.
+//! The faults caused by inputs of the device.
 
 use crate::actuator::{InternalCause, Valve};
 use crate::controller::BusErrorMode;
 use crate::device::Inputs;
 use crate::time::Instant;
 
-/// The causes of faults among the inputs of the device, beside those of its valve. Unlike the faults, they outlast a restart.
+/// The fault causes among the inputs of the device, except those of its valve. Unlike the faults, they persist over a
+/// restart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Causes {
     internal_fault: bool,
@@ -13,10 +14,10 @@ pub(super) struct Causes {
 }
 
 impl Causes {
-    /// The causes of a healthy device: none.
+    /// No causes: a healthy device.
     pub(super) const NONE: Self = Self { internal_fault: false, bus_off: false };
 
-    /// Takes the inputs, any number of times. Returns whether the controller is bus-off.
+    /// Applies the inputs, changed or not. Returns whether the controller is bus-off.
     pub(super) fn sense(&mut self, valve: &mut Valve, inputs: &Inputs, now: Instant) -> bool {
         if let Some(sensed) = inputs.valve() {
             valve.sense(sensed, now);
@@ -26,7 +27,7 @@ impl Causes {
         self.bus_off
     }
 
-    /// Hands the causes to a valve that has started anew.
+    /// Applies the causes to a valve after its restart.
     pub(super) fn tell(self, valve: &mut Valve, now: Instant) {
         valve.set_internal(InternalCause::Injected, self.internal_fault, now);
         valve.set_bus_off(self.bus_off, now);

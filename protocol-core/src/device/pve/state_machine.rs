@@ -1,23 +1,23 @@
-//! The device state machine (CiA 408, without NOT_READY, FAULT and FAULT_REACTION as states of their own; SPEC 4.3).
+//! The device state machine (CiA 408, without the states NOT_READY, FAULT and FAULT_REACTION; SPEC 4.3).
 
-/// The states.
+/// A state of the device state machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DeviceState {
-    /// Initialised, nothing enabled.
+    /// Initialised, not enabled.
     #[default]
     Init,
     /// Disabled.
     Disabled,
     /// Held in neutral.
     Hold,
-    /// At work, in the device mode in force.
+    /// Active, in the device mode in force.
     Active,
     /// Shut down after a fault.
     FaultHold,
 }
 
 impl DeviceState {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 5] = [Self::Init, Self::Disabled, Self::Hold, Self::Active, Self::FaultHold];
 
     /// Returns the status word, 0x6041: bits 3…0 are ready, mode active enabled, hold activated, disabled.
@@ -58,16 +58,15 @@ impl DeviceMode {
 
 /// Bits 3…0 of a control word: reset, mode active, hold, disabled.
 const COMMAND_MASK: u16 = 0x0F;
-/// The two control words that lead out of fault hold, one right after the other, into HOLD (R: a use case of the manual
-/// says ACTIVE).
+/// The two consecutive control words that lead from fault hold to HOLD (R: to ACTIVE in a use case of the manual).
 const RESET_FIRST: u16 = 0b0011;
 const RESET_SECOND: u16 = 0b1011;
 
-/// The state, and how far the way out of fault hold has come.
+/// The state, and the progress of leaving fault hold.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StateMachine {
     state: DeviceState,
-    /// The last control word in fault hold was 0011.
+    /// Whether the last control word in fault hold was 0011.
     reset_begun: bool,
 }
 
@@ -80,7 +79,7 @@ impl StateMachine {
         self.state
     }
 
-    /// Takes a control word: at most one transition, D2–D7 and D11.
+    /// Applies a control word: at most one of the transitions D2–D7 and D11.
     pub(super) fn control(&mut self, word: u16, fault_active: bool) {
         let command = word & COMMAND_MASK;
         let disabled = command & 0b0001 != 0;
@@ -103,7 +102,7 @@ impl StateMachine {
         };
     }
 
-    /// Enters fault hold, anew if need be: D8, and every event that shuts the device down.
+    /// Enters or re-enters fault hold: D8, and every other event that shuts the device down.
     pub(super) const fn shut_down(&mut self) {
         *self = Self { state: DeviceState::FaultHold, reset_begun: false };
     }
@@ -113,7 +112,7 @@ impl StateMachine {
 mod tests {
     use super::*;
 
-    /// Every transition of SPEC 4.3, and every control word's low bits from every state.
+    /// All transitions of SPEC 4.3: the low bits of every control word, from every state.
     #[test]
     fn control_words_over_all_states() {
         use DeviceState::{Active, Disabled, FaultHold, Hold, Init};
@@ -160,9 +159,9 @@ mod tests {
     #[test]
     fn the_way_out_of_fault_hold() {
         assert_eq!(from_fault_hold(&[(0x03, false), (0x0B, false)]), DeviceState::Hold);
-        // 0011 counts although a fault is active then
+        // 0011 counts even while a fault is active.
         assert_eq!(from_fault_hold(&[(0x03, true), (0x0B, false)]), DeviceState::Hold);
-        // 1011 while one is active is lost
+        // 1011 has no effect while a fault is active.
         assert_eq!(from_fault_hold(&[(0x03, false), (0x0B, true), (0x0B, false)]), DeviceState::FaultHold);
         assert_eq!(from_fault_hold(&[(0x0B, false)]), DeviceState::FaultHold);
         assert_eq!(from_fault_hold(&[(0x03, false), (0x0F, false), (0x0B, false)]), DeviceState::FaultHold);

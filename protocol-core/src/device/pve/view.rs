@@ -1,4 +1,4 @@
-//! The state of a valve on either protocol, for people and tools.
+//! The view of a valve on either protocol.
 
 use heapless::Vec;
 

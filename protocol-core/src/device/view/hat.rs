@@ -1,4 +1,4 @@
-//! The state of an angle sensor for people and tools.
+//! The view of an angle sensor.
 
 use super::{FaultView, View, Viewable};
 use crate::device::Device as _;
@@ -21,7 +21,7 @@ impl Viewable for Hat {
             node_id: self.node_id(),
             bit_rate: self.bit_rate(),
             nmt: Some(application.node.nmt_state()),
-            // Below 16384, a turn.
+            // Below 16384, which is one turn.
             position: i16::try_from(application.objects.position(now)).unwrap_or(i16::MAX),
             valve: None,
             faults: Error::ALL.into_iter().map(fault).collect(),
@@ -38,7 +38,7 @@ impl Viewable for Hat {
 }
 
 impl Error {
-    /// Returns the name used everywhere.
+    /// Returns the name of the error in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

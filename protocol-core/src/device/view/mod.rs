@@ -1,7 +1,6 @@
-//! The state of a device for people and tools: one view of every product, plain data.
+//! The view of a device for people and tools: plain data, one type for all products.
 //!
-//! [`Viewable`] stands beside [`Device`](super::Device) and is no part of it: an image that shows nothing links none of
-//! it.
+//! [`Viewable`] is separate from [`Device`](super::Device), so that an image without a display links none of it.
 
 mod hat;
 
@@ -15,23 +14,23 @@ use crate::wire::nmt;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::valve::State as ValveState;
 
-/// The most faults that a kind knows.
+/// The maximum number of faults of a kind.
 pub const FAULTS: usize = Fault::ALL.len();
 
-/// The state of a device at one instant.
+/// The state of a device at one moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct View {
-    /// The node ID, on ISOBUS the address, in force.
+    /// The node ID in force, on ISOBUS the address.
     pub node_id: Option<u8>,
     /// The bit rate in force.
     pub bit_rate: BitRate,
     /// The NMT state; `None` on ISOBUS.
     pub nmt: Option<nmt::State>,
-    /// The position of the spool, −16384…16384; of an encoder object 0x6004.
+    /// The position of the spool, −16384…16384; for an encoder the value of object 0x6004.
     pub position: i16,
     /// The state of a valve; `None` for another product.
     pub valve: Option<ValveView>,
-    /// Every fault of the kind, in the order of [`Kind::fault_names`](super::Kind::fault_names).
+    /// All faults of the kind, in the order of [`Kind::fault_names`](super::Kind::fault_names).
     pub faults: Vec<FaultView, FAULTS>,
 }
 
@@ -40,12 +39,12 @@ pub struct View {
 pub struct ValveView {
     /// The state of the device state machine; `None` on ISOBUS.
     pub dsm: Option<DeviceState>,
-    /// The state of the auxiliary valve as AVEF tells it: blocked during a shutdown. `None` on CANopen.
+    /// The state of the auxiliary valve as reported in AVEF, blocked during a shutdown. `None` on CANopen.
     pub command: Option<ValveState>,
-    /// The set-point: on CANopen the last accepted one, object 0x6300; on ISOBUS that of `command`, neutral for a
+    /// The set-point: on CANopen the last one accepted, object 0x6300; on ISOBUS that of `command`, neutral for a
     /// command without a flow.
     pub set_point: SetPoint,
-    /// The solenoids are energised.
+    /// Whether the solenoids are energised.
     pub solenoids: bool,
     /// The LED.
     pub led: Led,
@@ -54,32 +53,32 @@ pub struct ValveView {
 /// The state of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultView {
-    /// The name used everywhere.
+    /// The name of the fault in every interface.
     pub name: &'static str,
-    /// The fault is active.
+    /// Whether the fault is active.
     pub active: bool,
-    /// The occurrence counter of a valve, 0–127; of an angle sensor the number of its entries in 0x1003.
+    /// The occurrence counter of a valve, 0–127; for an angle sensor the number of its entries in 0x1003.
     pub count: u8,
 }
 
-/// A device that shows its state.
+/// A device with a [`View`].
 pub trait Viewable {
-    /// Returns the state at `now`, which is before nothing that the device was given.
+    /// Returns the view at `now`, which must not be earlier than any time given to the device.
     fn view(&self, now: Instant) -> View;
 
-    /// Returns the [key](crate::frame::Frame::key) of TPDO 1 and the objects that it maps; `None` while it is off, and
+    /// Returns the [key](crate::frame::Frame::key) of TPDO 1 and its mapped objects; `None` while the TPDO is off, and
     /// on ISOBUS.
     fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
         None
     }
 
-    /// Returns whether LSS is changing the bit rate: from activate bit timing to the end of the second delay, in which
-    /// the device is silent (SPEC 4.4, CiA 305).
+    /// Returns whether LSS is changing the bit rate: the device is silent from activate bit timing to the end of the
+    /// second delay (SPEC 4.4, CiA 305).
     fn is_switching_bit_rate(&self) -> bool {
         false
     }
 
-    /// Returns the valve behind the protocol; `None` for another product.
+    /// Returns the protocol-independent valve; `None` for another product.
     fn valve(&self) -> Option<&Valve> {
         None
     }

@@ -1,4 +1,4 @@
-//! The frames that a node listens to, found by the identifier alone: most frames on a bus are for others.
+//! The frames that a node receives, selected by identifier only: most frames on the bus are for other nodes.
 
 use core::ops::RangeInclusive;
 
@@ -7,7 +7,7 @@ use crate::controller::{Filter, Filters};
 use crate::frame::{Frame, extended, key};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 
-/// The service that a frame is for.
+/// The service that a frame belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Service {
     /// The product's command group.
@@ -16,17 +16,17 @@ pub enum Service {
     Request,
     /// A claim of the own address.
     Claim,
-    /// A frame of a broadcast in packets.
+    /// A frame of a multi-packet broadcast.
     Broadcast,
-    /// A frame of a connection with this node.
+    /// A frame of a transport connection with this node.
     Connection,
-    /// None: a frame of another controller under the own address.
+    /// No service: a foreign frame with the own source address.
     Objection,
-    /// The product's protocol beside J1939.
+    /// The product's non-J1939 protocol.
     OtherProtocol,
 }
 
-/// Bits 8–25 of an identifier, in their place: the group, and in the format PDU1 the destination.
+/// Bits 8–25 of an identifier, in place: the group and, in PDU1 format, the destination.
 type Group = u32;
 
 /// The identifiers of the services.
@@ -37,25 +37,25 @@ pub(super) struct Groups {
     request: Group,
     connection: Group,
     other_protocol: Filter,
-    /// The controller has its filters.
+    /// Whether the controller has the filters.
     told: bool,
 }
 
 /// A request to all.
 const REQUEST_TO_ALL: Group = group(Pgn::REQUEST, Address::GLOBAL);
 
-/// The groups from the data packets of the transport protocol to the claim, with their destinations: neighbours, and
-/// most frames are none of them.
+/// The groups from the transport protocol's data packets to the address claim, with any destination. They are adjacent,
+/// and most frames are outside this range.
 const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
     group(Pgn::TP_DATA, Address::new(0))..=group(Pgn::ADDRESS_CLAIMED, Address::GLOBAL);
 
 /// The bits of a key that hold a [`Group`].
 const GROUP: u32 = 0x3_FFFF << 8;
-/// The group of no frame.
+/// A group that no frame has.
 const NONE: Group = u32::MAX;
 /// The bits of a key that hold the source.
 const SOURCE: u32 = 0xFF;
-/// The bits of a key above those of an identifier: what tells an extended one.
+/// The bits of a key above those of an identifier: they distinguish extended identifiers.
 const EXTENDED: u32 = !0x1FFF_FFFF;
 
 const fn group(pgn: Pgn, destination: Address) -> Group {
@@ -63,7 +63,7 @@ const fn group(pgn: Pgn, destination: Address) -> Group {
 }
 
 impl Groups {
-    /// Returns the identifiers for a node at this address.
+    /// Computes the groups of a node with this address.
     pub(super) fn at(own: Address, rules: &Rules) -> Self {
         Self {
             own,
@@ -75,15 +75,16 @@ impl Groups {
         }
     }
 
-    /// Listens to no commands any more: the address is lost.
+    /// Stops receiving commands after the loss of the address.
     pub(super) const fn lose(&mut self) {
         self.command = NONE;
     }
 
-    /// Returns the service that a frame is for. A frame under the own address can be for another service too.
+    /// Returns the service that a frame belongs to. A foreign frame with the own source address can belong to any of
+    /// them.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
-        // A standard identifier has three bits of a group at the most, and is for none.
+        // A standard identifier has at most three bits of a group, so it matches none.
         let group: Group = frame.key() & GROUP;
         if group == self.command {
             return Some(Service::Command);
@@ -100,7 +101,7 @@ impl Groups {
         None
     }
 
-    /// Returns the same for a group of the data link or of network management.
+    /// Returns the service of a frame in the transport and claim groups.
     fn neighbour(&self, frame: &Frame, group: Group) -> Option<Service> {
         let id = J1939Id::from_raw(frame.key());
         match id.format() {
@@ -111,7 +112,7 @@ impl Groups {
         }
     }
 
-    /// Returns the same for a frame of another group whose identifier ends in the own address.
+    /// Returns the service of another frame whose identifier ends in the own address.
     #[inline]
     fn ends_in_own_address(&self, frame: &Frame) -> Option<Service> {
         if self.other_protocol.passes(frame) {
@@ -120,15 +121,15 @@ impl Groups {
         self.is_foreign_use(frame).then_some(Service::Objection)
     }
 
-    /// Returns whether a frame that is no claim uses the own address. Both page bits are set in other protocols, UDS
-    /// among them, whose identifiers hold no source address there.
+    /// Returns whether a frame that is not a claim uses the own address. Both page bits set mark other protocols, such
+    /// as UDS, whose identifiers have no source address in that place.
     #[inline]
     pub(super) fn is_foreign_use(&self, frame: &Frame) -> bool {
         let id = J1939Id::from_raw(frame.key());
         id.source() == self.own && frame.is_extended() && id.is_j1939()
     }
 
-    /// Returns the filters for the controller, once.
+    /// Returns the controller filters once.
     #[inline]
     pub(super) fn take_filters(&mut self) -> Option<Filters> {
         if self.told {
@@ -143,7 +144,7 @@ impl Groups {
         let to_all = |pgn: Pgn| group(pgn, Address::GLOBAL);
         let broadcasts = [to_all(Pgn::TP_CONNECTION), to_all(Pgn::TP_DATA)];
         let groups = [self.command, self.request, REQUEST_TO_ALL, self.connection].into_iter().chain(broadcasts);
-        // Claims of the own address and the other protocol's identifiers end in it too.
+        // Claims of the own address and the identifiers of the other protocol also end in the own address.
         let under_own = of(self.own.get().into(), SOURCE);
         groups.map(|group| of(group, GROUP)).chain([under_own]).collect()
     }

@@ -1,19 +1,19 @@
-//! The messages of a node that tell a state: of each kind one frame at most waits for the bus.
+//! The status messages of a node: at most one frame of each kind is pending.
 
-/// A message that tells a state, the most urgent in arbitration first. It is rendered when the controller can take it,
-/// so it tells the state of that instant.
+/// A status message, in order of arbitration. It is encoded when the controller can take it, with the state of that
+/// moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Message {
-    /// The product's report.
+    /// The product's cyclic report.
     Report,
-    /// The claim, or the cannot-claim.
+    /// The claim or cannot-claim.
     Claim,
     /// DM1.
     Dm1,
     /// DM2.
     Dm2,
-    /// The next frame of a broadcast in packets.
+    /// The next frame of a multi-packet broadcast.
     Packet,
 }
 
@@ -55,13 +55,13 @@ impl MessageSet {
         self.0 &= !message.bit();
     }
 
-    /// Returns the most urgent of them.
+    /// Returns the most urgent message.
     #[inline]
     pub(super) fn first(self) -> Option<Message> {
         Message::ALL.into_iter().find(|message| self.contains(*message))
     }
 
-    /// Returns the messages that are in both sets.
+    /// Returns the messages in both sets.
     #[inline]
     pub(super) const fn intersection(self, other: Self) -> Self {
         Self(self.0 & other.0)

@@ -1,14 +1,14 @@
-//! The node: the services put together, without a product (SPEC 5).
+//! The node: the product-independent services combined (SPEC 5).
 //!
 //! ```text
-//! mod       what goes in and comes out: frames, time, the state of the bus
-//! groups    which frames are for the node, and its filters
-//! messages  the messages that tell a state
-//! serve     what each service makes of a frame
+//! mod       the interface: frames, time, bus state
+//! groups    the frames for the node, and its filters
+//! messages  the status messages
+//! serve     the handling of received frames
 //! ```
 //!
-//! The services keep the pending messages, the node renders the most urgent one when the controller can take a frame. A
-//! frame that waits in the controller is aborted before a newer message of its kind is queued.
+//! The services hold the pending messages; the node encodes the most urgent one when the controller can take a frame. A
+//! frame waiting in the controller is aborted before a newer message of its kind is queued.
 
 mod groups;
 mod messages;
@@ -33,36 +33,36 @@ use crate::wire::dm::{self, Trouble};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::wire::name::{COMMANDED_ADDRESS_LEN, Name};
 
-/// The number of senders of a commanded address that are received at once.
+/// The number of senders whose commanded addresses can be received at once.
 const SENDERS: usize = 16;
 
-/// The broadcasts that are received in packets.
+/// The groups received as multi-packet broadcasts.
 const BROADCASTS: &[Pgn] = &[Pgn::COMMANDED_ADDRESS];
 
-/// The rules of a product that its node follows.
+/// The rules of a product for its node.
 #[derive(Debug)]
 pub struct Rules {
-    /// The group of the commands to a node at this address.
+    /// Returns the command group for a node with this address.
     pub command: fn(Address) -> Pgn,
-    /// The identifiers of a protocol beside J1939 that the product speaks. Those for a node at this address end in it.
+    /// Returns the filter for the product's non-J1939 protocol; its identifiers end in the node's address.
     pub other_protocol: fn(Address) -> Filter,
-    /// The group of the cyclic report of a node at this address.
+    /// Returns the group of the cyclic report from a node with this address.
     pub report: fn(Address) -> Pgn,
-    /// The period of the report, which is a control message: more urgent than all else that a node sends. The first one
-    /// goes out at the end of the wait after the claim.
+    /// The period of the report, a control message with precedence over all others of the node. The first report is
+    /// sent at the end of the wait after the claim.
     pub report_period: Duration,
 }
 
-/// The data of a product in the frames of the node.
+/// The data that a product supplies for the messages of its node.
 pub trait Product {
-    /// Returns the data of the report, as things are at `now`.
+    /// Returns the data of the report at `now`.
     fn report(&self, now: Instant) -> [u8; 8];
 
-    /// Returns the previously active trouble codes in the order of DM2.
+    /// Returns the previously active trouble codes in DM2 order.
     fn previously_active(&self) -> impl Iterator<Item = Trouble> + Clone;
 }
 
-/// A node on ISOBUS, whose DM2 has up to `DM2` bytes.
+/// An ISOBUS node with up to `DM2` bytes in its DM2.
 #[derive(Clone, Debug)]
 pub struct Node<const DM2: usize> {
     rules: &'static Rules,
@@ -74,12 +74,12 @@ pub struct Node<const DM2: usize> {
     report: J1939Id,
     next_report: Instant,
     bus_off: bool,
-    /// The messages that may be sent in the present state of bus and claim.
+    /// The messages permitted by the bus state and the claim.
     permitted: MessageSet,
     pending: MessageSet,
-    /// The messages of which a frame may wait in the controller.
+    /// The messages that may have a frame in the controller.
     in_controller: MessageSet,
-    /// Identifiers of frames that the controller must not send any more.
+    /// The filters for frames that the controller must no longer send.
     aborts: Vec<Filter, { Message::ALL.len() }>,
     answers: Answers,
     dropped: u32,
@@ -87,9 +87,9 @@ pub struct Node<const DM2: usize> {
 }
 
 impl<const DM2: usize> Node<DM2> {
-    /// Returns a node that begins to claim this address.
+    /// Creates a node that begins to claim an address.
     #[must_use]
-    // Wanted twice: as the node is made and as it starts anew.
+    // Called at creation and at every restart.
     #[inline(never)]
     pub fn new(rules: &'static Rules, name: Name, own: Address) -> Self {
         Self {
@@ -112,8 +112,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Begins anew with this NAME and address, as after a power-up. The bus and the count of dropped frames stay; a
-    /// broadcast under way is given up.
+    /// Restarts with this NAME and address, as after power-up. The bus state and the count of dropped frames stay; a
+    /// running broadcast is abandoned.
     pub fn restart(&mut self, name: Name, own: Address) {
         self.give_up_all();
         let Self { bus_off, dropped, .. } = *self;
@@ -123,28 +123,28 @@ impl<const DM2: usize> Node<DM2> {
         self.permit();
     }
 
-    /// Returns the address from its claim on; `None` once it is lost.
+    /// Returns the address, claimed or being claimed; `None` once it is lost.
     #[inline]
     #[must_use]
     pub const fn address(&self) -> Option<Address> {
         self.claim.address()
     }
 
-    /// Returns the address if more than claims may be sent under it now.
+    /// Returns the address if messages other than claims may be sent now.
     #[inline]
     #[must_use]
     pub const fn voice(&self) -> Option<Address> {
         if self.claim.may_send() && !self.bus_off { self.claim.address() } else { None }
     }
 
-    /// Returns the number of answers and messages that were dropped or given up.
+    /// Returns the number of dropped or abandoned answers and messages.
     #[must_use]
     pub const fn dropped(&self) -> u32 {
         self.dropped
     }
 
-    /// Takes whether the controller is bus-off. Whatever was to be sent is not sent afterwards, but for a first claim
-    /// that has not been on the bus, and for DM1, which then tells the state of that time.
+    /// Sets whether the controller is bus-off. Bus-off drops all pending messages except a first claim not yet on the
+    /// bus, and DM1, which later reports the state at that time.
     pub fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.give_up_all();
@@ -157,21 +157,21 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Takes the active trouble code that DM1 shows. Queues DM1 when that is a change.
+    /// Sets the active trouble code of DM1, and queues DM1 on a change.
     pub fn set_active(&mut self, active: Option<Trouble>, now: Instant) {
         let outcome = self.dm1.set(active, if self.bus_off { NEVER } else { now });
         self.note(outcome, Message::Dm1);
         self.schedule();
     }
 
-    /// Queues an answer. Without a voice or without room it is dropped and counted.
+    /// Queues an answer. If the node may not send or the queue is full, the answer is dropped and counted.
     pub fn answer(&mut self, frame: Frame) {
         if self.voice().is_none() || !self.answers.push(frame) {
             self.count_dropped(1);
         }
     }
 
-    /// Lets the timers that are due act.
+    /// Handles the timers that are due.
     pub fn run_timers(&mut self, now: Instant) {
         match self.claim.poll(now) {
             Outcome::Claimed => {
@@ -192,32 +192,32 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns when [`run_timers`](Self::run_timers) is next due.
+    /// Returns the time at which [`run_timers`](Self::run_timers) is next due.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {
         self.deadline
     }
 
-    /// Returns the filters of the controller, once after every start.
+    /// Returns the controller filters, once after every start.
     #[inline]
     pub fn take_filters(&mut self) -> Option<Filters> {
         self.groups.take_filters()
     }
 
-    /// Returns the identifiers of frames in the controller that must not go out any more.
+    /// Returns a filter for frames that the controller must no longer send.
     #[inline]
     pub fn take_abort(&mut self) -> Option<Filter> {
         self.aborts.pop()
     }
 
-    /// Renders the most urgent pending frame.
+    /// Encodes the most urgent pending frame.
     #[inline]
     pub fn next_frame(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         if self.has_frame() { self.render_first(now, product) } else { None }
     }
 
-    /// Takes a frame back from the controller and queues it again, as far as it may still be sent.
+    /// Takes a frame back from the controller and queues it again, if it may still be sent.
     pub fn give_back(&mut self, frame: Frame) {
         match self.message_of(&frame) {
             Some(message) if self.in_controller.contains(message) => {
@@ -231,12 +231,12 @@ impl<const DM2: usize> Node<DM2> {
                 let had_room = self.answers.take_back(frame);
                 self.count_dropped(u32::from(!had_room));
             }
-            // Out of date.
+            // Outdated.
             _ => {}
         }
     }
 
-    /// Notes that the controller's frames are on the bus by `now`.
+    /// Records that all frames of the controller are on the bus by `now`.
     pub fn all_sent(&mut self, now: Instant) {
         if self.in_controller.contains(Message::Claim) {
             self.claim.sent(now);
@@ -252,14 +252,14 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns the trouble code of the last DM1, unless that is not on the bus yet.
+    /// Returns the trouble code of the last DM1; `None` while a DM1 is not yet on the bus.
     #[must_use]
     pub fn told(&self) -> Option<Trouble> {
         let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.pending.contains(Message::Dm1);
         self.dm1.rendered().filter(|_| on_the_bus)
     }
 
-    /// Notes what may be sent, after a change of the bus or of the claim.
+    /// Updates the permitted messages after a change of the bus state or the claim.
     fn permit(&mut self) {
         self.permitted = match self.bus_off {
             true => MessageSet::EMPTY,
@@ -268,13 +268,13 @@ impl<const DM2: usize> Node<DM2> {
         };
     }
 
-    /// Returns the pending messages that may be sent.
+    /// Returns the pending messages that are permitted.
     #[inline]
     const fn sendable(&self) -> MessageSet {
         self.pending.intersection(self.permitted)
     }
 
-    /// Returns whether a frame is pending that may be sent now.
+    /// Returns whether a frame can be sent now.
     #[inline]
     #[must_use]
     pub fn has_frame(&self) -> bool {
@@ -290,7 +290,7 @@ impl<const DM2: usize> Node<DM2> {
         self.render(now, product, message)
     }
 
-    /// Picks by identifier: its order is that of arbitration, for every frame here is an extended data frame.
+    /// Selects by identifier, which is the order of arbitration: every frame here is an extended data frame.
     #[inline(never)]
     fn render_among_answers(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let before_answers =
@@ -326,8 +326,8 @@ impl<const DM2: usize> Node<DM2> {
         Some(frame)
     }
 
-    /// Renders DM2: one frame for none or one code, else the announcement of a broadcast, also for an addressed request
-    /// (R).
+    /// Encodes DM2: a single frame for at most one code, otherwise the announcement of a broadcast, even for an
+    /// addressed request (R).
     #[inline(never)]
     fn render_dm2(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let mut codes = product.previously_active();
@@ -339,7 +339,7 @@ impl<const DM2: usize> Node<DM2> {
             }
             _ => {
                 self.pending.remove(Message::Dm2);
-                // No other is under way, and two codes are more bytes than the fewest of a broadcast.
+                // Cannot fail: no other broadcast is running, and two codes exceed the minimum size of a broadcast.
                 let _ = self.bam.start(Pgn::DM2, dm::payload(all), now);
                 self.render_packet()
             }
@@ -359,13 +359,13 @@ impl<const DM2: usize> Node<DM2> {
         self.in_controller.insert(message);
     }
 
-    /// Returns the address under which the node sends: of a node that lost its address nobody's.
+    /// Returns the source address of sent frames: the null address once the own address is lost.
     #[inline]
     fn own(&self) -> Address {
         self.claim.address().unwrap_or(Address::NULL)
     }
 
-    /// Returns the identifier of a message as a frame's key.
+    /// Returns the key of a message's identifier.
     #[inline]
     fn key_of(&self, message: Message) -> u32 {
         let global = |priority, pgn| J1939Id::global(priority, pgn, self.own()).key();
@@ -378,8 +378,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Returns the message of a frame in the controller; `None` for an answer, and without an address for all but
-    /// a cannot-claim.
+    /// Returns the message of a frame in the controller; `None` for an answer and, once the address is lost, for every
+    /// frame but a cannot-claim.
     fn message_of(&self, frame: &Frame) -> Option<Message> {
         Message::ALL.into_iter().find(|message| self.key_of(*message) == frame.key())
     }

@@ -1,4 +1,4 @@
-//! The reception of a frame: what each service makes of it, and what the product learns.
+//! The handling of received frames by the services, and the indications to the product.
 
 use super::Node;
 use super::groups::Service;
@@ -13,32 +13,32 @@ use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::name::Name;
 use crate::wire::request::Control;
 
-/// The indication of a frame to the product.
+/// The indication of a received frame to the product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Indication {
-    /// Nothing: the frame was for the node, or for nobody here.
+    /// None: the product is not concerned.
     Nothing,
-    /// The frame is one of the product's command group.
+    /// A frame of the product's command group.
     Command,
-    /// The frame belongs to the product's non-J1939 protocol, such as UDS.
+    /// A frame of the product's non-J1939 protocol, such as UDS.
     OtherProtocol,
-    /// DM3 asks to clear the previously active trouble codes; [`Node::acknowledge`] answers.
+    /// DM3 requests clearing the previously active trouble codes; answer with [`Node::acknowledge`].
     ClearPreviouslyActive(Request),
-    /// A commanded address is for the node's NAME.
+    /// A commanded address for the node's NAME.
     CommandedAddress(Address),
-    /// The address is lost. The node sends nothing more but cannot-claims, and aborts every frame in the controller.
+    /// The address is lost. The node now sends only cannot-claims, and aborts every frame in the controller.
     AddressLost,
 }
 
 impl<const DM2: usize> Node<DM2> {
-    /// Returns the service that a frame is for, by its identifier alone.
+    /// Returns the service that a frame belongs to, by its identifier only.
     #[inline]
     #[must_use]
     pub fn service(&self, frame: &Frame) -> Option<Service> {
         self.groups.service(frame)
     }
 
-    /// Takes a frame for one of the services. A remote frame means nothing on ISOBUS.
+    /// Handles a frame of a service. Remote frames have no meaning on ISOBUS.
     #[inline]
     pub fn handle(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
         if service != Service::Claim && self.groups.is_foreign_use(frame) {
@@ -56,7 +56,7 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Answers an order that was carried out or could not be: nothing for one to all.
+    /// Acknowledges a command as executed or failed; a request to all has no answer.
     pub fn acknowledge(&mut self, request: &Request, done: bool) {
         self.respond(request, if done { Control::Positive } else { Control::Negative });
     }
@@ -90,7 +90,7 @@ impl<const DM2: usize> Node<DM2> {
         }
         match request.pgn {
             Pgn::DM1 => self.queue(Message::Dm1),
-            // Another one during a running broadcast is dropped: its requester hears that one.
+            // A further request during a running broadcast is dropped: its requester receives that broadcast.
             Pgn::DM2 if self.bam.is_busy() => {}
             Pgn::DM2 => self.queue(Message::Dm2),
             Pgn::DM3 => return Indication::ClearPreviouslyActive(request),
@@ -107,7 +107,7 @@ impl<const DM2: usize> Node<DM2> {
             Outcome::Lost => {
                 self.give_up_all();
                 self.groups.lose();
-                // One place is enough: the list was cleared.
+                // Cannot fail: the list was cleared.
                 let _ = self.aborts.push(Filter::ALL);
                 self.next_report = NEVER;
                 self.permit();
@@ -147,9 +147,9 @@ impl<const DM2: usize> Node<DM2> {
     }
 }
 
-/// The pending messages.
+/// The queueing of pending messages.
 impl<const DM2: usize> Node<DM2> {
-    /// Queues the message of a service that has one.
+    /// Queues the message of a service if one is pending.
     #[inline]
     pub(super) fn note(&mut self, outcome: Outcome, message: Message) {
         if outcome == Outcome::Pending {
@@ -157,9 +157,9 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Queues a message. An older frame of it that waits in the controller must not go out any more.
+    /// Queues a message and aborts an older frame of it in the controller.
     ///
-    /// In bus-off nothing is pending but DM1, which tells the state of the time when the bus is back.
+    /// In bus-off only DM1 is queued; it reports the state at the time of recovery.
     pub(super) fn queue(&mut self, message: Message) {
         if self.bus_off && message != Message::Dm1 {
             return;
@@ -168,19 +168,20 @@ impl<const DM2: usize> Node<DM2> {
         self.pending.insert(message);
     }
 
-    /// Lets the controller abort the frame of this message that may wait there.
+    /// Aborts the frame of this message that the controller may hold.
     #[inline]
     fn abort(&mut self, message: Message) {
         if self.in_controller.contains(message) {
             self.in_controller.remove(message);
-            // There is a place for each kind.
+            // The list has room for each kind of message.
             let _ = self.aborts.push(Filter::exactly(self.key_of(message)));
         }
     }
 
-    /// Queues the frame of the running broadcast that is due, or gives up a broadcast that the bus kept waiting.
+    /// Queues the next frame of the running broadcast if due, or abandons a broadcast that the bus has delayed too
+    /// long.
     pub(super) fn continue_broadcast(&mut self, now: Instant) {
-        // The identifier of the frame in the controller, which is forgotten with the broadcast.
+        // The identifier of the frame in the controller; `poll` may end the broadcast.
         let key = self.key_of(Message::Packet);
         let announced = self.bam.pgn() == Pgn::TP_DATA;
         match self.bam.poll(now) {
@@ -193,7 +194,7 @@ impl<const DM2: usize> Node<DM2> {
                 if announced {
                     self.count_dropped(1);
                 } else {
-                    // The bus has heard nothing of it: the list as it is now takes its place.
+                    // The announcement is not on the bus: a new DM2 replaces it.
                     self.queue(Message::Dm2);
                 }
             }
@@ -201,7 +202,7 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Forgets all pending messages but DM1, and those that the controller has.
+    /// Drops all pending messages except DM1, and forgets those in the controller.
     pub(super) fn give_up_all(&mut self) {
         let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
         self.pending = MessageSet::EMPTY;
@@ -214,7 +215,7 @@ impl<const DM2: usize> Node<DM2> {
         self.count_dropped(dropped);
     }
 
-    /// Counts answers and messages that were dropped or given up.
+    /// Counts dropped or abandoned answers and messages.
     pub const fn count_dropped(&mut self, count: u32) {
         self.dropped = self.dropped.saturating_add(count);
     }

@@ -15,7 +15,7 @@ const CANNOT_CLAIM: &str = "18EEFFFE: 01 00 20 07 08 FF 02 20";
 const TO_ALL: Request = Request { pgn: Pgn::ADDRESS_CLAIMED, requester: TOOL, addressed: false };
 const TO_OWN: Request = Request { addressed: true, ..TO_ALL };
 
-/// The longest delay of a cannot-claim.
+/// The maximum delay of a cannot-claim.
 const LONGEST: Duration = Duration::from_millis(153);
 
 fn claimed() -> AddressClaim {
@@ -25,7 +25,7 @@ fn claimed() -> AddressClaim {
     claim
 }
 
-/// One that lost its address at `now` and has sent its cannot-claim.
+/// Returns a claim that was lost at `now` and has sent its cannot-claim.
 fn lost(now: Instant) -> AddressClaim {
     let mut claim = claimed();
     assert_eq!(claim.contend(OWN, LOWER, now), Outcome::Lost);
@@ -69,7 +69,7 @@ fn only_addresses_of_128_to_247_wait() {
     }
 }
 
-/// After the wait, at most once in five seconds, and never without the address.
+/// After the wait, at most once in five seconds, and never without an address.
 #[test]
 fn a_foreign_frame_under_the_own_address_is_objected_to() {
     let mut claim = AddressClaim::new(NAME, OWN);
@@ -140,7 +140,7 @@ fn without_an_address_it_is_silent_but_for_requests_to_all() {
     let mut claim = lost(ms(300));
     assert_eq!(claim.contend(OWN, LOWER, ms(1_000)), Outcome::Nothing);
     assert_eq!(claim.contend(OWN, HIGHER, ms(1_000)), Outcome::Nothing);
-    // Who asks the address asks its new owner.
+    // A request addressed to the lost address is for its new owner.
     assert_eq!(claim.requested(&TO_OWN, ms(1_000)), Outcome::Nothing);
     assert_eq!(claim.requested(&Request { pgn: Pgn::DM1, ..TO_ALL }, ms(1_000)), Outcome::Nothing);
     assert_eq!(claim.deadline(), NEVER);
@@ -191,7 +191,7 @@ fn the_delays_differ_by_time_and_by_name() {
     assert_eq!(delay(name, 1_000_000), delay(name, 1_000_000));
 }
 
-/// Two that lose together answer at different times, however little tells their NAMEs apart.
+/// Controllers that lose together answer at different times, however similar their NAMEs.
 #[test]
 fn controllers_that_lose_together_do_not_collide() {
     let delay = |name: u64, now: u64| {
@@ -222,7 +222,7 @@ fn a_commanded_address_is_for_its_name() {
     }
 }
 
-/// The controllers of a bus on which claims travel at once.
+/// The controllers of a bus on which claims arrive immediately.
 struct Bus {
     claims: Vec<AddressClaim>,
     sent: usize,
@@ -243,7 +243,7 @@ impl Bus {
 }
 
 proptest! {
-    /// Whoever claims when: each address ends with the lowest of the NAMEs that claimed it, and the storm ends.
+    /// For any times of the claims: each address ends with the lowest NAME that claimed it, and the claims end.
     #[test]
     fn the_lowest_name_keeps_the_address(
         names in prop::collection::btree_set(any::<u64>(), 2..8),
@@ -275,8 +275,8 @@ proptest! {
         }
     }
 
-    /// Whatever comes in at whatever time: while the address is held, claims alone go out; once it is lost,
-    /// cannot-claims alone, and those when they are due, never as an answer at once.
+    /// For any events at any times: while the address is held only claims are sent; after its loss only cannot-claims,
+    /// at their due time and never as an immediate answer.
     #[test]
     fn no_storm_of_events_breaks_the_rules(
         events in prop::collection::vec((0_u8..5, any::<u8>(), any::<u64>(), any::<u32>()), 0..60),

@@ -12,12 +12,12 @@ const LOW: &str = "18FECA83: 04 FF 73 02 04 01 FF FF";
 const AT_SPOOL: &str = "18FECA83: 10 FF EC 8F 87 01 FF FF";
 const NOTHING: &str = "18FECA83: 00 FF 00 00 00 00 FF FF";
 
-/// The message that is due now, if any, whether by an event or by the period.
+/// Returns the message that is due now, by a change or by the period.
 fn due(dm1: &mut Dm1, now: Instant) -> Option<Frame> {
     (dm1.poll(now) == Outcome::Pending).then(|| dm1.render(OWN, now))
 }
 
-/// The message of an event.
+/// Returns the message of a change.
 fn event(dm1: &mut Dm1, active: Option<Trouble>, now: Instant) -> Option<Frame> {
     (dm1.set(active, now) == Outcome::Pending).then(|| dm1.render(OWN, now))
 }
@@ -88,7 +88,7 @@ fn a_request_leaves_the_period_alone() {
     assert_eq!(dm1.deadline(), ms(1_000));
 }
 
-/// The period counts from the frame of the change, however long that waited for the bus.
+/// The period starts with the frame of the change, however long the frame waited for the bus.
 #[test]
 fn the_period_begins_when_a_change_goes_out() {
     let mut dm1 = Dm1::new();
@@ -98,7 +98,7 @@ fn the_period_begins_when_a_change_goes_out() {
     assert_eq!(dm1.deadline(), ms(6_250));
 }
 
-/// A code that was gone at once goes before the present state, but only at that instant.
+/// A code that cleared at once precedes the present state, but only at that time.
 #[test]
 fn a_passing_code() {
     let mut dm1 = Dm1::new();
@@ -114,7 +114,7 @@ fn a_passing_code() {
     assert_eq!(text(Some(dm1.render(OWN, us(100_001)))), LOW);
     assert_eq!(dm1.sent(), Outcome::Nothing);
 
-    // One that was not told before it was gone is not told later.
+    // A code not reported before it cleared is not reported later.
     assert_eq!(dm1.set(Some(SPOOL), ms(200)), Outcome::Pending);
     assert_eq!(dm1.set(None, ms(201)), Outcome::Pending);
     assert_eq!(text(Some(dm1.render(OWN, ms(201)))), NOTHING);
@@ -125,7 +125,7 @@ fn a_passing_code() {
 fn a_long_pause_is_followed_by_no_burst() {
     let mut dm1 = Dm1::new();
     assert_eq!(text(event(&mut dm1, Some(SUPPLY_LOW), ms(0))), LOW);
-    // A little late: the rhythm stays.
+    // Slightly late: the cycle stays.
     assert_eq!(text(due(&mut dm1, ms(1_003))), LOW);
     assert_eq!(dm1.deadline(), ms(2_000));
     assert_eq!(text(due(&mut dm1, ms(5_500))), LOW);

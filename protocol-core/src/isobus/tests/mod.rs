@@ -1,4 +1,4 @@
-//! Tests of the services, in virtual time, with frames as the manual prints them.
+//! Tests of the services, in virtual time, with frames as printed in the manual.
 
 mod address;
 mod diagnostics;
@@ -17,9 +17,9 @@ extern crate std;
 
 /// The NAME of the manual's example.
 const NAME: Name = Name::from_bytes([0x01, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02, 0x20]);
-/// One that wins against it.
+/// A NAME that wins against [`NAME`].
 const LOWER: Name = Name::from_bytes([0x00, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02, 0x20]);
-/// One that loses.
+/// A NAME that loses against [`NAME`].
 const HIGHER: Name = Name::from_bytes([0x02, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02, 0x20]);
 
 const OWN: Address = Address::new(0x83);

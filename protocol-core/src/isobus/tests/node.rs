@@ -1,4 +1,4 @@
-//! The node with a made-up product: a pump that is commanded, reports a level, and has trouble codes.
+//! The node with a fictitious product: a pump that is commanded, reports a level, and has trouble codes.
 
 use std::vec::Vec;
 
@@ -42,13 +42,13 @@ impl Product for Pump {
     }
 }
 
-/// A node and a controller with room for so many frames, whose bus is free or blocked.
+/// A node and a controller with `room` mailboxes, on a free or blocked bus.
 struct Rig {
     node: super::super::node::Node<{ payload_len(4) }>,
     product: Pump,
     now: Instant,
     room: usize,
-    /// Frames that wait for the bus.
+    /// The pending frames of the controller.
     mailboxes: Vec<Frame>,
     blocked: bool,
     sent: Vec<Frame>,
@@ -61,7 +61,7 @@ impl Rig {
         Self { node, product, now: ms(1000), room: 3, mailboxes: Vec::new(), blocked: false, sent: Vec::new() }
     }
 
-    /// A node whose wait is over; its frames are taken.
+    /// Returns a node after the wait, whose frames were sent.
     fn claimed() -> Self {
         let mut rig = Self::new();
         rig.pump();
@@ -143,7 +143,7 @@ fn a_claim_then_reports() {
     rig.expect(&["0CFF2083: 07 00 00 00 00 00 00 00"]);
 }
 
-/// After a pause one report goes out, whatever was missed; after a whole period its cycle begins anew.
+/// After a pause only one report is sent; after a whole period the cycle restarts.
 #[test]
 fn a_late_report() {
     for (late, until_next) in [(200, 300), (499, 1), (500, 500), (700, 500)] {
@@ -176,7 +176,7 @@ fn what_the_product_learns() {
     assert_eq!(rig.node.service(&frame("0CFF1027: 01")), None, "ignores everybody");
 }
 
-/// Whether the controller or the node puts them in order.
+/// Whether the controller or the node does the ordering.
 #[test]
 fn answers_and_messages_in_the_order_of_arbitration() {
     for room in [9, 1] {
@@ -201,7 +201,7 @@ fn answers_and_messages_in_the_order_of_arbitration() {
     }
 }
 
-/// What waited in the mailboxes is replaced: the bus hears the present state once.
+/// Frames waiting in the mailboxes are replaced: the present state is sent once.
 #[test]
 fn a_blocked_bus_is_followed_by_the_present_state() {
     let mut rig = Rig::claimed();
@@ -249,7 +249,7 @@ fn answers_without_room_are_counted() {
     assert_eq!(rig.sent.len(), 8);
 }
 
-/// Under a lost address nothing leaves, neither what waits in the controller nor what it gives back.
+/// After the loss of the address no frame is sent, neither from the controller nor returned by it.
 #[test]
 fn a_lost_address_empties_the_controller() {
     let mut rig = Rig::claimed();
@@ -289,14 +289,15 @@ fn a_broadcast_that_the_bus_keeps_waiting_is_given_up() {
     rig.block(false);
     rig.advance(200);
     rig.expect(&[]);
-    // and the next request is answered as a whole
+    // The next request is answered completely.
     rig.send("18EA8327: CB FE 00");
     rig.advance(200);
     rig.sent.retain(|frame| frame.key() >> 24 & 0x1F == 0x1C);
     assert_eq!(rig.sent.len(), 3);
 }
 
-/// Whatever else the controller gives back meanwhile, a packet that it has is sent, and the next one follows.
+/// A packet in the controller is sent, and the next one follows, even if the controller returns another message
+/// meanwhile.
 #[test]
 fn a_broadcast_goes_on_when_another_message_is_given_back() {
     let mut rig = Rig::claimed();
@@ -331,7 +332,7 @@ fn a_restart_gives_a_broadcast_up() {
     rig.expect(&["18EEFF81: 01 00 20 07 08 FF 02 20"]);
 }
 
-/// One that has not begun is not given up: after the blocked bus it tells the list of that time.
+/// A broadcast not yet begun is not abandoned: after the blocked bus it carries the list of that time.
 #[test]
 fn a_broadcast_that_has_not_begun_waits() {
     let mut rig = Rig::claimed();
@@ -347,7 +348,7 @@ fn a_broadcast_that_has_not_begun_waits() {
     assert_eq!(rig.node.dropped(), 0);
 }
 
-/// Neither while it waits in the controller, nor when the controller gave it back or lost it in bus-off.
+/// Neither while the DM1 waits in the controller, nor after the controller returned it or lost it in bus-off.
 #[test]
 fn a_code_is_told_when_its_dm1_is_on_the_bus() {
     let mut rig = Rig::claimed();
@@ -367,7 +368,7 @@ fn a_code_is_told_when_its_dm1_is_on_the_bus() {
     assert_eq!(rig.node.told(), Some(LEAK));
 }
 
-/// Not in the wait after the claim; then once, and again after five seconds.
+/// Not during the wait after the claim; then once, and again after five seconds.
 #[test]
 fn another_controller_under_the_own_address() {
     let mut rig = Rig::new();
@@ -399,7 +400,7 @@ fn another_controller_under_the_own_address() {
     }
 }
 
-/// In bus-off nothing is pending but DM1, and a first claim that was not on the bus.
+/// In bus-off only DM1 stays pending, and a first claim not yet on the bus.
 #[test]
 fn bus_off() {
     let mut rig = Rig::claimed();

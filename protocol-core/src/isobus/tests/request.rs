@@ -47,7 +47,7 @@ fn an_unsupported_group_is_refused_when_it_was_addressed() {
     assert_eq!(global.acknowledgement(Control::Negative, OWN), None);
 }
 
-/// 0xFE is the source of a controller without an address, 0xFF of none.
+/// 0xFE is the source address of a controller without an address; no controller has 0xFF.
 #[test]
 fn an_asker_without_an_address_is_not_acknowledged() {
     for text in ["18EA83FE: CC FE 00", "18EA83FF: CC FE 00"] {

@@ -29,7 +29,7 @@ fn take<const N: usize>(receiver: &mut BamReceiver<N, SIZE>, frame: &Frame, now:
     receiver.handle(J1939Id::of(frame)?, frame, now)
 }
 
-/// What comes of these frames, each with the milliseconds at which it comes.
+/// Returns the first message received from these frames, each given with its time in milliseconds.
 fn after_frames(frames: &[(u64, &str)]) -> Option<Vec<u8>> {
     let mut receiver = Receiver::new(WANTED);
     let mut messages = frames.iter().filter_map(|(at, text)| take(&mut receiver, &frame(text), ms(*at)));
@@ -44,12 +44,12 @@ fn payload(bytes: &[u8]) -> heapless::Vec<u8, SIZE> {
     heapless::Vec::from_slice(bytes).unwrap()
 }
 
-/// The frame that is due now, if any, for the controller.
+/// Returns the frame that is due now.
 fn next<const N: usize>(sender: &mut BamSender<N>, source: Address, now: Instant) -> Option<Frame> {
     if sender.poll(now) == Outcome::Pending { sender.render(source) } else { None }
 }
 
-/// All frames of a message, at the times at which they are due.
+/// Returns all frames of a message with their due times.
 fn sent(source: Address, pgn: Pgn, bytes: &[u8]) -> Vec<(Instant, Frame)> {
     let mut sender = Sender::new();
     sender.start(pgn, payload(bytes), ms(0)).unwrap();
@@ -82,7 +82,7 @@ fn packets_go_out_within_50_to_200_ms() {
     for pair in frames.windows(2) {
         assert_eq!(since(pair[1].0, pair[0].0), PACKET_SPACING);
     }
-    // One that is handed out late, and is on the bus later still, keeps its distance from the next.
+    // A frame handed out late and sent even later keeps its distance from the next one.
     let mut sender = Sender::new();
     sender.start(Pgn::DM2, payload(&bytes(10)), ms(0)).unwrap();
     assert_eq!(text(next(&mut sender, OWN, ms(70))), "1CECFF83: 20 0A 00 02 FF CB FE 00");
@@ -93,7 +93,8 @@ fn packets_go_out_within_50_to_200_ms() {
     assert_eq!(sender.poll(us(sender.deadline().as_micros() - 1)), Outcome::Nothing);
 }
 
-/// From the start to the announcement and from one frame to the next: on the bus within 200 ms, or given up as a whole.
+/// From the start to the announcement, and from each frame to the next, at most 200 ms may pass; otherwise the message
+/// is abandoned.
 #[test]
 fn a_message_whose_gap_is_too_long_is_given_up() {
     for (frames, in_controller) in [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)] {
@@ -117,7 +118,7 @@ fn a_message_whose_gap_is_too_long_is_given_up() {
     }
 }
 
-/// Two frames cross: the packet that the controller gives back is the next one again.
+/// After the controller returns a packet, that packet is the next one again.
 #[test]
 fn a_frame_that_is_taken_back_is_rendered_again() {
     let mut sender = Sender::new();
@@ -247,7 +248,7 @@ fn a_new_announcement_replaces_the_old() {
     assert_eq!(late, None);
     let unwanted = "1CECFF27: 20 09 00 02 FF CA FE 00";
     assert_eq!(after_frames(&[(0, ANNOUNCE), (50, FIRST), (60, unwanted), (110, SECOND)]), None);
-    // Of another sender it replaces nothing.
+    // An announcement by another sender replaces nothing.
     let other = "1CECFF28: 20 09 00 02 FF D8 FE 00";
     assert_eq!(after_frames(&[(0, ANNOUNCE), (50, FIRST), (60, other), (110, SECOND)]), Some(PAYLOAD.to_vec()));
 }
@@ -293,7 +294,7 @@ fn a_sender_too_many_waits_until_a_place_is_free() {
     assert_eq!(take(&mut receiver, &packet(3, 2), ms(400)), None);
     let second = take(&mut receiver, &packet(2, 2), ms(400)).unwrap();
     assert_eq!((second.source, &second.payload[..]), (Address::new(2), &[2; 9][..]));
-    // 1 was silent since 0: at 750 ms its place is still its own, a microsecond later it is not.
+    // Sender 1 has been silent since 0: at 750 ms it still keeps its slot, a microsecond later it does not.
     assert_eq!(take(&mut receiver, &announce(4), ms(500)), None);
     assert_eq!(take(&mut receiver, &announce(5), ms(750)), None);
     assert_eq!(take(&mut receiver, &packet(5, 1), ms(750)), None);
@@ -305,7 +306,7 @@ fn a_sender_too_many_waits_until_a_place_is_free() {
 }
 
 proptest! {
-    /// Whatever is sent arrives, however the trains of its senders mix.
+    /// Every message sent arrives, however the frames of the senders interleave.
     #[test]
     fn what_is_sent_arrives(lens in prop::collection::vec(9_usize..=SIZE, 1..=SENDERS), seed in any::<u64>()) {
         let mut receiver = Receiver::new(WANTED);
@@ -334,8 +335,8 @@ proptest! {
         prop_assert_eq!(received, lens.into_iter().map(Some).collect::<Vec<_>>());
     }
 
-    /// Noise in the groups of the transport protocol: never more messages under way than places, and what arrives was
-    /// announced and wanted.
+    /// Noise in the groups of the transport protocol: the receptions never exceed the slots, and every received message
+    /// was announced and wanted.
     #[test]
     fn noise_stays_within_bounds(
         frames in prop::collection::vec((any::<bool>(), 0_u8..20, any::<[u8; 8]>(), 0_u8..4, 0_u64..900), 0..300),

@@ -1,4 +1,4 @@
-//! Faults become EMCYs, and entries of the error history (SPEC 3, 4.2).
+//! Reporting of faults by EMCYs and in the error history (SPEC 3, 4.2).
 
 use super::super::fault_codes::{codes, register};
 use super::CanopenValve;
@@ -8,14 +8,14 @@ use crate::device::runtime::Base;
 use crate::wire::emcy::Emcy;
 
 impl CanopenValve {
-    /// Tells what became of the faults since last time: each activation by priority, then the end of the last one.
+    /// Reports the fault changes: each activation by priority, then the end of the last active fault.
     #[inline(never)]
     pub(super) fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         self.node.renew_tpdo();
         let changes = self.objects.control.take_changes(now);
         let after = self.objects.control.valve.faults();
-        // A fault that came and went at once is in the register of its own EMCY alone.
+        // A fault that cleared at once is in the register of its own EMCY only.
         let mut active = after.difference(changes.activated);
         for fault in changes.activated {
             let count = self.objects.control.valve.counters().get(fault);
@@ -30,14 +30,14 @@ impl CanopenValve {
             base.fault_log.changed(now);
         }
         if changes.activated.contains(Fault::Internal) {
-            // Reported now, so its cause is gone: a watchdog reset is nothing that lasts.
+            // Reported now, so the cause is cleared: a watchdog reset is momentary.
             self.objects.control.valve.set_internal(InternalCause::Watchdog, false, now);
             self.report_changes(base);
         }
     }
 
-    /// Tells the bus of a start: the reset EMCY after every boot-up (R), and the faults that a reset of the
-    /// communication has left, not counted again.
+    /// Reports a start: the reset EMCY after every boot-up (R), and the faults that persist over reset communication,
+    /// without counting them again.
     pub(super) fn tell_start(&mut self, scope: Restart, base: &Base) {
         self.node.send_emcy(Emcy::default());
         let valve = &mut self.objects.control.valve;
@@ -54,7 +54,7 @@ impl CanopenValve {
     }
 }
 
-/// Returns the EMCY of a fault: `code, error register, occurrence counter, 00 00 00 00` (R: the manual's use case
+/// Encodes the EMCY of a fault: `code, error register, occurrence counter, 00 00 00 00` (R: the manual's use case
 /// prints four bytes).
 fn fault_message(fault: Fault, active: FaultSet, count: u8) -> Emcy {
     Emcy { code: codes(fault).emcy, register: register(active), manufacturer: [count, 0, 0, 0, 0] }

@@ -1,8 +1,8 @@
-//! A valve on CANopen: the node of `canopen/` with the valve's objects in it (SPEC 4, 7).
+//! A valve on CANopen: the node of `canopen/` with the valve's objects (SPEC 4, 7).
 //!
 //! ```text
-//! mod        the application of the device: what the node and the valve tell each other
-//! emergency  faults become EMCYs, and the error history
+//! mod        the application: connects the node and the valve
+//! emergency  EMCYs and the error history
 //! storing    writes to the memory, and their clients
 //! load       the progress of a "load" and its execution
 //! ```
@@ -46,18 +46,18 @@ pub struct CanopenValve {
     setup: Setup,
     pub(super) objects: ValveObjects,
     pub(super) node: Node<ValveObjects>,
-    /// As stored.
+    /// The stored node ID and bit rate.
     local_layer: LocalLayer,
     load: Load,
-    /// The changes of the local layer by the write in flight.
+    /// The parts of the local layer changed by the write in flight.
     layer_in_flight: Configuration,
-    /// The counts that the write in flight clears: they come back when it fails.
+    /// The counters cleared by the write in flight; restored if it fails.
     cleared: Counters,
     causes: Causes,
 }
 
 impl CanopenValve {
-    /// Returns the valve behind the protocol.
+    /// Returns the protocol-independent valve.
     #[must_use]
     pub const fn valve(&self) -> &Valve {
         &self.objects.control.valve
@@ -124,7 +124,7 @@ impl Application for CanopenValve {
         }
     }
 
-    /// Takes another reset: the wider one counts.
+    /// Handles a further reset request: the wider scope wins.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -189,8 +189,8 @@ impl Application for CanopenValve {
         self.node.take_bit_rate()
     }
 
-    /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD
-    /// and keeps its parameters; active faults are reported again.
+    /// Starts with the contents of the memory (SPEC 4.3, 4.5, 6). On reset communication the application enters
+    /// FAULT_HOLD and keeps its parameters; active faults are reported again.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
         let mut found = Found::look(&self.setup, memory);
@@ -205,7 +205,8 @@ impl Application for CanopenValve {
         let reset = match scope {
             Restart::Communication => {
                 self.objects.control.shut_down(now);
-                // What fell due while the restart waited is counted and entered before it is told again.
+                // A fault that fell due while the restart was pending is counted and entered before it is reported
+                // again.
                 self.apply_changes(base);
                 Reset::Communication
             }
@@ -217,7 +218,7 @@ impl Application for CanopenValve {
         };
         let node_id = self.node.reset(reset, stored);
         if scope == Restart::Application {
-            // The defaults follow the node ID: without one, the load waits for a start with one.
+            // The defaults depend on the node ID: without one, the load waits for a start with one.
             self.load = Load::found(load_is_set && node_id.is_some());
         }
         let parameters = parameters.filter(|_| !self.load.replaces_stored());

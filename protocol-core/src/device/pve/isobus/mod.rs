@@ -1,9 +1,9 @@
-//! A valve on ISOBUS: the node of `isobus/` with an auxiliary valve in it (SPEC 5, 7).
+//! A valve on ISOBUS: the node of `isobus/` with an auxiliary valve (SPEC 5, 7).
 //!
 //! ```text
-//! mod      the application of the device: what the node and the valve tell each other
+//! mod      the application: connects the node and the valve
 //! product  groups, NAME and address
-//! storing  writes to the memory, and who waits for them
+//! storing  writes to the memory, and their clients
 //! ```
 
 mod product;
@@ -35,10 +35,10 @@ use crate::wire::dm::payload_len;
 use crate::wire::j1939_id::Address;
 use crate::wire::valve::Command;
 
-/// The longest DM2: every fault was active before.
+/// The length of the longest DM2: all faults were previously active.
 const DM2_MAX: usize = payload_len(Fault::ALL.len());
 
-/// The number of DM3s that can wait for the memory (A): one of each tool on a large bus.
+/// The number of DM3s that can wait for the memory (A): one for each tool on a large bus.
 const CLEARINGS: usize = 8;
 
 /// A PVEA or PVEO on ISOBUS.
@@ -49,24 +49,25 @@ pub type PveIsobus = Runtime<IsobusValve>;
 pub struct IsobusValve {
     setup: Setup,
     factory: Factory,
-    /// As stored.
+    /// The stored address and bit rate.
     local_layer: LocalLayer,
     node: Node<DM2_MAX>,
     pub(super) auxiliary: AuxiliaryValve,
     clearing: Vec<Clearing, CLEARINGS>,
-    /// The faults that DM3 asked to clear and that have not occurred since.
+    /// The faults that a DM3 asked to clear and that have not occurred since.
     clearable: FaultSet,
     causes: Causes,
 }
 
 impl IsobusValve {
-    /// Returns the valve behind the protocol.
+    /// Returns the protocol-independent valve.
     #[must_use]
     pub const fn valve(&self) -> &Valve {
         &self.auxiliary.valve
     }
 
-    /// Tells what became of the faults: DM1, the fault log, and the counters that DM3 may still clear.
+    /// Reports the fault changes in DM1 and to the fault log. A fault that has occurred again is no longer cleared by
+    /// DM3.
     #[inline(never)]
     fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
@@ -75,7 +76,7 @@ impl IsobusValve {
         let active = self.auxiliary.valve.faults();
         let trouble = |fault| self.auxiliary.trouble(fault);
         if !changes.activated.is_empty() {
-            // A fault can be gone at the instant of its activation.
+            // A fault can clear as soon as it activates.
             self.node.set_active(active.union(changes.cleared).highest().map(trouble), now);
         }
         self.node.set_active(active.highest().map(trouble), now);
@@ -84,7 +85,7 @@ impl IsobusValve {
         }
     }
 
-    /// Stores a commanded address; the valve then restarts under it.
+    /// Stores a permitted commanded address; the valve then restarts with it.
     fn store_address(&self, address: Address, base: &mut Base) {
         if self.setup.kind.node_ids().contains(&address.get()) {
             let write = Write::new(RecordKey::LocalLayer, Requester::CommandedAddress);
@@ -155,8 +156,8 @@ impl Application for IsobusValve {
         }
     }
 
-    /// Takes claims alone (A): the address is defended or lost until the restart. The valve is switched off already, and
-    /// a commanded address that comes now is lost like any broadcast.
+    /// Handles address claims only (A): the address is defended or lost until the restart. The valve is already off,
+    /// and a commanded address received now is lost like any broadcast.
     fn handle_restarting(&mut self, service: Service, frame: &Frame, base: &mut Base) {
         if service == Service::Claim {
             self.node.handle(service, frame, base.now());
@@ -207,7 +208,7 @@ impl Application for IsobusValve {
     fn all_sent(&mut self, base: &mut Base) -> bool {
         self.node.all_sent(base.now());
         let valve = &mut self.auxiliary.valve;
-        // A watchdog reset does not last: it is gone once the bus has heard of it.
+        // A watchdog reset is momentary: the cause is cleared once reported on the bus.
         if valve.is_active(Fault::Internal)
             && self.node.told().is_some_and(|told| told.dtc == codes(Fault::Internal).dtc)
         {
@@ -225,7 +226,7 @@ impl Application for IsobusValve {
         None
     }
 
-    /// Starts with what the memory holds: the address is claimed, and a new memory filled.
+    /// Starts with the contents of the memory: claims the address, and requests the writes that fill a new memory.
     fn start(&mut self, _: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
         let found = Found::look(&self.setup, memory);

@@ -1,4 +1,4 @@
-//! The product on ISOBUS: its groups, its NAME and its address (SPEC 1, 5).
+//! The product on ISOBUS: groups, NAME and address (SPEC 1, 5).
 
 use super::super::Setup;
 use super::super::records::{Factory, LocalLayer};
@@ -26,7 +26,7 @@ const VEHICLE_SYSTEM: u8 = 1;
 /// Industry group in the NAME: agricultural and forestry equipment.
 const INDUSTRY_GROUP: u8 = 2;
 
-/// Returns the NAME (SPEC 1): with the manual's serial number, `01 00 20 07 08 FF 02 20`.
+/// Returns the NAME (SPEC 1); with the manual's serial number it is `01 00 20 07 08 FF 02 20`.
 pub(super) fn name(factory: &Factory) -> Name {
     Name::new(&Fields {
         arbitrary_address_capable: false,
@@ -37,12 +37,12 @@ pub(super) fn name(factory: &Factory) -> Name {
         function_instance: factory.function_instance,
         ecu_instance: 0,
         manufacturer_code: MANUFACTURER,
-        // As many bits of it as the NAME has.
+        // The NAME holds the low 21 bits.
         identity_number: factory.identity.serial,
     })
 }
 
-/// Returns the address of a local layer: on ISOBUS there is always one.
+/// Returns the address of a local layer, or the default address without one.
 pub(super) fn address(setup: &Setup, layer: LocalLayer) -> Address {
     Address::new(layer.node_id.unwrap_or(setup.kind.default_node_id()))
 }

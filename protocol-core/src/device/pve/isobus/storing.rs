@@ -1,4 +1,4 @@
-//! Writes to the memory, and who waits for them (SPEC 5, 6).
+//! Writes to the memory, and their clients (SPEC 5, 6).
 
 use heapless::VecView;
 
@@ -22,12 +22,12 @@ pub(super) const WRITES: [Write; 3] = [
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clearing {
     request: Request,
-    /// The previously active faults when it came.
+    /// The previously active faults when the DM3 was received.
     asked: FaultSet,
 }
 
 impl IsobusValve {
-    /// Takes DM3. An empty list needs no memory.
+    /// Handles DM3. An empty list needs no write.
     pub(super) fn clear_previously_active(&mut self, request: Request, base: &mut Base) {
         let asked = self.auxiliary.previously_active_faults();
         if asked.is_empty() {
@@ -40,7 +40,7 @@ impl IsobusValve {
         }
     }
 
-    /// Returns the local layer as a write makes it.
+    /// Returns the local layer after a write.
     fn layer_after(&self, write: Write) -> LocalLayer {
         match write.requester {
             Requester::Uds | Requester::CommandedAddress => {
@@ -50,8 +50,8 @@ impl IsobusValve {
         }
     }
 
-    /// Clears the counters in force when the memory has them cleared, and answers every DM3 that asked for no more. After a
-    /// failure, the write that waits answers what it clears as well (A).
+    /// Clears the counters once their clearing is stored, and answers every DM3 whose faults the write covers. After a
+    /// failure, a DM3 that the next write also covers is answered by that write (A).
     fn end_clearing(&mut self, asked: FaultSet, stored: bool, base: &Base) {
         let mut later = FaultSet::EMPTY;
         if stored {
@@ -85,10 +85,9 @@ impl Storing for IsobusValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Takes the memory's answer to a write.
+    /// Handles the result of a write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked
-        // for.
+        // While a restart is pending no timer runs: a fault due by now is counted before DM3 clears its counters.
         self.auxiliary.valve.poll(base.now());
         self.apply_changes(base);
         let position = write.record.position() as u8;
