@@ -39,8 +39,7 @@ fn a_fault_is_added_listed_and_ended() {
     assert_eq!(names(&rig.done("DELETE", "/bus/faults", None)), [("lose-220", 2, true), ("late", 0, false)]);
     assert_eq!(rig.get("/bus/faults"), json!([]));
     assert_eq!(rig.done("DELETE", "/bus/faults", None), json!([]));
-    rig.send("220: 0F 00 00 20");
-    rig.send("220: 0F 00 00 20");
+    rig.send_every(20, "220: 0F 00 00 20");
     rig.wait("boom", json!({"dsm": "active"}), 1000);
 }
 
