@@ -24,20 +24,15 @@ pub struct BusRig {
 }
 
 impl Default for BusRig {
+    /// A bus with a master alone.
     fn default() -> Self {
-        Self::with_seed(0)
+        let mut world = World::new(BitRate::Kbit250, 0);
+        let master = world.add_client_port("master");
+        Self { world, master }
     }
 }
 
 impl BusRig {
-    /// A bus with a master alone.
-    #[must_use]
-    pub fn with_seed(seed: u64) -> Self {
-        let mut world = World::new(BitRate::Kbit250, seed);
-        let master = world.add_client_port("master");
-        Self { world, master }
-    }
-
     /// A bus with a master and one `pvea-canopen` with this memory, switched off; of a new memory it becomes node 0x20.
     #[must_use]
     pub fn with_flash(flash: Flash) -> (Self, NodeId) {

@@ -26,7 +26,7 @@ fn a_lost_request_is_not_answered() {
 
 #[test]
 fn an_answer_is_late_and_another_device_does_not_care() {
-    let mut rig = BusRig::with_seed(1);
+    let mut rig = BusRig::default();
     rig.add_booted(0x20);
     rig.add_booted(0x21);
     let delay = FaultKind::Delay { delay: Delay::Constant(millis(200)), overtake: false };

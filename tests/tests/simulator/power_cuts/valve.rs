@@ -18,7 +18,7 @@ pub(super) const PRODUCT: Product = Product {
 const OPERATIONS: [Operation; 9] = [
     Operation { name: "first save", act: save_two, writes: &[Parameters], ..ACT },
     Operation { name: "save", before: save_one, act: save_two, writes: &[Parameters], ..ACT },
-    Operation { name: "load", before: save_one, act: load, writes: &[RestoreFlag], repeatable: false, ..ACT },
+    Operation { name: "load", before: save_one, act: load, writes: &[RestoreFlag], ..ACT },
     Operation {
         name: "load at the next start",
         before: save_and_load,
@@ -28,15 +28,8 @@ const OPERATIONS: [Operation; 9] = [
     },
     Operation { name: "LSS store", before: save_one, act: store_by_lss, writes: &[LocalLayer], ..ACT },
     Operation { name: "UDS node ID", before: save_one, act: write_node_id, writes: &[LocalLayer], ..ACT },
-    Operation { name: "fault log", before: save_one, act: fault, writes: &[FaultLog], repeatable: false, ..ACT },
-    Operation {
-        name: "fault log before a restart",
-        before: fault,
-        act: fault_and_reset,
-        writes: &[FaultLog],
-        repeatable: false,
-        ..ACT
-    },
+    Operation { name: "fault log", before: save_one, act: fault, writes: &[FaultLog], ..ACT },
+    Operation { name: "fault log before a restart", before: fault, act: fault_and_reset, writes: &[FaultLog], ..ACT },
     Operation { name: "clear counters", before: fault, act: clear_counters, writes: &[FaultLog], ..ACT },
 ];
 
