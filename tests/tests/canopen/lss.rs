@@ -1,12 +1,11 @@
-//! LSS, where the valves have rules of their own: what leaving configuration does, and the manual's sequences (SPEC 4.4,
-//! 4.5).
+//! LSS, where the valves have rules of their own: what leaving configuration does (SPEC 4.4, 4.5).
 
 use protocol_core::controller::BitRate;
 use protocol_core::time::Duration;
 use tests::Rig;
-use tests::lss::{IDENTIFIED, STORE, STORED, TO_CONFIGURATION, TO_WAITING, activate};
+use tests::lss::{STORE, STORED, TO_CONFIGURATION, TO_WAITING, activate};
 
-use super::{BOOT, blank};
+use super::blank;
 
 const BOOT_AS_17: [&str; 2] = ["717: 00", "097: 00 00 00 00 00 00 00 00"];
 
@@ -15,31 +14,6 @@ fn configuring() -> Rig {
     let mut valve = Rig::booted();
     valve.exchange(TO_CONFIGURATION, &[]);
     valve
-}
-
-#[test]
-fn use_case_5() {
-    let mut valve = Rig::booted();
-    valve.silent_to(&["000: 02 00", "7E5: 04 01 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
-    assert_eq!(valve.bit_rates(), [BitRate::Kbit500]);
-    valve.exchange("7E5: 17 00 00 00 00 00 00 00", &["7E4: 17 00 00 00 00 00 00 00"]);
-    valve.exchange("000: 81 00", &BOOT);
-    assert_eq!(valve.device().bit_rate(), BitRate::Kbit500);
-}
-
-/// It begins with bit check 0, ends with 4, and can be repeated.
-#[test]
-fn the_manuals_fast_scan() {
-    let mut valve = blank();
-    valve.exchange(TO_CONFIGURATION, &[]);
-    for _ in 0..2 {
-        for question in ["19 00 00 01 00 00 01", "00 00 36 53 00 01 02", "20 00 01 00 00 02 03", "00 01 2E 5B 00 03 04"]
-        {
-            valve.exchange(&format!("7E5: 51 {question}"), &[IDENTIFIED]);
-        }
-    }
 }
 
 /// Identify remote slave is no service of the valve (SPEC 4.4): six bounds that all hold are not answered.
@@ -109,18 +83,6 @@ fn an_id_configured_while_another_is_being_stored() {
     valve.advance_sends(30, &[STORED, BOOT_AS_17[0], BOOT_AS_17[1]]);
     valve.power_cycle();
     assert_eq!(valve.node_id(), Some(0x18));
-}
-
-/// A store without a node ID configured leaves alone the one that UDS has stored and that is not in force yet.
-#[test]
-fn store_stores_what_was_configured() {
-    let mut valve = Rig::booted();
-    valve.exchange("1BC78820: 04 2E 10 01 17", &["1BC408F1: 03 6E 10 01"]);
-    valve.exchange(TO_CONFIGURATION, &[]);
-    valve.configure_bit_rate(2);
-    valve.exchange(STORE, &[STORED]);
-    valve.power_cycle_sends(&BOOT_AS_17);
-    assert_eq!(valve.device().bit_rate(), BitRate::Kbit500);
 }
 
 /// A valve without a node ID gets one that is not stored, and boots.

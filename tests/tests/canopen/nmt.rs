@@ -208,11 +208,3 @@ fn a_stop_is_no_fault() {
     valve.exchange("220: 03 00 00 00", &["1A0: 03 00 00 00"]);
     valve.exchange("220: 0B 00 00 00", &["1A0: 0B 00 00 00"]);
 }
-
-/// (R) the manual's example of the heartbeat, which calls it 1000 ms: the unit is 1 ms.
-#[test]
-fn the_manuals_heartbeat() {
-    let mut valve = Rig::booted();
-    valve.exchange("620: 2B 17 10 00 64 00 00 00", &["5A0: 60 17 10 00 00 00 00 00", "720: 7F"]);
-    valve.silent_until(100, &["720: 7F"]);
-}

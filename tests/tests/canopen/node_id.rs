@@ -1,6 +1,5 @@
-//! The node ID and the COB-IDs: use cases 3, 4 and 6, and what follows a change and what does not (SPEC 4.5, 8).
+//! The node ID and the COB-IDs: use case 6, what follows a change and what does not (SPEC 4.5, 8).
 
-use protocol_core::device::pve::{Kind, Setup};
 use tests::Rig;
 
 /// How a node ID is changed: by LSS, or by UDS and a start.
@@ -31,37 +30,6 @@ fn by_uds_and_power(valve: &mut Rig, node_id: u8) {
 /// COB-IDs of EMCY, RPDO and TPDO.
 fn cob_ids(valve: &mut Rig) -> [u32; 3] {
     [valve.read(0x1014, 0), valve.read(0x1400, 1), valve.read(0x1800, 1)]
-}
-
-fn at(node_id: u8) -> Rig {
-    Rig::booted_as(Setup { node_id: Some(node_id), ..Setup::new(Kind::PveaCanopen) })
-}
-
-#[test]
-fn use_case_3() {
-    let mut valve = Rig::booted();
-    valve.silent_to(&["000: 02 00", "7E5: 04 01 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 11 17 00 00 00 00 00 00", &["7E4: 11 00 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 17 00 00 00 00 00 00 00", &["7E4: 17 00 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 04 00 00 00 00 00 00 00", &["717: 00", "097: 00 00 00 00 00 00 00 00"]);
-}
-
-#[test]
-fn use_case_4() {
-    let mut valve = at(0x10);
-    for (sub, number) in [(1, "19 00 00 01"), (2, "00 00 36 53"), (3, "20 00 01 00"), (4, "00 01 2E 5B")] {
-        valve
-            .exchange(&format!("610: 40 18 10 {sub:02X} 00 00 00 00"), &[&format!("590: 43 18 10 {sub:02X} {number}")]);
-    }
-    valve.exchange("000: 02 10", &[]);
-    valve.exchange("7E5: 04 00 00 00 00 00 00 00", &[]);
-    valve.exchange("7E5: 40 19 00 00 01 00 00 00", &[]);
-    valve.exchange("7E5: 41 00 00 36 53 00 00 00", &[]);
-    valve.exchange("7E5: 42 20 00 01 00 00 00 00", &[]);
-    valve.exchange("7E5: 43 00 01 2E 5B 00 00 00", &["7E4: 44 00 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 11 11 00 00 00 00 00 00", &["7E4: 11 00 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 17 00 00 00 00 00 00 00", &["7E4: 17 00 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 04 00 00 00 00 00 00 00", &["711: 00", "091: 00 00 00 00 00 00 00 00"]);
 }
 
 /// The parameters of a valve that was never saved follow the node ID.

@@ -20,34 +20,6 @@ fn waits(valve: &mut Rig, slow_memory: bool) {
     }
 }
 
-/// A reset that comes while another one waits: the larger one is carried out, once.
-#[track_caller]
-fn resets(valve: &mut Rig, orders: [&str; 2]) {
-    for order in orders {
-        valve.send(&format!("000: {order} 20"));
-    }
-    valve.advance(300);
-    valve.hold_bus(false);
-    let sent = valve.take();
-    assert!(sent.ends_with(&BOOT.map(str::to_owned)), "{orders:?}: {sent:?}");
-    assert_eq!(sent.iter().filter(|frame| *frame == BOOT[0]).count(), 1, "{orders:?}: {sent:?}");
-    let expected = if orders == ["82", "82"] { FAULT_HOLD } else { INIT };
-    assert_eq!(valve.status(), expected, "{orders:?}");
-}
-
-const ORDERS: [[&str; 2]; 4] = [["82", "81"], ["81", "82"], ["82", "82"], ["81", "81"]];
-
-#[test]
-fn the_larger_of_two_that_wait() {
-    for orders in ORDERS {
-        for slow_memory in [false, true] {
-            let mut valve = Rig::booted();
-            waits(&mut valve, slow_memory);
-            resets(&mut valve, orders);
-        }
-    }
-}
-
 /// Only an NMT command for the valve itself makes a reset that waits the larger one.
 #[test]
 fn what_does_not_widen_a_reset_that_waits() {

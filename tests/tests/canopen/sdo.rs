@@ -1,7 +1,6 @@
 //! The SDO server (SPEC 4.2; CiA 301 7.2.4): expedited and segmented transfers, and every way in which they end early.
 
-use protocol_core::time::Duration;
-use tests::{Rig, frame};
+use tests::Rig;
 
 use super::BOOT;
 
@@ -55,26 +54,6 @@ type Begin = fn(&mut Rig);
 
 /// Both ways, and the object as an abort names it.
 const TRANSFERS: [(Begin, &str); 2] = [(begin_upload, "0A 10 00"), (begin_download, "53 60 00")];
-
-#[test]
-fn the_identity_as_the_manual_prints_it() {
-    let mut rig = Rig::booted();
-    rig.exchange("620: 40 18 10 01 00 00 00 00", &["5A0: 43 18 10 01 19 00 00 01"]);
-    rig.exchange("620: 40 18 10 02 00 00 00 00", &["5A0: 43 18 10 02 00 00 36 53"]);
-    rig.exchange("620: 40 18 10 03 00 00 00 00", &["5A0: 43 18 10 03 20 00 01 00"]);
-    rig.exchange("620: 40 18 10 04 00 00 00 00", &["5A0: 43 18 10 04 00 01 2E 5B"]);
-}
-
-#[test]
-fn expedited_with_a_size() {
-    let mut rig = Rig::booted();
-    rig.exchange("620: 2F 42 60 00 02 00 00 00", &["5A0: 60 42 60 00 00 00 00 00"]);
-    rig.exchange("620: 40 42 60 00 00 00 00 00", &["5A0: 4F 42 60 00 02 00 00 00"]);
-    rig.exchange("620: 2B 00 63 01 00 C0 00 00", &["5A0: 60 00 63 01 00 00 00 00"]);
-    rig.exchange("620: 40 00 63 01 00 00 00 00", &["5A0: 4B 00 63 01 00 C0 00 00"]);
-    rig.exchange("620: 23 28 10 01 A1 00 00 00", &["5A0: 60 28 10 01 00 00 00 00"]);
-    rig.exchange("620: 40 28 10 01 00 00 00 00", &["5A0: 43 28 10 01 A1 00 00 00"]);
-}
 
 /// The object's length is taken from the front, whatever follows.
 #[test]
@@ -345,59 +324,4 @@ fn start_and_pre_operational_do_not_end_a_transfer() {
     begin_download(&mut rig);
     rig.send_all(&["000: 01 00", "000: 80 00"]);
     rig.exchange("620: 1B 66 74 00 00 00 00 00", &["5A0: 30 00 00 00 00 00 00 00"]);
-}
-
-/// "save", in one frame and in segments: each kind of download has its own answer.
-const SAVE: [(&[&str], &str); 3] = [
-    (&["620: 23 10 10 01 73 61 76 65"], "5A0: 60 10 10 01 00 00 00 00"),
-    (&["620: 21 10 10 01 04 00 00 00", "620: 07 73 61 76 65 00 00 00"], "5A0: 20 00 00 00 00 00 00 00"),
-    (
-        &["620: 20 10 10 01 00 00 00 00", "620: 08 73 61 76 00 00 00 00", "620: 1D 65 00 00 00 00 00 00"],
-        "5A0: 30 00 00 00 00 00 00 00",
-    ),
-];
-
-#[test]
-fn a_write_to_the_memory_is_answered_when_it_is_done() {
-    for (requests, done) in SAVE {
-        let mut rig = Rig::booted();
-        rig.write_time = Duration::from_millis(80);
-        requests.iter().for_each(|request| rig.send(request));
-        let answers = rig.take();
-        assert_eq!(answers.len(), requests.len() - 1, "{answers:?}");
-        rig.silent_until(80, &[done]);
-        // However long it takes: a memory that writes is no client that is silent.
-        rig.write_time = Duration::from_millis(2 * TIMEOUT_MS);
-        requests.iter().for_each(|request| rig.send(request));
-        rig.take();
-        rig.silent_for(2 * TIMEOUT_MS - 1);
-        rig.advance(1);
-        rig.expect(done);
-    }
-}
-
-#[test]
-fn a_write_to_a_memory_that_fails_is_aborted() {
-    for (requests, _) in SAVE {
-        let mut rig = Rig::booted();
-        rig.writes_fail = true;
-        requests.iter().for_each(|request| rig.send(request));
-        let answers = rig.take();
-        assert!(answers.contains(&"5A0: 80 10 10 01 00 00 06 06".to_owned()), "{answers:?}");
-        assert_eq!(answers.len(), requests.len() + 1, "the answers, and the EMCY of the internal error: {answers:?}");
-    }
-}
-
-#[test]
-fn the_answer_goes_to_the_id_in_force() {
-    let mut rig = Rig::booted();
-    rig.send_frame(frame("620: 40 00 10 00 00 00 00 00"));
-    rig.expect("5A0: 43 00 10 00 98 01 00 00");
-    rig.send("000: 02 00");
-    for request in ["04 01", "11 17", "04 00"] {
-        rig.send(&format!("7E5: {request} 00 00 00 00 00 00"));
-    }
-    rig.take();
-    rig.exchange("620: 40 00 10 00 00 00 00 00", &[]);
-    rig.exchange("617: 40 00 10 00 00 00 00 00", &["597: 43 00 10 00 98 01 00 00"]);
 }

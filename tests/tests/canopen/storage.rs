@@ -86,20 +86,6 @@ fn sorted(valve: &mut Rig) -> Vec<String> {
     sent
 }
 
-#[test]
-fn each_write_is_answered_when_the_memory_holds_it() {
-    for (request, answer, _, key) in REQUESTS {
-        let mut valve = slow(50);
-        valve.writes.clear();
-        valve.exchange(request, &[]);
-        valve.silent_for(49);
-        assert_eq!(valve.writes, []);
-        valve.advance(1);
-        assert_eq!((valve.take(), valve.writes.as_slice()), (vec![answer.to_owned()], &[key][..]), "{request}");
-        assert!(valve.records.contains_key(&key));
-    }
-}
-
 /// 0x06060000, LSS error 2, UDS 0x72; and the internal error until a write of that record succeeds.
 #[test]
 fn each_failed_write_is_told() {
@@ -127,23 +113,6 @@ fn each_failed_write_is_told() {
         expected.sort_unstable();
         assert_eq!(sorted(&mut valve), expected, "{request}");
         assert_eq!(valve.read(0x1001, 0), 0);
-    }
-}
-
-/// A power cut while a record is written leaves the old one.
-#[test]
-fn a_power_cut_during_a_write() {
-    for (request, .., key) in REQUESTS {
-        let mut valve = slow(50);
-        write_own(&mut valve);
-        let before = valve.records.clone();
-        valve.exchange(request, &[]);
-        valve.advance(49);
-        valve.power_cycle();
-        assert_eq!(valve.take(), BOOT, "{request}");
-        assert_eq!(valve.records, before, "{request}, {key:?}");
-        assert!(!has_own(&mut valve));
-        assert_eq!(valve.node_id(), Some(0x20));
     }
 }
 
@@ -232,15 +201,4 @@ fn a_stop_during_a_save() {
     valve.exchange("000: 80 00", &[]);
     valve.start_anew();
     assert!(has_own(&mut valve));
-}
-
-/// What is written while another write is under way waits its turn.
-#[test]
-fn writes_one_after_the_other() {
-    let mut valve = slow(50);
-    valve.writes.clear();
-    valve.silent_to(&[SAVE, lss::STORE]);
-    valve.advance_sends(50, &[SAVED]);
-    valve.advance_sends(50, &[lss::STORED]);
-    assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::LocalLayer]);
 }

@@ -8,7 +8,7 @@ use tests::lss::{
 };
 use tests::{Rig, sdo};
 
-use super::{INVALID, blank, booted, booted_as};
+use super::{blank, booted, booted_as};
 
 /// In LSS configuration.
 fn configuration() -> Rig {
@@ -291,18 +291,6 @@ fn an_activated_unstored_bit_rate_lasts_to_reset_node() {
     rig.exchange(TO_CONFIGURATION, &[]);
     rig.exchange(STORE, &[STORED]);
     assert_eq!(rig.read(0x2002, 2), 2, "it is forgotten");
-}
-
-#[test]
-fn all_eight_bit_rates_as_objects() {
-    for rate in BitRate::ALL {
-        let mut rig = booted();
-        rig.write_all(&[(0x2002, 2, 1, rate.table_index().into())]);
-        rig.save(4);
-        rig.exchange("000: 81 00", &["701: 00"]);
-        assert_eq!(rig.device().bit_rate(), rate);
-    }
-    assert_eq!(booted().write(0x2002, 2, 1, 5), INVALID);
 }
 
 #[test]

@@ -1,7 +1,5 @@
 //! What a master sees of the angle sensors (SPEC 9).
 
-mod blocked_bus;
-mod commissioning;
 mod emcy;
 mod lss;
 mod nmt;

@@ -127,6 +127,10 @@ pub(super) fn each_kind(test: impl Fn(&Kind)) {
 }
 
 impl Kind {
+    pub(super) fn is_sensor(&self) -> bool {
+        matches!(self.setup.kind, device::Kind::Hat(_))
+    }
+
     /// A new node, booted; its boot-up is taken.
     #[track_caller]
     pub(super) fn booted(&self) -> Rig {

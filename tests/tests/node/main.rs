@@ -7,4 +7,6 @@ mod kinds;
 mod lss;
 mod nmt;
 mod object_dictionary;
+mod pdo_configuration;
+mod sdo;
 mod storage;

@@ -216,10 +216,6 @@ const SENSOR_TAKES: &[Taken] = &[
 ];
 
 impl Kind {
-    fn is_sensor(&self) -> bool {
-        self.node_id == 1
-    }
-
     /// The numbers, one by one.
     fn numbers(&self) -> impl Iterator<Item = (u16, u8, u8, Access, u32)> + Clone {
         let rows = if self.is_sensor() { SENSOR } else { VALVE };

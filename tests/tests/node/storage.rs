@@ -34,19 +34,43 @@ fn answers(kind: &Kind, node: &mut Rig) -> Vec<String> {
     node.take_under(&format!("{:03X}", 0x580 + u16::from(kind.node_id)))
 }
 
+/// A request to store in one frame, and in segments with and without a size; each kind of download has its own answer.
+fn downloads(kind: &Kind, index: u16, sub: u8, signature: &[u8; 4]) -> [(Vec<String>, String); 3] {
+    let ([low, high], [s, a, v, e]) = (index.to_le_bytes(), signature);
+    let object = format!("{low:02X} {high:02X} {sub:02X}");
+    let request = |bytes: String| format!("{:03X}: {bytes}", 0x600 + u16::from(kind.node_id));
+    let answer = |bytes: String| format!("{:03X}: {bytes}", 0x580 + u16::from(kind.node_id));
+    let expedited = [format!("23 {object} {s:02X} {a:02X} {v:02X} {e:02X}")];
+    let with_size = [format!("21 {object} 04 00 00 00"), format!("07 {s:02X} {a:02X} {v:02X} {e:02X} 00 00 00")];
+    let without_size = [
+        format!("20 {object} 00 00 00 00"),
+        format!("08 {s:02X} {a:02X} {v:02X} 00 00 00 00"),
+        format!("1D {e:02X} 00 00 00 00 00 00"),
+    ];
+    [
+        (expedited.map(request).into(), answer(format!("60 {object} 00 00 00 00"))),
+        (with_size.map(request).into(), answer("20 00 00 00 00 00 00 00".to_owned())),
+        (without_size.map(request).into(), answer("30 00 00 00 00 00 00 00".to_owned())),
+    ]
+}
+
+/// However long the writes take: a memory that writes is no client that is silent.
 #[test]
 fn the_answer_comes_after_the_last_write() {
     each_kind(|kind| {
         for (index, sub, signature, records) in tasks(kind) {
-            for fails in [false, true] {
-                let mut node = slow(kind);
-                node.writes_fail = fails;
-                node.exchange(&sdo::write(kind.node_id, index, sub, signature), &[]);
-                node.silent_for(10 * records - 1);
-                node.advance(1);
-                let written = sdo::written(kind.node_id, index, sub);
-                let answer = if fails { sdo::abort(kind.node_id, index, sub, FAILED) } else { written };
-                assert_eq!(answers(kind, &mut node), [answer], "{index:04X}:{sub}, fails: {fails}");
+            for (requests, done) in downloads(kind, index, sub, signature) {
+                for (fails, write_ms) in [(false, 10), (true, 10), (false, 10_000)] {
+                    let mut node = kind.booted();
+                    node.write_time = Duration::from_millis(write_ms);
+                    node.writes_fail = fails;
+                    requests.iter().for_each(|request| node.send(request));
+                    assert_eq!(node.take().len(), requests.len() - 1, "{requests:?}");
+                    node.silent_for(write_ms * records - 1);
+                    node.advance(1);
+                    let answer = if fails { sdo::abort(kind.node_id, index, sub, FAILED) } else { done.clone() };
+                    assert_eq!(answers(kind, &mut node), [answer], "{requests:?}, fails: {fails}");
+                }
             }
         }
     });
