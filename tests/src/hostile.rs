@@ -202,12 +202,11 @@ pub fn mostly<T: Arbitrary + Clone + Debug + 'static>(known: &'static [T]) -> im
     prop_oneof![9 => select(known), 1 => any::<T>()]
 }
 
-/// The data of an SDO request about one of these indices.
-pub fn sdo(index: &'static [u16], value: &'static [u32]) -> impl Strategy<Value = [u8; 8]> {
+/// The data of an SDO request, most of them about one of these indices.
+pub fn sdo(index: &'static [u16], value: impl Strategy<Value = u32>) -> impl Strategy<Value = [u8; 8]> {
     const COMMANDS: &[u8] =
         &[0x40, 0x22, 0x23, 0x27, 0x2B, 0x2F, 0x21, 0x20, 0x60, 0x70, 0x00, 0x10, 0x0B, 0x1D, 0x80, 0xA0, 0xC0];
     let sub = prop_oneof![9 => 0..=8_u8, 1 => any::<u8>()];
-    let value = prop_oneof![4 => select(value), 1 => any::<u32>()];
     (mostly(COMMANDS), mostly(index), sub, value).prop_map(|(command, index, sub, value)| {
         let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
         [command, low, high, sub, a, b, c, d]

@@ -136,6 +136,22 @@ fn a_waiting_tpdo_tells_the_state_as_it_is_sent() {
     valve.free_bus_sends(&["0A0: 00 10 01 01 00 00 00 00", "1A0: 03 00 00 00"]);
 }
 
+/// A fourth frame takes the place of the least urgent of three, which goes back to the device: it is not lost.
+#[test]
+fn a_displaced_frame_is_sent_after_all() {
+    let mut valve = Rig::booted();
+    assert_eq!(valve.write(0x1017, 0, 2, 100), Ok(()));
+    valve.send("000: 01 20");
+    valve.take();
+    valve.hold_bus(true);
+    valve.advance(100);
+    valve.send_all(&["620: 40 00 10 00 00 00 00 00", "220: 01 00 00 00"]);
+    valve.sense(|inputs| inputs.internal_fault = true);
+    assert_eq!(valve.pending(), 3);
+    let emcy = "0A0: 00 10 01 01 00 00 00 00";
+    valve.free_bus_sends(&[emcy, "1A0: 03 00 00 00", "5A0: 43 00 10 00 98 01 00 00", "720: 05"]);
+}
+
 /// PDOs are sent in operational only.
 #[test]
 fn no_tpdo_after_operational() {

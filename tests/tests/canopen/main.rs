@@ -23,7 +23,6 @@ mod pdo;
 mod pdo_mapping;
 mod pdo_switch;
 mod promises;
-mod properties;
 mod restart_scope;
 mod sdo;
 mod set_point;

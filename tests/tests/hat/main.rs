@@ -8,7 +8,6 @@ mod pdo;
 mod pdo_timing;
 mod position;
 mod promises;
-mod properties;
 mod storage;
 
 use protocol_core::device::hat::{Kind, Setup};

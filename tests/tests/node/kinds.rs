@@ -103,7 +103,7 @@ const fn sensor(kind: hat::Kind, product_code: u32) -> Kind {
     }
 }
 
-const KINDS: [Kind; 4] = [
+pub(super) const KINDS: [Kind; 4] = [
     valve(pve::Kind::PveaCanopen),
     valve(pve::Kind::PveoCanopen),
     sensor(hat::Kind::Hat1000, 925_010),

@@ -8,5 +8,6 @@ mod lss;
 mod nmt;
 mod object_dictionary;
 mod pdo_configuration;
+mod properties;
 mod sdo;
 mod storage;
