@@ -22,3 +22,8 @@ pub mod uds;
 pub use bus_rig::BusRig;
 pub use inputs::Inputs;
 pub use rig::{Rig, frame};
+
+/// Eight bytes, which begin with these; the others are 0.
+fn eight(bytes: &str) -> String {
+    format!("{bytes}{}", " 00".repeat(8 - bytes.split(' ').count()))
+}

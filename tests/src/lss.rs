@@ -24,17 +24,13 @@ pub const IDENTIFIED: &str = "7E4: 4F 00 00 00 00 00 00 00";
 /// The request of these bytes.
 #[must_use]
 pub fn request(bytes: &str) -> String {
-    format!("7E5: {bytes}{}", zeros(bytes))
+    format!("7E5: {}", crate::eight(bytes))
 }
 
 /// The answer of these bytes.
 #[must_use]
 pub fn answer(bytes: &str) -> String {
-    format!("7E4: {bytes}{}", zeros(bytes))
-}
-
-fn zeros(bytes: &str) -> String {
-    " 00".repeat(8 - bytes.split(' ').count())
+    format!("7E4: {}", crate::eight(bytes))
 }
 
 /// Activate bit timing, with this switch delay.

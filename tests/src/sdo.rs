@@ -1,9 +1,21 @@
-//! SDO requests and answers, expedited, and the signatures of 0x1010 and 0x1011.
+//! SDO requests and answers, and the signatures of 0x1010 and 0x1011.
 
 /// What 0x1010 takes.
 pub const SAVE: u32 = u32::from_le_bytes(*b"save");
 /// What 0x1011 takes.
 pub const LOAD: u32 = u32::from_le_bytes(*b"load");
+
+/// The request of these bytes; zeros fill what is not given.
+#[must_use]
+pub fn request(node_id: u8, bytes: &str) -> String {
+    format!("{:03X}: {}", 0x600 + u16::from(node_id), crate::eight(bytes))
+}
+
+/// The answer of these bytes; zeros fill what is not given.
+#[must_use]
+pub fn answer(node_id: u8, bytes: &str) -> String {
+    format!("{:03X}: {}", 0x580 + u16::from(node_id), crate::eight(bytes))
+}
 
 /// A request to read an object.
 #[must_use]

@@ -157,6 +157,15 @@ impl Rig {
         }
     }
 
+    /// Sends the SDO request of these bytes; the device must give this answer, or none, and nothing more.
+    #[track_caller]
+    pub fn exchange_sdo(&mut self, request: &str, answer: Option<&str>) {
+        let node_id = self.node_id().expect("a node ID");
+        let answer = answer.map(|bytes| crate::sdo::answer(node_id, bytes));
+        let answers: Vec<&str> = answer.as_deref().into_iter().collect();
+        self.exchange(&crate::sdo::request(node_id, request), &answers);
+    }
+
     /// Sends an SDO request; the answer.
     ///
     /// # Panics

@@ -23,7 +23,7 @@ const CANNOT_STORE: u32 = 0x0800_0020;
 const NO_DATA: u32 = 0x0800_0024;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Access {
+pub(super) enum Access {
     Ro,
     Rw,
 }
@@ -226,7 +226,8 @@ impl Kind {
         })
     }
 
-    fn texts(&self) -> [(u16, Access, &'static str); 3] {
+    /// The texts: index, access, value in a new node.
+    pub(super) fn texts(&self) -> [(u16, Access, &'static str); 3] {
         match self.setup.kind.name() {
             "pvea-canopen" => [
                 (0x100A, Ro, "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701"),

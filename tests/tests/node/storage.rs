@@ -38,20 +38,15 @@ fn answers(kind: &Kind, node: &mut Rig) -> Vec<String> {
 fn downloads(kind: &Kind, index: u16, sub: u8, signature: &[u8; 4]) -> [(Vec<String>, String); 3] {
     let ([low, high], [s, a, v, e]) = (index.to_le_bytes(), signature);
     let object = format!("{low:02X} {high:02X} {sub:02X}");
-    let request = |bytes: String| format!("{:03X}: {bytes}", 0x600 + u16::from(kind.node_id));
-    let answer = |bytes: String| format!("{:03X}: {bytes}", 0x580 + u16::from(kind.node_id));
-    let expedited = [format!("23 {object} {s:02X} {a:02X} {v:02X} {e:02X}")];
-    let with_size = [format!("21 {object} 04 00 00 00"), format!("07 {s:02X} {a:02X} {v:02X} {e:02X} 00 00 00")];
-    let without_size = [
-        format!("20 {object} 00 00 00 00"),
-        format!("08 {s:02X} {a:02X} {v:02X} 00 00 00 00"),
-        format!("1D {e:02X} 00 00 00 00 00 00"),
-    ];
-    [
-        (expedited.map(request).into(), answer(format!("60 {object} 00 00 00 00"))),
-        (with_size.map(request).into(), answer("20 00 00 00 00 00 00 00".to_owned())),
-        (without_size.map(request).into(), answer("30 00 00 00 00 00 00 00".to_owned())),
-    ]
+    let expedited = vec![format!("23 {object} {s:02X} {a:02X} {v:02X} {e:02X}")];
+    let with_size = vec![format!("21 {object} 04"), format!("07 {s:02X} {a:02X} {v:02X} {e:02X}")];
+    let without_size = vec![format!("20 {object}"), format!("08 {s:02X} {a:02X} {v:02X}"), format!("1D {e:02X}")];
+    let downloads =
+        [(expedited, format!("60 {object}")), (with_size, "20".to_owned()), (without_size, "30".to_owned())];
+    downloads.map(|(requests, done)| {
+        let requests = requests.iter().map(|bytes| sdo::request(kind.node_id, bytes));
+        (requests.collect(), sdo::answer(kind.node_id, &done))
+    })
 }
 
 /// However long the writes take: a memory that writes is no client that is silent.
@@ -80,18 +75,17 @@ fn the_answer_comes_after_the_last_write() {
 #[test]
 fn a_stray_segment_while_a_client_waits() {
     each_kind(|kind| {
-        let (to, from) = (0x600 + u16::from(kind.node_id), 0x580 + u16::from(kind.node_id));
         for (stray, refused) in [
-            ("60 00 00 00 00 00 00 00", "80 00 00 00 01 00 04 05"),
-            ("01 00 00 00 00 00 00 00", "80 00 00 00 01 00 04 05"),
-            ("C6 17 10 00 02 00 00 00", "80 17 10 00 01 00 04 05"),
+            ("60", "80 00 00 00 01 00 04 05"),
+            ("01", "80 00 00 00 01 00 04 05"),
+            ("C6 17 10 00 02", "80 17 10 00 01 00 04 05"),
         ] {
             for (index, sub, signature, _) in tasks(kind) {
                 for fails in [false, true] {
                     let mut node = slow(kind);
                     node.writes_fail = fails;
                     node.exchange(&sdo::write(kind.node_id, index, sub, signature), &[]);
-                    node.exchange(&format!("{to:03X}: {stray}"), &[&format!("{from:03X}: {refused}")]);
+                    node.exchange_sdo(stray, Some(refused));
                     node.advance(100);
                     let written = sdo::written(kind.node_id, index, sub);
                     let answer = if fails { sdo::abort(kind.node_id, index, sub, FAILED) } else { written };
@@ -108,7 +102,7 @@ fn a_client_that_aborts_while_it_waits() {
     each_kind(|kind| {
         let mut node = slow(kind);
         node.exchange(&sdo::write(kind.node_id, 0x1010, 1, b"save"), &[]);
-        node.exchange(&format!("{:03X}: 80 10 10 01 00 00 00 08", 0x600 + u16::from(kind.node_id)), &[]);
+        node.exchange_sdo("80 10 10 01 00 00 00 08", None);
         node.silent_for(100);
     });
 }
