@@ -80,19 +80,6 @@ fn emcys_of_bus_off() {
     }
 }
 
-/// Stopped: no EMCY, not even one that fell due before and has not left the controller.
-#[test]
-fn no_emcy_in_stopped() {
-    let mut valve = Rig::booted();
-    valve.hold_bus(true);
-    valve.sense(|inputs| inputs.internal_fault = true);
-    valve.send("000: 02 20");
-    valve.hold_bus(false);
-    valve.silent_for(1000);
-    valve.exchange("000: 80 20", &[]);
-    assert_eq!(valve.read(0x1003, 1), 0x0001_1000, "logged");
-}
-
 /// Several set-points on a held bus: one TPDO, sampled when it is sent.
 #[test]
 fn tpdos_tell_the_present_state() {

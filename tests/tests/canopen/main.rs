@@ -9,7 +9,6 @@ mod cob_id;
 mod device_state_machine;
 mod emcy_stream;
 mod emergency_stop;
-mod error_history;
 mod fault_log;
 mod faults;
 mod filters;

@@ -1,4 +1,5 @@
-//! The objects that only the valves have: the description, and the numbers that follow the node ID (SPEC 4.1).
+//! The objects that only the valves have: the description, the history that can be cleared, and the numbers that
+//! follow the node ID (SPEC 4.1).
 
 use protocol_core::device::pve::{Kind, Setup};
 use tests::Rig;
@@ -41,4 +42,20 @@ fn the_numbers_that_follow_the_node_id_and_the_serial_number() {
             _ => assert_eq!(rig.read_segmented(0x6052, 0).as_deref(), Ok(text.as_bytes())),
         }
     }
+}
+
+/// The counter of a fault goes on.
+#[test]
+fn writing_0_clears_the_history() {
+    let mut rig = Rig::booted();
+    for _ in 0..10 {
+        rig.internal_fault_comes_and_goes();
+    }
+    rig.take();
+    assert_eq!(rig.read(0x1003, 0), 8);
+    rig.exchange("620: 2F 03 10 00 00 00 00 00", &["5A0: 60 03 10 00 00 00 00 00"]);
+    assert_eq!((rig.read(0x1003, 0), rig.read_abort(0x1003, 1)), (0, 0x0800_0024));
+    rig.internal_fault_comes_and_goes();
+    rig.take();
+    assert_eq!((rig.read(0x1003, 0), rig.read(0x1003, 1)), (1, 0x000B_1000));
 }

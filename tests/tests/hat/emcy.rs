@@ -297,17 +297,6 @@ fn a_damaged_memory_lasts_over_reset_communication() {
 }
 
 #[test]
-fn stopped_logs_and_does_not_send() {
-    let mut rig = booted();
-    rig.exchange("000: 02 00", &[]);
-    internal_fault(&mut rig, true);
-    bus(&mut rig, BusErrorMode::ErrorPassive);
-    bus(&mut rig, BusErrorMode::ErrorActive);
-    rig.exchange("000: 80 00", &[]);
-    assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x81, vec![0x0003_8120, 0x0002_FF00]));
-}
-
-#[test]
 fn errors_that_reset_communication_leaves_are_told_again_and_not_entered_again() {
     let mut rig = booted();
     internal_fault(&mut rig, true);
@@ -349,25 +338,6 @@ fn an_error_that_no_emcy_could_tell_is_entered_when_reset_communication_tells_it
         rig.exchange(lss::TO_WAITING, &[BOOT_UP, CONTROLLER]);
         assert_eq!(history(&mut rig), [0x0002_FF00], "what an EMCY told, stored: {stored}");
     }
-}
-
-#[test]
-fn the_history_is_eight_deep_and_volatile() {
-    let mut rig = booted();
-    for _ in 0..9 {
-        internal_fault(&mut rig, true);
-        internal_fault(&mut rig, false);
-        rig.take();
-    }
-    bus(&mut rig, BusErrorMode::ErrorPassive);
-    bus(&mut rig, BusErrorMode::ErrorActive);
-    rig.take();
-    let full = [0x0003_8120, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00];
-    assert_eq!(history(&mut rig), full);
-    rig.exchange("000: 82 00", &[BOOT_UP]);
-    assert_eq!(history(&mut rig), full);
-    rig.exchange("000: 81 00", &[BOOT_UP]);
-    assert_eq!(history(&mut rig), [0; 0]);
 }
 
 /// People and tools are shown how many entries of the history each error has.

@@ -1,6 +1,7 @@
 //! What a master sees of the services that all CANopen nodes have, of each kind (SPEC 4.2, 4.4, 4.5, 9).
 
 mod bit_rate;
+mod error_history;
 mod fast_scan;
 mod heartbeat;
 mod kinds;
