@@ -185,58 +185,22 @@ fn lss_store_leaves_a_rate_that_nobody_configured() {
     assert_eq!(valve.device().bit_rate(), BitRate::Kbit500);
 }
 
-/// Neither the device's own writes nor another record's nor LSS's refuse a UDS write: its answer waits.
-mod uds_waits {
-    use super::*;
-
-    #[test]
-    fn for_other_writes() {
-        type Case = (&'static str, u64, fn(&mut Rig));
-        let cases: [Case; 5] = [
-            ("the first start", 50, |valve| {
-                valve.records.clear();
-                valve.power_cycle();
-            }),
-            ("the fault log", 500, |valve| {
-                valve.internal_fault_comes_and_goes();
-                valve.advance(600);
-            }),
-            ("the parameters", 50, |valve| valve.send(SAVE)),
-            ("the restore flag", 50, |valve| valve.send(LOAD)),
-            ("the counters", 50, |valve| valve.send(CLEAR)),
-        ];
-        for (what, write_ms, begin) in cases {
-            let mut valve = Rig::booted();
-            valve.write_time = Duration::from_millis(write_ms);
-            begin(&mut valve);
-            ask(&mut valve, UDS_WRITE, UDS_WRITTEN);
-            valve.power_cycle();
-            assert_eq!(valve.node_id(), Some(0x30), "{what}");
-        }
-    }
-
-    #[test]
-    fn for_lss() {
+/// The device's own writes refuse no UDS write: its answer waits.
+#[test]
+fn a_uds_write_waits_for_the_device() {
+    for (what, write_ms) in [("the first start", 50), ("the fault log", 500)] {
         let mut valve = Rig::booted();
-        valve.exchange(CONFIGURE, &[]);
-        valve.exchange(RATE_500K, &[RATE_TAKEN]);
-        valve.write_time = Duration::from_millis(50);
-        valve.send(lss::STORE);
+        valve.write_time = Duration::from_millis(write_ms);
+        if what == "the first start" {
+            valve.records.clear();
+            valve.power_cycle();
+        } else {
+            valve.internal_fault_comes_and_goes();
+            valve.advance(600);
+        }
         ask(&mut valve, UDS_WRITE, UDS_WRITTEN);
         valve.power_cycle();
-        assert_eq!((valve.node_id(), valve.device().bit_rate()), (Some(0x30), BitRate::Kbit500));
-    }
-
-    /// Another client's write of the same identifier refuses.
-    #[test]
-    fn but_not_for_another_client() {
-        let mut valve = Rig::booted();
-        valve.write_time = Duration::from_millis(50);
-        valve.exchange(UDS_WRITE, &[]);
-        valve.exchange("1BC79020: 04 2E 10 01 31", &["1BC408F1: 03 7F 2E 22"]);
-        valve.advance_sends(50, &[UDS_WRITTEN]);
-        valve.power_cycle();
-        assert_eq!(valve.node_id(), Some(0x30));
+        assert_eq!(valve.node_id(), Some(0x30), "{what}");
     }
 }
 

@@ -159,12 +159,14 @@ fn run(stores: &[Store], gap: u64, failing: Option<usize>, executing_load: bool)
         }
         valve.advance(1);
     }
-    if failing.is_none() && (stores.len() == 1 || gap > 50) {
+    // Two SDO requests have one client, who gives the first one up with the second. Nobody else's is refused.
+    let by_sdo = stores.iter().filter(|store| store.request().starts_with("620")).count();
+    if failing.is_none() && (by_sdo < 2 || gap > 50) {
         assert_eq!(expected.acknowledged, stores.iter().copied().collect(), "{what}");
     }
 }
 
-/// Every order. Two SDO requests have one client, who gives the first one up with the second.
+/// Every order.
 fn pairs() -> impl Iterator<Item = [Store; 2]> {
     Store::ALL.into_iter().flat_map(|first| Store::ALL.into_iter().map(move |second| [first, second]))
 }
