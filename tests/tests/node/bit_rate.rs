@@ -119,6 +119,21 @@ fn an_emcy_waits() {
     });
 }
 
+/// Reset node in the first delay: the rate is not switched to, and the silence is kept all the same.
+#[test]
+fn reset_node_before_the_switch() {
+    each_kind(|kind| {
+        let mut node = configured(kind);
+        node.exchange(&activate(100), &[]);
+        node.advance(50);
+        node.send(RESET_NODE);
+        node.silent_for(149);
+        node.advance_sends(1, &kind.boot(kind.node_id));
+        assert_eq!(node.device().bit_rate(), kind.bit_rate);
+        assert!(!node.bit_rates().contains(&OTHER.1), "{:?}", node.bit_rates());
+    });
+}
+
 /// An answer that waits for the bus is not sent at the new rate.
 #[test]
 fn what_waits_for_the_bus_is_dropped() {

@@ -332,6 +332,24 @@ fn a_store_that_start_comes_into() {
     });
 }
 
+/// Nor does another store, of what was configured since, take the place of one that start came into.
+#[test]
+fn a_second_store_behind_one_that_start_comes_into() {
+    each_kind(|kind| {
+        let mut node = kind.configuring();
+        node.write_time = Duration::from_millis(30);
+        node.silent_to(&[&sdo::write(kind.node_id, 0x1010, 1, b"save")]);
+        node.configure_node_id(0x17);
+        node.silent_to(&[STORE, START, ENTER_PRE_OPERATIONAL, TO_CONFIGURATION]);
+        node.configure_bit_rate(KBIT_125);
+        node.silent_to(&[STORE]);
+        node.advance(200);
+        node.take();
+        kind.starts(&mut node, 0x17);
+        assert_eq!(node.device().bit_rate(), BitRate::Kbit125);
+    });
+}
+
 /// A number that is configured after the store was asked for is not part of it.
 #[test]
 fn a_store_stores_what_was_configured_when_it_was_asked_for() {

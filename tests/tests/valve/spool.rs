@@ -1,7 +1,7 @@
 //! The spool as it is told: its way, the lever, float, and what can be wrong with it. The limits and delays of its monitors
 //! are the actuator's.
 
-use protocol_core::actuator::SpoolFault;
+use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::device::pve::Kind;
 
 use super::valve::Command::{Float, Percent};
@@ -108,5 +108,16 @@ fn what_can_be_wrong() {
             assert_eq!(heard.first().cloned().zip(heard.last().cloned()), expected, "{fault:?} at {command:?}");
             assert_eq!(valve.is_shut_down(), told.is_some(), "{fault:?} at {command:?}");
         }
+    });
+}
+
+/// A position that a sensor reads takes the model's place.
+#[test]
+fn a_measured_position() {
+    each_valve(|valve| {
+        let mut valve = valve.commanded(FULL);
+        valve.sense(|inputs| inputs.spool.measured = Position::new(1234));
+        assert_eq!(valve.hold(FULL, 499), NOTHING);
+        assert_eq!(valve.position(), 8);
     });
 }
