@@ -109,7 +109,6 @@ fn check_valve(frame: &Frame) {
     }
 }
 
-/// A kind as this test sees it.
 impl Kind {
     fn check(&self) -> fn(&Frame) {
         if self.is_sensor() { check_services } else { check_valve }

@@ -39,21 +39,24 @@ fn object(kind: &Kind, way: Way) -> String {
     format!("{low:02X} {high:02X} 00")
 }
 
-/// Begins a transfer, and lets one segment pass.
+/// Begins a transfer, and perhaps lets one segment pass.
 fn begin(kind: &Kind, node: &mut Rig, way: Way, segment: bool) {
     let object = object(kind, way);
     let (_, _, text) = kind.texts()[0];
     let first: Vec<String> = text.bytes().take(7).map(|byte| format!("{byte:02X}")).collect();
-    let (initiate, segments) = match way {
-        Upload => (
-            ["40 ".to_owned() + &object, format!("41 {object} {:02X}", text.len())],
-            ["60", &format!("00 {}", first.join(" "))],
-        ),
-        Download => ([format!("21 {object} 04"), "60 ".to_owned() + &object], ["08 81", "20"]),
-    };
-    node.exchange_sdo(&initiate[0], Some(&initiate[1]));
-    if segment {
-        node.exchange_sdo(segments[0], Some(segments[1]));
+    match way {
+        Upload => {
+            node.exchange_sdo(&format!("40 {object}"), Some(&format!("41 {object} {:02X}", text.len())));
+            if segment {
+                node.exchange_sdo("60", Some(&format!("00 {}", first.join(" "))));
+            }
+        }
+        Download => {
+            node.exchange_sdo(&format!("21 {object} 04"), Some(&format!("60 {object}")));
+            if segment {
+                node.exchange_sdo("08 81", Some("20"));
+            }
+        }
     }
 }
 
