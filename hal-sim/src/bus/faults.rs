@@ -81,6 +81,19 @@ pub(super) struct Struck {
     pub(super) events: Vec<Event>,
 }
 
+impl Struck {
+    /// Returns an unaffected frame.
+    pub(super) fn unaffected(frame: &Frame) -> Self {
+        Self { frames: vec![Handed::at_once(frame)], events: Vec::new() }
+    }
+
+    /// Delays all frames.
+    pub(super) fn delayed(mut self, late: Duration) -> Self {
+        self.frames.iter_mut().for_each(|handed| handed.late += late);
+        self
+    }
+}
+
 impl Faults {
     /// Adds a fault. When the list is full, it replaces a fault that is over.
     pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {

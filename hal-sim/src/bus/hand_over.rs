@@ -5,10 +5,10 @@ use std::convert::Infallible;
 use embedded_can::nb::Can;
 use protocol_core::controller::{Controller, Filter, Filters};
 use protocol_core::frame::Frame;
-use protocol_core::time::{Instant, NEVER};
+use protocol_core::time::{Duration, Instant, NEVER};
 
-use super::faults::Handed;
-use super::port::Port;
+use super::faults::{Handed, Struck};
+use super::port::{Port, SlowAnswers};
 use super::transmit::Transmit;
 use super::{Bus, PortId};
 
@@ -76,7 +76,7 @@ impl Bus {
         frame: &Frame,
         now: Instant,
     ) -> nb::Result<Option<Frame>, Infallible> {
-        if self.faults.at_senders || !self.ports[id.0].delayed.is_empty() {
+        if self.faults.at_senders || self.ports[id.0].is_slow() {
             return self.hand_over_with_faults(id, frame, now);
         }
         self.ports[id.0].transmit(frame)
@@ -104,7 +104,13 @@ impl Bus {
                 port.returned.remove(place);
                 None
             }
-            None => self.faults.at_sender(&port.name, frame, swapped.is_none(), now),
+            None => {
+                let struck = self.faults.at_sender(&port.name, frame, swapped.is_none(), now);
+                match port.answers.as_mut().and_then(|answers| answers.delay(frame)) {
+                    Some(late) => Some(struck.unwrap_or_else(|| Struck::unaffected(frame)).delayed(late)),
+                    None => struck,
+                }
+            }
         };
         let port = &mut self.ports[id.0];
         let next = port.delayed.len();
@@ -131,6 +137,13 @@ impl Bus {
         }
         self.release(id, now);
         taken
+    }
+
+    /// Delays the answers of a device between two bounds, at random from a seed; `None` for no delay.
+    pub fn delay_answers(&mut self, id: PortId, delay: Option<(fn(&Frame) -> bool, Duration, Duration, u64)>) {
+        self.ports[id.0].answers = delay.map(|(is_answer, from, to, seed)| {
+            Box::new(SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) })
+        });
     }
 
     /// Hands the due frames of a port to its controller, as far as the controller accepts them.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
-use protocol_core::time::Instant;
+use protocol_core::time::{Duration, Instant};
 
 use super::BUS_IDLE;
 use super::clock::{Nanos, bit_times, instant};
@@ -33,6 +33,8 @@ pub struct Port {
     pub(super) transmit: Transmit,
     /// The frames that a fault holds back between the application and the controller.
     pub(super) delayed: DelayedFrames,
+    /// The delay of the device's answers.
+    pub(super) answers: Option<Box<SlowAnswers>>,
     /// Frames that the controller gave back for a more urgent one while faults were active.
     pub(super) returned: Vec<Frame>,
     pub(super) received: VecDeque<(Instant, Frame)>,
@@ -64,6 +66,23 @@ pub struct Port {
     pub(super) external: Option<Box<External>>,
 }
 
+/// The delay of a device's answers, between two bounds.
+#[derive(Clone, Debug)]
+pub(super) struct SlowAnswers {
+    pub(super) is_answer: fn(&Frame) -> bool,
+    pub(super) from: Duration,
+    pub(super) to: Duration,
+    pub(super) random: fastrand::Rng,
+}
+
+impl SlowAnswers {
+    /// Returns the delay of a frame, if it is an answer.
+    pub(super) fn delay(&mut self, frame: &Frame) -> Option<Duration> {
+        let range = self.from.as_ticks()..=self.to.as_ticks();
+        (self.is_answer)(frame).then(|| Duration::from_ticks(self.random.u64(range)))
+    }
+}
+
 /// The progress of a bus-off recovery.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Recovery {
@@ -74,6 +93,12 @@ pub(super) struct Recovery {
 }
 
 impl Port {
+    /// Returns whether a frame of the application may be delayed.
+    #[inline]
+    pub(super) const fn is_slow(&self) -> bool {
+        !self.delayed.is_empty() || self.answers.is_some()
+    }
+
     /// Creates the port of a device, initially disconnected.
     pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
@@ -107,6 +132,7 @@ impl Port {
             confinement: Confinement::default(),
             transmit,
             delayed: DelayedFrames::default(),
+            answers: None,
             returned: Vec::new(),
             received: VecDeque::new(),
             filters: None,

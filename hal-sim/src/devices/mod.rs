@@ -26,7 +26,7 @@ use protocol_core::device::Setup;
 
 use crate::Kind;
 use crate::memory::Memory;
-use crate::world::{Link, NodeId, World};
+use crate::world::{Electronics, Link, NodeId, World};
 
 /// A device with its unique name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,13 +37,20 @@ pub struct NamedDevice {
     pub setup: Setup,
     /// The spool times (valves only).
     pub spool_times: SpoolTimes,
+    /// The electronics.
+    pub electronics: Electronics,
 }
 
 impl NamedDevice {
     /// Creates a device from a kind or a setup, with the default spool times.
     #[must_use]
     pub fn new(name: &str, setup: impl Into<Setup>) -> Self {
-        Self { name: name.to_owned(), setup: setup.into(), spool_times: SpoolTimes::default() }
+        Self {
+            name: name.to_owned(),
+            setup: setup.into(),
+            spool_times: SpoolTimes::default(),
+            electronics: Electronics::default(),
+        }
     }
 
     /// Adds the device to a world, healthy and unpowered.
@@ -53,6 +60,9 @@ impl NamedDevice {
         if let Some(valve) = inputs.valve_mut() {
             valve.spool.times = self.spool_times;
             world.set_inputs(node, inputs);
+        }
+        if self.electronics != Electronics::default() {
+            world.set_electronics(node, self.electronics);
         }
         node
     }
@@ -105,7 +115,7 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
             taken.push(name.clone());
             name
         });
-        NamedDevice { name, setup: spec.setup, spool_times: spec.spool_times }
+        NamedDevice { name, setup: spec.setup, spool_times: spec.spool_times, electronics: spec.electronics }
     });
     let mut devices: Vec<NamedDevice> = devices.collect();
     number(&mut devices);

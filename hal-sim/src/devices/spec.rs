@@ -5,11 +5,14 @@ use std::str::FromStr;
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
+use protocol_core::time::Duration;
 
 use crate::Kind;
+use crate::world::Electronics;
 
 /// The keys of a device specification.
-const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank";
+const KEYS: &str =
+    "name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, blank";
 
 /// The maximum length of a device name, in characters.
 const NAME_MAX: usize = 32;
@@ -23,13 +26,15 @@ pub struct DeviceSpec {
     pub name: Option<String>,
     /// The spool times (valves only).
     pub spool_times: SpoolTimes,
+    /// The electronics.
+    pub electronics: Electronics,
 }
 
 impl DeviceSpec {
     /// Creates a device of this kind in factory state.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
-        Self { setup: kind.into(), name: None, spool_times: SpoolTimes::DEFAULT }
+        Self { setup: kind.into(), name: None, spool_times: SpoolTimes::DEFAULT, electronics: Electronics::default() }
     }
 }
 
@@ -74,6 +79,13 @@ impl FromStr for DeviceSpec {
                 }
                 ("stroke-ms", Some(time)) => stroke_ms = spool_time(time)?,
                 ("return-ms", Some(time)) => return_ms = spool_time(time)?,
+                ("boot-ms", Some(time)) => spec.electronics.boot = millis(time, MAX_BOOT_MS)?,
+                ("answer-ms", Some(times)) => spec.electronics.answer = answer_times(times)?,
+                ("cycle-ms", Some(time)) => spec.electronics.cycle = millis(time, MAX_CYCLE_MS)?,
+                ("brown-out-mv", _) if matches!(kind, Kind::Hat(_)) => {
+                    return Err(format!("'{key}' applies to a valve's supply; that of a {kind} is not simulated"));
+                }
+                ("brown-out-mv", Some(supply)) => spec.electronics.brown_out_mv = Some(brown_out(supply)?),
                 ("blank", None) if !kind.can_be_blank() => {
                     return Err(format!("a {kind} always has an address; accepted: @ID, or neither for the default"));
                 }
@@ -82,7 +94,11 @@ impl FromStr for DeviceSpec {
                 }
                 ("blank", None) => spec.setup.node_id = None,
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
-                ("name" | "serial" | "bit-rate" | "stroke-ms" | "return-ms", None) => {
+                (
+                    "name" | "serial" | "bit-rate" | "stroke-ms" | "return-ms" | "boot-ms" | "answer-ms" | "cycle-ms"
+                    | "brown-out-mv",
+                    None,
+                ) => {
                     return Err(format!("'{key}' needs a value, as in {key}=…"));
                 }
                 _ => return Err(format!("unknown key '{key}'; accepted: {KEYS}")),
@@ -133,6 +149,37 @@ fn spool_time(text: &str) -> Result<u16, String> {
         format!("'{text}' is not a valid spool time; accepted: {}–{}, in milliseconds", range.start(), range.end())
     })
 }
+
+/// The limits of the electronics' times, in milliseconds.
+const MAX_BOOT_MS: u64 = 60_000;
+const MAX_ANSWER_MS: u64 = 60_000;
+const MAX_CYCLE_MS: u64 = 1_000;
+
+/// Parses a time in milliseconds.
+fn millis(text: &str, max: u64) -> Result<Duration, String> {
+    let ms = number(text).map(u64::from).filter(|ms| *ms <= max);
+    ms.map(Duration::from_millis)
+        .ok_or_else(|| format!("'{text}' is not a valid time; accepted: 0–{max}, in milliseconds"))
+}
+
+/// Parses a time in milliseconds, or its bounds: `20` or `5..20`.
+fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
+    let (from, to) = text.split_once("..").unwrap_or((text, text));
+    let times = (millis(from, MAX_ANSWER_MS)?, millis(to, MAX_ANSWER_MS)?);
+    if times.0 > times.1 {
+        return Err(format!("'{text}' is not a valid range; accepted: the smaller time first, as in 5..20"));
+    }
+    Ok(times)
+}
+
+/// Parses a supply limit in millivolts.
+fn brown_out(text: &str) -> Result<u32, String> {
+    let limit = number(text).filter(|limit| (1..=MAX_SUPPLY_MV).contains(limit));
+    limit.ok_or_else(|| format!("'{text}' is not a valid supply; accepted: 1–{MAX_SUPPLY_MV}, in millivolts"))
+}
+
+/// The maximum supply of the plant, in millivolts.
+const MAX_SUPPLY_MV: u32 = 100_000;
 
 fn serial_number(text: &str) -> Result<u32, String> {
     number(text)

@@ -53,7 +53,8 @@ pub(super) struct ScenarioFile {
 )]
 #[schema(as = Device)]
 pub(super) enum DeviceEntry {
-    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, blank.
+    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
+    /// answer-ms, cycle-ms, brown-out-mv, blank.
     Text(String),
     /// The same text, with requirements of the scenario.
     Table(DeviceTable),
@@ -64,7 +65,8 @@ pub(super) enum DeviceEntry {
 #[serde(deny_unknown_fields)]
 #[schema(as = DeviceTable)]
 pub(super) struct DeviceTable {
-    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, blank.
+    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
+    /// answer-ms, cycle-ms, brown-out-mv, blank.
     pub(super) device: String,
     /// True, the default: the device has to run at the bit rate of the bus.
     #[serde(default)]

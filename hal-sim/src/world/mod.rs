@@ -6,6 +6,7 @@
 mod agenda;
 mod client;
 mod controller;
+mod electronics;
 mod link;
 mod node;
 mod plant;
@@ -29,6 +30,7 @@ use protocol_core::time::{Duration, Instant};
 
 pub use client::{Client, WorldGone};
 pub use controller::ControllerId;
+pub use electronics::Electronics;
 pub use link::{Link, LinkError};
 pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, write_time};
 pub use plant::{Plant, PlantError};
@@ -145,6 +147,7 @@ impl World {
             write: None,
             forced_bus_off: false,
             frames_dropped: 0,
+            electronics: electronics::State::default(),
         });
         id
     }
@@ -201,14 +204,12 @@ impl World {
     /// and the angle of a linked shaft, see [`set_plant`](Self::set_plant).
     pub fn set_inputs(&mut self, node: NodeId, inputs: Inputs) {
         self.follow_links(node);
-        let now = self.now;
         let inputs = self.as_linked(node, inputs);
-        let Node { inputs: sensed, power, .. } = &mut self.nodes[node.0];
+        let Node { inputs: sensed, power, electronics, .. } = &mut self.nodes[node.0];
         *sensed = Inputs { bus: sensed.bus, ..inputs };
-        if let Power::On(device) = power {
-            device.sense(sensed, now);
-            self.service(node);
-        }
+        electronics.has_new_inputs = matches!(power, Power::On(_));
+        self.watch_supply(node);
+        self.service(node);
     }
 
     /// Returns the memory of a device.

@@ -8,6 +8,7 @@ use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
+use super::electronics;
 use crate::bus::{DeviceCan, PortId};
 use crate::memory::Memory;
 
@@ -71,6 +72,7 @@ pub(super) struct Node {
     pub(super) forced_bus_off: bool,
     /// The device's counter of dropped frames at its last service.
     pub(super) frames_dropped: u32,
+    pub(super) electronics: electronics::State,
 }
 
 /// The power state of a device.
@@ -109,14 +111,14 @@ impl Node {
         match &self.power {
             Power::Off => NEVER,
             Power::Coming(at, _) => *at,
-            Power::On(device) => due(&**device, self.write.as_ref()),
+            Power::On(device) => due(&**device, self.write.as_ref(), &self.electronics),
         }
     }
 }
 
 /// Returns the next due time of a powered device or its write in progress.
-pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>) -> Instant {
-    device.deadline().min(write.map_or(NEVER, |write| write.done))
+pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>, electronics: &electronics::State) -> Instant {
+    electronics.cycle_from(device.deadline()).min(write.map_or(NEVER, |write| write.done))
 }
 
 /// Returns the duration of a write of the record under `key`.

@@ -1,7 +1,7 @@
 //! Power-on, power-off, and the effects of a start or restart on the hardware of a device.
 
 use protocol_core::device::{Restart, StartCause};
-use protocol_core::time::{Duration, after, since};
+use protocol_core::time::{Duration, Instant, after, since};
 
 use super::node::{Node, Power};
 use super::{NodeId, World};
@@ -15,19 +15,27 @@ impl World {
         if on {
             self.power_with(node, StartCause::PowerOn);
         } else {
+            self.nodes[node.0].electronics.is_browned_out = false;
             self.cut_power(node);
         }
     }
 
     /// Powers on a device with a given start cause. A running device restarts, as after a processor reset.
     pub fn power_with(&mut self, node: NodeId, cause: StartCause) {
-        if self.is_powered(node) {
-            if cause == StartCause::PowerOn {
-                return;
-            }
-            self.cut_power(node);
+        let boot = self.electronics(node).boot;
+        match self.nodes[node.0].power {
+            Power::On(_) if cause == StartCause::PowerOn => return,
+            Power::Coming(..) if cause == StartCause::PowerOn && boot > Duration::from_ticks(0) => return,
+            Power::On(_) => self.cut_power(node),
+            Power::Coming(..) | Power::Off => {}
         }
-        self.boot(node, cause);
+        if self.nodes[node.0].is_undervoltage() {
+            self.nodes[node.0].electronics.is_browned_out = true;
+        } else if boot > Duration::from_ticks(0) {
+            self.come(node, after(self.now, boot), cause);
+        } else {
+            self.boot(node, cause);
+        }
     }
 
     /// Powers on all devices that are off, each after a random delay up to `jitter`: [`SUPPLY_JITTER`] as on real
@@ -36,10 +44,19 @@ impl World {
         for node in self.devices() {
             if let Power::Off = self.nodes[node.0].power {
                 let start = after(self.now, self.jitter(jitter));
-                self.nodes[node.0].power = Power::Coming(start, StartCause::PowerOn);
-                self.agenda.set(node.0, start);
+                let state = &mut self.nodes[node.0];
+                state.electronics.is_browned_out = state.is_undervoltage();
+                if !state.electronics.is_browned_out {
+                    self.come(node, after(start, self.electronics(node).boot), StartCause::PowerOn);
+                }
             }
         }
+    }
+
+    /// Lets a device start at an instant.
+    fn come(&mut self, node: NodeId, start: Instant, cause: StartCause) {
+        self.nodes[node.0].power = Power::Coming(start, cause);
+        self.agenda.set(node.0, start);
     }
 
     /// Returns whether a device is running.
@@ -64,6 +81,7 @@ impl World {
         let rate = device.bit_rate();
         node.power = Power::On(device);
         node.frames_dropped = 0;
+        node.electronics.started = now;
         let (port, forced) = (node.port, node.forced_bus_off);
         self.set_device_rate(id, rate);
         self.bus.connect(port, now);

@@ -175,17 +175,31 @@ impl World {
 
     /// Serves a device: pumps its frames, executes its effects, updates its due time.
     pub(super) fn service(&mut self, id: NodeId) {
+        if self.defer(id) {
+            return;
+        }
         self.follow_links(id);
         while let Some(effect) = self.pump(id) {
             self.carry_out(id, effect);
         }
     }
 
+    /// Defers the service of a device with a slow cycle to its next cycle; returns false at once for any other device.
+    fn defer(&mut self, id: NodeId) -> bool {
+        let Node { power, electronics, write, .. } = &self.nodes[id.0];
+        let cycle = electronics.cycle_from(self.now);
+        if cycle <= self.now || !matches!(power, Power::On(_)) {
+            return false;
+        }
+        self.agenda.set(id.0, write.as_ref().map_or(cycle, |write| write.done.min(cycle)));
+        true
+    }
+
     /// Pumps a device. Without a pending effect, the service ends with a record of the outcome.
     fn pump(&mut self, id: NodeId) -> Option<Effect> {
         let Self { nodes, bus, agenda, now, .. } = self;
         let now = *now;
-        let Node { port, power, inputs, write, frames_dropped, .. } = &mut nodes[id.0];
+        let Node { port, power, inputs, write, frames_dropped, electronics, .. } = &mut nodes[id.0];
         let (port_id, Power::On(device)) = (*port, power) else { return None };
         let port = bus.port_mut(port_id);
         if port.mode() != inputs.bus {
@@ -193,6 +207,9 @@ impl World {
             if inputs.bus == BusErrorMode::BusOff {
                 bus.drop_pending(port_id, now);
             }
+            device.sense(inputs, now);
+        }
+        if std::mem::take(&mut electronics.has_new_inputs) {
             device.sense(inputs, now);
         }
         let effect = device.pump(&mut DeviceCan::new(bus, port_id, now), now);
@@ -205,9 +222,10 @@ impl World {
         }
         *frames_dropped = dropped;
         bus.refresh_used(port_id, now);
-        let due = due(&**device, write.as_ref());
-        // A device that is due again immediately is served at the next tick; otherwise time would not advance.
-        agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
+        let due = due(&**device, write.as_ref(), electronics);
+        // A device that is due again immediately is served at the next tick, or in its next cycle; otherwise time would
+        // not advance.
+        agenda.set(id.0, if due <= now { electronics.cycle_from(after(now, TICK)) } else { due });
         None
     }
 

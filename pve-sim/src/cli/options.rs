@@ -48,6 +48,12 @@ pub struct RunArgs {
     ///   stroke-ms=N, return-ms=N
     ///              valves only, 10–5000 ms: the time of the spool from neutral to full stroke,
     ///              by default 250, and of its return by springs, by default 150
+    ///   boot-ms=N  0–60000 ms from power to the start, by default 0
+    ///   answer-ms=N or A..B
+    ///              0–60000 ms until each answer (SDO, LSS, UDS, J1939), by default 0
+    ///   cycle-ms=N 0–1000 ms between two cycles of the device's program, by default 0
+    ///   brown-out-mv=N
+    ///              valves only: off below this supply; by default never
     ///   blank      CANopen only: no node ID, waits for LSS
     ///
     /// With --state, an existing memory decides; ID, serial and bit-rate fill a new one only.

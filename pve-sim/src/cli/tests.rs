@@ -15,7 +15,7 @@ use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
 use hal_sim::Kind;
 use hal_sim::devices::{NamedDevice, NamedLink};
-use hal_sim::world::Link;
+use hal_sim::world::{Electronics, Link};
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
@@ -64,6 +64,7 @@ fn defaults() {
                 name: "pvea-canopen".to_owned(),
                 setup: Setup { serial: Some(0x5B2E_0100), ..PVEA.into() },
                 spool_times: SpoolTimes::DEFAULT,
+                electronics: Electronics::default(),
             }],
             links: vec![],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
@@ -226,11 +227,11 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-canopen,blank,blank", "'blank' is given twice"),
         (
             "--device pvea-canopen,colour=red",
-            "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank",
+            "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, blank",
         ),
         (
             "--device pvea-canopen,",
-            "unknown key ''; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank",
+            "unknown key ''; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, blank",
         ),
         ("--device pvea-canopen,stroke-ms=9", "'9' is not a valid spool time; accepted: 10–5000, in milliseconds"),
         ("--device pvea-isobus,return-ms=5001", "'5001' is not a valid spool time; accepted: 10–5000, in milliseconds"),

@@ -12,6 +12,7 @@ use hal_sim::replay::{Outcome, ReplayOptions, replay};
 use hal_sim::scenario::Target as _;
 use hal_sim::simulation::{KEPT, TraceRecord};
 use hal_sim::state::Pattern;
+use hal_sim::world::Electronics;
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
@@ -57,6 +58,7 @@ fn replays(file: PathBuf, devices: &[Device]) -> u64 {
         name: device.kind.name().to_owned(),
         setup: Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) },
         spool_times: SpoolTimes::DEFAULT,
+        electronics: Electronics::default(),
     };
     let options = ReplayOptions {
         file,

@@ -1,0 +1,208 @@
+//! Slow devices and weak supplies, to the microsecond.
+
+use protocol_core::controller::BitRate;
+
+use super::*;
+use crate::devices::{DeviceSpec, NamedDevice, named};
+use crate::memory::Memory;
+use crate::world::{ClientPortId, EventKind, Plant};
+
+/// A world with a device and a master.
+struct Rig {
+    world: World,
+    device: NodeId,
+    master: ClientPortId,
+}
+
+impl Rig {
+    fn new(device: &str) -> Self {
+        let spec: DeviceSpec = device.parse().unwrap_or_else(|error| panic!("{device}: {error}"));
+        let device: NamedDevice = named(vec![spec]).expect("a name").remove(0);
+        let mut world = World::new(BitRate::Kbit250, 1);
+        world.record_events(true);
+        let master = world.add_client_port("master");
+        let node = device.add_to(&mut world, Memory::in_ram());
+        Self { world, device: node, master }
+    }
+
+    /// Returns one whose device has been powered for a second.
+    fn started(device: &str) -> Self {
+        let mut rig = Self::new(device);
+        rig.world.power(rig.device, true);
+        rig.frames(1000);
+        rig
+    }
+
+    /// Lets milliseconds pass; returns the device's frames with their starts in µs.
+    fn frames(&mut self, ms: u64) -> Vec<(u64, String)> {
+        let name = self.world.name(self.device).to_owned();
+        self.world.run_for(Duration::from_millis(ms));
+        let frames =
+            self.world.take_events().filter(|event| *event.who == *name).filter_map(|event| match event.what {
+                EventKind::Frame { frame, start } => Some((start.as_micros(), frame.to_string())),
+                _ => None,
+            });
+        frames.collect()
+    }
+
+    /// Sends a frame; returns its end in µs, after which nothing else is sent.
+    fn send(&mut self, frame: &str) -> u64 {
+        self.world.send(self.master, frame.parse().expect(frame));
+        while self.world.pending(self.master) > 0 {
+            self.world.step();
+        }
+        self.world.now().as_micros()
+    }
+
+    fn supply(&mut self, mv: u32) {
+        self.world.set_plant(self.device, Plant::SupplyMv(mv)).expect("a supply");
+    }
+}
+
+const READ_VENDOR: &str = "620: 40 18 10 01 00 00 00 00";
+
+#[test]
+fn a_device_starts_late() {
+    let at = |device| {
+        let mut rig = Rig::new(device);
+        rig.world.power(rig.device, true);
+        rig.frames(3000).first().cloned().expect("a boot-up")
+    };
+    let (usual, boot_up) = at("pvea-canopen");
+    assert_eq!(at("pvea-canopen,boot-ms=1500"), (usual + 1_500_000, boot_up));
+    assert_eq!(at("pvea-isobus,boot-ms=300").0, at("pvea-isobus").0 + 300_000);
+    assert_eq!(at("hat1000,boot-ms=300,bit-rate=250k").0, at("hat1000,bit-rate=250k").0 + 300_000);
+}
+
+#[test]
+fn power_during_the_start() {
+    let mut rig = Rig::new("pvea-canopen,boot-ms=100");
+    rig.world.power(rig.device, true);
+    assert_eq!(rig.frames(60), []);
+    // It is on: this changes nothing.
+    rig.world.power(rig.device, true);
+    assert_eq!(rig.frames(45).len(), 2, "boot-up and EMCY");
+    rig.world.power(rig.device, false);
+    rig.world.power(rig.device, true);
+    rig.frames(60);
+    rig.world.power(rig.device, false);
+    assert_eq!(rig.frames(1000), []);
+}
+
+#[test]
+fn answers_come_late_and_nothing_else_does() {
+    let answer = |device: &str| {
+        let mut rig = Rig::started(device);
+        let asked = rig.send(READ_VENDOR);
+        let frames = rig.frames(200);
+        let [(start, frame)] = frames.as_slice() else { panic!("{frames:?}") };
+        assert_eq!(frame, "5A0: 43 18 10 01 19 00 00 01");
+        start - asked
+    };
+    let usual = answer("pvea-canopen");
+    assert_eq!(answer("pvea-canopen,answer-ms=20"), usual.max(20_000));
+    let late = answer("pvea-canopen,answer-ms=5..20");
+    assert!((5_000..=20_100).contains(&late) && late != answer("pvea-canopen,answer-ms=20"), "{late}");
+    assert_eq!(late, answer("pvea-canopen,answer-ms=5..20"), "the same seed");
+    // A heartbeat and TPDOs keep their times.
+    let cyclic = |device: &str| {
+        let mut rig = Rig::started(device);
+        rig.send("620: 2B 17 10 00 32 00 00 00");
+        rig.frames(100);
+        rig.send("000: 01 20");
+        rig.frames(500)
+    };
+    assert_eq!(cyclic("pvea-canopen"), cyclic("pvea-canopen,answer-ms=7"));
+}
+
+#[test]
+fn answers_of_isobus_come_late() {
+    // Requests of DM2, and of a group that the valve does not have.
+    for request in ["18EA8027: CB FE 00", "18EA8027: D8 00 00"] {
+        let answer = |device: &str| {
+            let mut rig = Rig::started(device);
+            let asked = rig.send(request);
+            let cyclic = |frame: &str| frame.starts_with("0CFE") || frame.starts_with("18FECA");
+            let frames = rig.frames(90);
+            let found = frames.iter().find(|(start, frame)| *start >= asked && !cyclic(frame));
+            let (start, frame) = found.unwrap_or_else(|| panic!("{request}: {frames:?}"));
+            (start - asked, frame.clone())
+        };
+        let ((usual, frame), (late, same)) = (answer("pvea-isobus"), answer("pvea-isobus,answer-ms=40"));
+        assert!(usual < 5_000 && (40_000..41_000).contains(&late), "{request}: {usual} and {late}");
+        assert_eq!(frame, same);
+    }
+}
+
+#[test]
+fn a_slow_application_acts_in_its_cycle() {
+    let mut rig = Rig::started("pvea-canopen,cycle-ms=10");
+    for offset in [0, 1234, 4321, 9999] {
+        rig.world.run_for(Duration::from_micros(offset));
+        let asked = rig.send(READ_VENDOR);
+        let frames = rig.frames(20);
+        let [(start, _)] = frames.as_slice() else { panic!("{frames:?}") };
+        assert_eq!(*start, asked.next_multiple_of(10_000), "asked at {asked}");
+    }
+    rig.send("000: 01 20");
+    rig.supply(8_000);
+    for (start, frame) in rig.frames(2000) {
+        // The frames of one cycle follow one another.
+        assert!(start % 10_000 < 2_000, "{start} {frame}");
+    }
+}
+
+#[test]
+fn a_slow_application_stores() {
+    let mut rig = Rig::started("pvea-canopen,cycle-ms=100");
+    rig.send("620: 23 10 10 01 73 61 76 65");
+    rig.world.flush_all();
+    assert!(rig.frames(500).iter().any(|(_, frame)| frame == "5A0: 60 10 10 01 00 00 00 00"));
+}
+
+#[test]
+fn below_its_limit_a_valve_is_off() {
+    let mut rig = Rig::started("pvea-canopen,brown-out-mv=7000,boot-ms=50");
+    rig.supply(7_000);
+    assert!(rig.world.is_powered(rig.device));
+    rig.supply(6_999);
+    assert!(!rig.world.is_powered(rig.device));
+    assert_eq!(rig.frames(100), []);
+    rig.supply(24_000);
+    let frames = rig.frames(100);
+    assert_eq!(frames.first().map(|(_, frame)| frame.as_str()), Some("720: 00"));
+    // Switched off, it stays off; switched on below the limit, it waits.
+    rig.supply(5_000);
+    rig.world.power(rig.device, false);
+    rig.supply(24_000);
+    assert_eq!(rig.frames(100), []);
+    rig.supply(5_000);
+    rig.world.power(rig.device, true);
+    assert_eq!(rig.frames(100), []);
+    rig.supply(12_000);
+    assert!(!rig.frames(100).is_empty());
+}
+
+#[test]
+fn by_default_nothing_is_slow() {
+    let mut rig = Rig::started("pvea-canopen");
+    assert_eq!(rig.world.electronics(rig.device), Electronics::default());
+    rig.supply(0);
+    assert!(rig.world.is_powered(rig.device), "(A): a valve without a limit does not switch off");
+}
+
+#[test]
+fn what_is_no_electronics_is_refused() {
+    for (device, reason) in [
+        ("pvea-canopen,boot-ms=60001", "'60001' is not a valid time; accepted: 0–60000"),
+        ("pvea-canopen,answer-ms=20..5", "'20..5' is not a valid range"),
+        ("pvea-canopen,answer-ms=5..", "'' is not a valid time"),
+        ("pvea-canopen,cycle-ms=1001", "'1001' is not a valid time; accepted: 0–1000"),
+        ("pvea-canopen,cycle-ms", "'cycle-ms' needs a value"),
+        ("pvea-canopen,brown-out-mv=0", "'0' is not a valid supply"),
+        ("hat1000,brown-out-mv=7000", "'brown-out-mv' applies to a valve's supply"),
+    ] {
+        let refused = device.parse::<DeviceSpec>().expect_err(device);
+        assert!(refused.starts_with(reason), "{device}: {refused}");
+    }
+}
