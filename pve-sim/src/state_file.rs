@@ -39,7 +39,7 @@ const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(win
 #[derive(Debug, thiserror::Error)]
 pub enum StateFileError {
     /// The file belongs to a device of another kind.
-    #[error("{}: the memory of another kind of device ({found}, not {expected})", path.display())]
+    #[error("{}: holds the memory of another kind of device ({found}, not {expected})", path.display())]
     OtherKind {
         /// The file.
         path: PathBuf,
@@ -111,10 +111,10 @@ impl StateFile {
     /// When the file belongs to a device of another kind, is in use, or cannot be read.
     pub fn open(dir: &Path, name: &str, kind: u32) -> Result<Opened, StateFileError> {
         let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, _lock: None };
-        fs::create_dir_all(dir).map_err(|error| file.error("make the directory", error))?;
+        fs::create_dir_all(dir).map_err(|error| file.error("create the directory", error))?;
         // A link is resolved, so that its target is replaced, and both names lock the same file.
         if file.path.is_symlink() {
-            file.path = fs::canonicalize(&file.path).map_err(|error| file.error("follow the link", error))?;
+            file.path = fs::canonicalize(&file.path).map_err(|error| file.error("resolve the link", error))?;
         }
         // Before opening: to open a pipe would wait for a writer.
         if fs::metadata(&file.path).is_ok_and(|found| !found.is_file()) {
@@ -249,22 +249,22 @@ impl MemoryFile for StateFile {
             match OpenOptions::new().write(true).create_new(true).open(&aside) {
                 Ok(_) => {}
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
-                Err(error) => return Err(self.error("put the damaged file aside", error).into()),
+                Err(error) => return Err(self.error("rename the damaged file", error).into()),
             }
             return match fs::rename(&self.path, &aside) {
                 Ok(()) => Ok(format!(
-                    "{} is damaged: kept as {}, starting with defaults",
+                    "{} is damaged: renamed to {}, starting with defaults",
                     self.path.display(),
                     aside.display()
                 )),
                 Err(error) => {
                     // The reserved name is unused, and its file still empty.
                     let _ = fs::remove_file(&aside);
-                    Err(self.error("put the damaged file aside", error).into())
+                    Err(self.error("rename the damaged file", error).into())
                 }
             };
         }
-        unreachable!("there are more numbers than files")
+        unreachable!("every number up to u32::MAX has a `.bad` file")
     }
 }
 

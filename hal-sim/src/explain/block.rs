@@ -61,7 +61,7 @@ impl Blocks {
         self.0.get(&node).filter(|transfer| transfer.is_segment(from, *command))?;
         let direction = match from {
             Party::Client => "write",
-            Party::Server => "answer",
+            Party::Server => "read response",
         };
         let last = if command & LAST != 0 { "last segment" } else { "segment" };
         Some(format!("SDO block {direction}, {last} {}: {}", command & !LAST, text_or_hex(data)))

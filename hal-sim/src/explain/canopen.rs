@@ -150,7 +150,7 @@ fn named(what: &str, code: u16) -> String {
 /// Returns an error of an angle sensor (SPEC 9).
 const fn angle_sensor(error: hat::Error) -> &'static str {
     match error {
-        hat::Error::SetUp => "set-up not loaded",
+        hat::Error::SetUp => "setup not loaded",
         hat::Error::Controller => "controller error",
         hat::Error::Passive => "error-passive",
         hat::Error::BusOff => "recovered from bus-off",

@@ -109,14 +109,14 @@ fn acknowledgement(frame: &Frame, sender: &str, context: &Context<'_>) -> Option
         Control::Positive => "done",
         Control::Negative => "not supported",
         Control::AccessDenied => "access denied",
-        Control::CannotRespond => "not now",
+        Control::CannotRespond => "cannot respond now",
     };
     Some(format!("{sender} → {}: {what}, {}", party(requester, context), group(pgn)))
 }
 
 fn broadcast(announcement: Announcement) -> String {
     let Announcement { size, packets, pgn } = announcement;
-    let sound = if announcement.is_sound() { "" } else { ", which do not agree" };
+    let sound = if announcement.is_sound() { "" } else { ", inconsistent" };
     format!("BAM, {} follows, {size} bytes in {packets} packets{sound}", group(pgn))
 }
 

@@ -132,11 +132,11 @@ impl Explainer {
 #[must_use]
 pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
     let why = match error {
-        BusError::Acknowledgement => "nobody acknowledged",
+        BusError::Acknowledgement => "no acknowledgement of",
         BusError::Bit => "bit error in",
         BusError::Stuff => "stuff error in",
     };
-    format!("error frame: {why} {frame} of {from}")
+    format!("error frame: {why} {frame} from {from}")
 }
 
 /// Returns what a communication fault did to `frame`.
@@ -180,7 +180,7 @@ impl Context<'_> {
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),
-            (None, Some(node)) => format!("client as {}", node.name),
+            (None, Some(node)) => format!("client, posing as {}", node.name),
             (None, None) => otherwise(),
         }
     }

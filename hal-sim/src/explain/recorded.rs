@@ -116,10 +116,10 @@ pub fn explain_error_frame(error: &ErrorFrame) -> String {
         (0x002, "arbitration lost"),
         (0x008, "protocol violation"),
         (0x010, "transceiver"),
-        (0x020, "nobody acknowledged"),
+        (0x020, "no acknowledgement"),
         (0x040, "bus-off"),
         (0x080, "bus error"),
-        (0x100, "back from bus-off"),
+        (0x100, "restarted after bus-off"),
         (0x004, "controller"),
     ];
     const CONTROLLER: [(u8, &str); 7] = [
@@ -210,12 +210,12 @@ mod tests {
     #[test]
     fn error_frames_of_linux() {
         let said = |class: ErrorClass| explain_error_frame(&class.into());
-        assert_eq!(said(ErrorClass::NoAcknowledge), "error frame: nobody acknowledged");
+        assert_eq!(said(ErrorClass::NoAcknowledge), "error frame: no acknowledgement");
         assert_eq!(said(ErrorClass::BusError), "error frame: bus error");
         assert_eq!(said(ErrorClass::ErrorPassive), "error frame: error-passive");
         assert_eq!(said(ErrorClass::ErrorActive), "error frame: error-active");
         assert_eq!(said(ErrorClass::BusOff), "error frame: bus-off");
-        assert_eq!(said(ErrorClass::Restarted), "error frame: back from bus-off");
+        assert_eq!(said(ErrorClass::Restarted), "error frame: restarted after bus-off");
         assert_eq!(said(ErrorClass::TransmitOverflow), "error frame: transmit overflow");
         assert_eq!(explain_error_frame(&ErrorFrame::UNTOLD), "error frame");
         let both = ErrorFrame { class: 0x8C, data: [0, 0x08, 0, 0, 0, 0, 0, 0] };

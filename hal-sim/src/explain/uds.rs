@@ -32,9 +32,9 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
         }
         _ if service == READ | POSITIVE => {
             let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
-            format!("answer {} = {}", identifier(id), content(id, value))
+            format!("read response {} = {}", identifier(id), content(id, value))
         }
-        WRITTEN => format!("written {}", identifier(rest)),
+        WRITTEN => format!("write response {}", identifier(rest)),
         NEGATIVE => match rest {
             [READ, code, ..] => format!("read refused, {}", reason(*code)),
             [WRITE, code, ..] => format!("write refused, {}", reason(*code)),
@@ -94,7 +94,7 @@ pub(super) fn device(address: Address) -> Option<u8> {
 }
 
 fn identifier(bytes: &[u8]) -> String {
-    let &[high, low, ..] = bytes else { return "without identifier".to_owned() };
+    let &[high, low, ..] = bytes else { return "without data identifier".to_owned() };
     let id: Identifier = u16::from_be_bytes([high, low]);
     let name = match id {
         0x1001 => " (node ID)",

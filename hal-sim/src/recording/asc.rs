@@ -128,13 +128,13 @@ impl Parser {
     /// Reads the line of the base: `hex  timestamps absolute`.
     fn base(&mut self, rest: &str) -> Result<(), Reason> {
         let words: Vec<&str> = rest.split_whitespace().collect();
-        self.radix = words.first().and_then(|base| radix(base)).ok_or("a base that is neither hex nor dec")?;
+        self.radix = words.first().and_then(|base| radix(base)).ok_or("the base must be hex or dec")?;
         self.relative = words.last().is_some_and(|times| times.eq_ignore_ascii_case("relative"));
         Ok(())
     }
 
     fn event(&mut self, time: &str, rest: &str) -> Result<Option<Record>, Reason> {
-        let passed: Timestamp = time.parse().map_err(|_| "not a line of an ASC file")?;
+        let passed: Timestamp = time.parse().map_err(|_| "not an ASC line")?;
         let from = if self.relative { self.last } else { self.origin };
         let at = Timestamp::from_micros(from.as_micros().saturating_add(passed.as_micros()));
         self.last = at;
@@ -158,7 +158,7 @@ impl Parser {
             // A transmit request: the frame itself has a line of its own.
             [_, _, direction, ..] if direction.eq_ignore_ascii_case("TxRq") => return Ok(None),
             [_, event, ..] if is_other_event(event) => return Ok(None),
-            _ => return Err("neither a frame nor another event of an ASC file"),
+            _ => return Err("not a known ASC event"),
         };
         Ok(Some(Record { at, entry }))
     }
@@ -173,7 +173,7 @@ impl Parser {
             [id, name, rest @ ..] if !matches!(*name, "0" | "1") => [&[*id], rest].concat(),
             words => words.to_vec(),
         };
-        let [id, _, _, code, length, rest @ ..] = words.as_slice() else { return Err("fewer words than a frame has") };
+        let [id, _, _, code, length, rest @ ..] = words.as_slice() else { return Err("incomplete frame") };
         let length: usize = length.parse().map_err(|_| "invalid length")?;
         let flags = rest.get(length.saturating_add(2)).and_then(|flags| u32::from_str_radix(flags, 16).ok());
         match flags {
@@ -200,13 +200,13 @@ impl Parser {
             ["d" | "D", code, ref rest @ ..] => {
                 let wanted = length(code).ok_or("invalid length")?.min(8);
                 let mut data = [0; 8];
-                let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the length")?;
+                let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the stated length")?;
                 for (room, byte) in data.iter_mut().zip(bytes) {
-                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("data that are not bytes")?;
+                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("invalid data byte")?;
                 }
                 Ok(Frame::with_len(id, data, wanted))
             }
-            _ => Err("neither data nor a remote frame"),
+            _ => Err("the frame type must be d or r"),
         }
     }
 }

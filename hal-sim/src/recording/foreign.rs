@@ -5,7 +5,7 @@ macro_rules! refusal {
     ($what:literal) => {
         concat!(
             $what,
-            "; accepted: candump's log or screen, ASC, pcapng; python-can's can_logconvert converts others to ASC"
+            "; accepted: candump log or screen output, ASC, pcapng; python-can's can_logconvert converts others to ASC"
         )
     };
 }
@@ -26,10 +26,8 @@ pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
         b"LOGG" => Some(refusal!("a BLF file")),
         b"MDF " | b"UnFi" => Some(refusal!("an MDF file (MF4)")),
         b"SQLi" => Some(refusal!("an SQLite database")),
-        [0x1F, 0x8B, ..] => Some("a gzip file; accepted: its unpacked content"),
-        head if PCAP.contains(&head) => {
-            Some("a pcap file; accepted: pcapng, as `editcap -F pcapng` writes it, ASC, and candump's log")
-        }
+        [0x1F, 0x8B, ..] => Some("a gzip file; decompress it first"),
+        head if PCAP.contains(&head) => Some("a pcap file; convert it to pcapng with `editcap -F pcapng`"),
         _ => None,
     }
 }

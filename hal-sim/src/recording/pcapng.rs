@@ -184,7 +184,7 @@ impl Packets {
 }
 
 const CUT_OFF: Reason = "the file is truncated here";
-const BROKEN: Reason = "not a pcapng block; the rest is unreadable";
+const BROKEN: Reason = "invalid pcapng block; the rest of the file is unreadable";
 
 /// Returns the entry of a packet block.
 fn take(
@@ -203,15 +203,15 @@ fn take(
         PcapBlockOwned::NG(Block::EnhancedPacket(packet)) => {
             *last = usize::try_from(packet.if_id).unwrap_or(usize::MAX);
             let interface = interfaces.get(*last);
-            let Some(interface) = interface else { return Some(Err("a packet of an unknown interface")) };
+            let Some(interface) = interface else { return Some(Err("the packet refers to an unknown interface")) };
             if interface.link_type != i32::from(SOCKETCAN) {
-                return Some(Err("a packet of another link type than SocketCAN (227)"));
+                return Some(Err("the link type of the packet is not SocketCAN (227)"));
             }
             let at = interface.time(u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low));
             let entry = entry(packet.packet_data());
-            return Some(entry.and_then(|entry| Ok(Record { at: at.ok_or("invalid time")?, entry })));
+            return Some(entry.and_then(|entry| Ok(Record { at: at.ok_or("invalid timestamp")?, entry })));
         }
-        PcapBlockOwned::NG(Block::SimplePacket(_)) => return Some(Err("a packet without a time")),
+        PcapBlockOwned::NG(Block::SimplePacket(_)) => return Some(Err("the packet has no timestamp")),
         _ => {}
     }
     None
@@ -243,7 +243,7 @@ impl Interface {
 /// Returns the entry of a packet of SocketCAN.
 fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     let Some((&[a, b, c, d, length, flags, _, _], data)) = packet.split_first_chunk::<HEAD>() else {
-        return Err("a packet that is too short for a frame");
+        return Err("the packet is too short for a frame");
     };
     if length > 8 || flags & FD_FLAG != 0 {
         return Err(FD);
@@ -262,12 +262,12 @@ fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     } else {
         u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
     };
-    let id = id.ok_or("an identifier above the maximum")?;
+    let id = id.ok_or("identifier out of range")?;
     if raw & REMOTE_FLAG != 0 {
         return Ok(Entry::Frame(Frame::remote(id, length)));
     }
     if data.len() < usize::from(length) {
-        return Err("fewer bytes than the length");
+        return Err("fewer bytes than the stated length");
     }
     Ok(Entry::Frame(Frame::with_len(id, bytes, length)))
 }

@@ -17,7 +17,7 @@ const LINE_MAX: u64 = 4096;
 /// The length of an unreadable line in messages, in characters.
 const SHOWN: usize = 80;
 
-const UNREADABLE: &str = "cannot be read on";
+const UNREADABLE: &str = "the rest of the file cannot be read";
 
 /// The reader of a recording, entry by entry.
 pub struct Reader {
@@ -247,7 +247,7 @@ impl Text {
     /// Returns the entry of the line; `None` for a line that needs none.
     fn entry(&mut self) -> Result<Option<Record>, Reason> {
         if self.is_too_long {
-            return Err("a line that is too long");
+            return Err("line too long");
         }
         // ASC files have the encoding of their machine.
         let line = String::from_utf8_lossy(&self.line);

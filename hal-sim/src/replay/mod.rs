@@ -125,7 +125,7 @@ pub enum ReplayError {
         path: PathBuf,
     },
     /// The file has no frame of a device.
-    #[error("{}: no {what} of {name} in the log", path.display())]
+    #[error("{}: no {what} from {name} in the log", path.display())]
     NotThere {
         /// The file.
         path: PathBuf,
@@ -135,7 +135,7 @@ pub enum ReplayError {
         name: String,
     },
     /// After the last round, the replay still sent frames whose identifiers belong to a stand-in.
-    #[error("{}: identifiers of a stand-in, still sent as other nodes' frames after {ROUNDS} rounds: {ids}", path.display())]
+    #[error("{}: own identifiers, still sent as frames of other nodes after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
         path: PathBuf,
@@ -151,7 +151,7 @@ pub enum ReplayError {
 pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
     let unread = |source| ReplayError::Read { path: options.file.clone(), source };
     if !fs::metadata(&options.file).map_err(unread)?.is_file() {
-        let twice = "a replay reads the file more than once; accepted: a regular file";
+        let twice = "replay reads the file more than once; use a regular file";
         return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
     }
     let timeline = Timeline::find(options)?;
@@ -225,11 +225,11 @@ impl<'a> Player<'a> {
             };
             let Some(at) = self.timeline.instant(&logged) else { continue };
             if since(at, end) > GAP && end > Instant::from_ticks(0) {
-                self.name(&format_args!("{}: more than a day after the previous entry", logged.number));
+                self.name(&format_args!("{}: time more than a day after the previous entry", logged.number));
                 continue;
             }
             if since(end, at) > self.options.tolerance {
-                self.name(&format_args!("{}: earlier than the previous entry", logged.number));
+                self.name(&format_args!("{}: time earlier than that of the previous entry", logged.number));
             }
             end = end.max(at);
             match logged.record.entry {

@@ -89,7 +89,7 @@ impl Failure {
 
     /// Returns the failure of a device that runs at another bit rate than the bus.
     pub(super) fn not_heard(line: usize, reason: String) -> Self {
-        let accept = "if this is intended, state it at the device: { device = \"…\", heard = false }".to_owned();
+        let accept = "if this is intended, declare the device as { device = \"…\", heard = false }".to_owned();
         Self {
             line,
             note: None,
@@ -111,7 +111,7 @@ impl Failure {
 
     /// Returns the failure of a step that begins late, because the previous steps took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
-        let details = vec![format!("the previous steps were not over at {}", time(begin))];
+        let details = vec![format!("the previous steps were still running at {}", time(begin))];
         let ms = match step.begin {
             Begin::At(distance) => distance.as_millis(),
             Begin::Now | Begin::After(_) => 0,
@@ -136,7 +136,7 @@ impl Failure {
         let mut details = Vec::new();
         for pattern in patterns {
             let is_missing = missing.iter().any(|missing| std::ptr::eq(*missing, pattern));
-            let label = if is_missing { "expected" } else { "came" };
+            let label = if is_missing { "expected" } else { "received" };
             details.push(format!("{label:<10}{pattern}{}", meaning(pattern, history)));
         }
         if let Some(first) = missing.first() {
@@ -144,7 +144,7 @@ impl Failure {
         }
         let wanted = match patterns {
             [pattern] => pattern.to_string(),
-            _ => format!("{} frames, of which {} came", patterns.len(), patterns.len() - missing.len()),
+            _ => format!("{} frames ({} received)", patterns.len(), patterns.len() - missing.len()),
         };
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
@@ -173,7 +173,7 @@ impl Failure {
         let mut details: Vec<String> =
             keys.map(|(key, value, _)| format!("{key:<10}expected {value}, seen {}", value_of(key, state))).collect();
         if details.is_empty() {
-            details.push("each key had its value, but not all at the same time".to_owned());
+            details.push("each key had its expected value, but never all at the same time".to_owned());
         }
         Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
     }
@@ -216,9 +216,9 @@ impl Failure {
             let _ = writeln!(out, "    {line}");
         }
         let (nothing, since) = match is_first {
-            _ if self.is_not_heard => ("no error frame was on the bus", "errors of the bus:"),
-            true => ("nothing was on the bus", "on the bus before:"),
-            false => ("nothing was on the bus since the previous failure", "on the bus since the previous failure:"),
+            _ if self.is_not_heard => ("no error frames on the bus", "bus errors:"),
+            true => ("no bus traffic", "bus traffic before the failure:"),
+            false => ("no bus traffic since the previous failure", "bus traffic since the previous failure:"),
         };
         let _ = writeln!(out, "    {}", if excerpt.is_empty() { nothing } else { since });
         for line in excerpt {
@@ -233,9 +233,9 @@ impl Deviation {
         let came = |Heard { at, frame, .. }: &Heard| format!("{frame}  at {}  {}", time(*at), history.explain(frame));
         match self {
             Self::Unclaimed(heard) => format!("no step expects  {}", came(heard)),
-            Self::Early(heard, pause) => format!("again after only {}  {}", span(*pause), came(heard)),
+            Self::Early(heard, pause) => format!("repeated after only {}  {}", span(*pause), came(heard)),
             Self::Missing { pattern, period, last } => {
-                format!("not again since {}, expected every {} ms: {pattern}", time(*last), period.as_millis())
+                format!("not received since {}, expected every {} ms: {pattern}", time(*last), period.as_millis())
             }
         }
     }
@@ -267,16 +267,16 @@ fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<St
         None => {
             let others = history.heard_since(mark).count();
             let others = match others {
-                0 => "no frame of a device".to_owned(),
-                1 => "1 frame of a device, with another identifier".to_owned(),
-                _ => format!("{others} frames of devices, with other identifiers"),
+                0 => "no device frame".to_owned(),
+                1 => "1 device frame, with another identifier".to_owned(),
+                _ => format!("{others} device frames, with other identifiers"),
             };
             lines.push(format!("seen      {others}"));
         }
     }
     let earlier = history.heard_since(0).take_while(|heard| heard.number < from);
     if let Some(heard) = earlier.filter(|heard| wanted.matches(&heard.frame)).last() {
-        lines.push(format!("          a matching frame came before the step, at {}", time(heard.at)));
+        lines.push(format!("          a matching frame was received before the step, at {}", time(heard.at)));
     }
     lines
 }

@@ -119,7 +119,7 @@ impl<'a, B: Target> Runner<'a, B> {
                 if let What::State(wanted) = what
                     && self.target.simulation().find(wanted.device()).is_err()
                 {
-                    let reason = "its state cannot be read here; accepted: frames";
+                    let reason = "the target gives no access to the state; use frames";
                     self.fail(Failure::undone(step, &format!("a state of {}", wanted.device()), reason));
                 }
             }
@@ -225,9 +225,10 @@ impl<'a, B: Target> Runner<'a, B> {
             Executed::Pending(ticket) => {
                 self.pass_until(NEVER, &mut Goal::Command(ticket));
                 let place = self.ended.iter().position(|(known, _)| *known == ticket);
-                place.map_or(Err(Refusal::Conflict("virtual time has ended".to_owned())), |place| {
-                    self.ended.swap_remove(place).1
-                })
+                place.map_or(
+                    Err(Refusal::Conflict("virtual time reached its limit before the command completed".to_owned())),
+                    |place| self.ended.swap_remove(place).1,
+                )
             }
         }
     }
@@ -385,7 +386,7 @@ impl<'a, B: Target> Runner<'a, B> {
         let reason = match instant {
             _ if end <= guard.since => "no time has passed: nothing was checked",
             Some(instant) if instant < guard.since || instant > end => {
-                "t_us was not in the checked time: nothing was checked"
+                "t_us was outside the checked time: nothing was checked"
             }
             _ => return,
         };

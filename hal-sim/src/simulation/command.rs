@@ -103,7 +103,7 @@ pub enum Executed {
 #[non_exhaustive]
 pub enum Refusal {
     /// No device has this name.
-    #[error("no device '{name}'; there are: {known}")]
+    #[error("no device '{name}'; accepted: {known}")]
     UnknownDevice {
         /// The unknown name.
         name: String,

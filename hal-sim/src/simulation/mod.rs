@@ -218,8 +218,9 @@ impl Simulation {
             Command::Send(frame, period) => {
                 let ticket = self.ticket();
                 let Self { sender, world, completed, .. } = self;
-                let sender =
-                    sender.as_mut().ok_or_else(|| Refusal::Conflict("the simulation has no sender".to_owned()))?;
+                let sender = sender
+                    .as_mut()
+                    .ok_or_else(|| Refusal::Conflict("this simulation cannot send frames".to_owned()))?;
                 sender.send(frame, period, ticket, world, completed)?;
                 self.poll();
                 return Ok(Executed::Pending(ticket));
@@ -397,7 +398,9 @@ impl Simulation {
                 return self.completed.remove(place).1;
             }
             if self.now() == NEVER {
-                return Err(Refusal::Conflict("virtual time has ended".to_owned()));
+                return Err(Refusal::Conflict(
+                    "virtual time reached its limit before the command completed".to_owned(),
+                ));
             }
             self.go(NEVER);
             while self.take_event().is_some() {}

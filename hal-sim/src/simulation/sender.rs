@@ -13,7 +13,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const STOPPED: &str = "the cyclic frame was stopped";
 
 /// The refusal of a frame that was not sent in time.
-const LATE: &str = "the frame was not on the bus within 1 s of virtual time: it was withdrawn";
+const LATE: &str = "the frame was not sent within 1 s of virtual time and was withdrawn";
 
 /// The capacity for waiting frames.
 const WAITING: usize = 256;
@@ -71,7 +71,7 @@ impl Sender {
         completed: &mut Completed,
     ) -> Result<(), Refusal> {
         if self.waiting.len() >= WAITING {
-            return Err(Refusal::TooMany("too many frames wait for the bus"));
+            return Err(Refusal::TooMany("too many pending frames"));
         }
         if let Some(period) = period {
             self.stop(Some(frame.id()), world, completed);

@@ -105,10 +105,10 @@ impl Waits {
 /// Returns the message about a missing frame, with the last other frame of its identifier.
 fn missing(pattern: &Pattern, other: Option<&Frame>) -> String {
     let Some(other) = other else {
-        return format!("the frame {pattern} did not come, and no other frame with its identifier");
+        return format!("the frame {pattern} was not received, nor any other frame with its identifier");
     };
     let length = pattern.difference_in_length(other).map_or_else(String::new, |length| format!(", which {length}"));
-    format!("the frame {pattern} did not come; the last one with its identifier was {other}{length}")
+    format!("the frame {pattern} was not received; the last frame with its identifier was {other}{length}")
 }
 
 fn timed_out(error: String, state: Option<crate::state::DeviceState>, world: &World) -> Refusal {

@@ -42,10 +42,10 @@ impl Identifier {
         };
         id.ok_or_else(|| {
             let accepted = match extended {
-                Some(true) => "0 to 536870911, or a text in hex as in \"0CFE3027\"",
-                _ => "0 to 2047, or a text in hex as in \"220\"; of 29 bits with \"extended\": true or eight digits",
+                Some(true) => "0 to 536870911, or a hex string as in \"0CFE3027\"",
+                _ => "0 to 2047, or a hex string as in \"220\"; 29-bit identifiers need \"extended\": true or eight digits",
             };
-            Invalid(format!("id {self}: accepted: {accepted}"))
+            Invalid(format!("id {self} is not valid; accepted: {accepted}"))
         })
     }
 
@@ -90,8 +90,7 @@ impl PartialSchema for Identifier {
         let number =
             Object::builder().schema_type(Type::Integer).minimum(Some(0)).maximum(Some(ExtendedId::MAX.as_raw()));
         let text = Object::builder().schema_type(Type::String).pattern(Some(IDENTIFIER)).examples([json!("220")]);
-        let description =
-            "An identifier: a number, or a text in hex with or without 0x. A text of eight digits has 29 bits.";
+        let description = "An identifier: a number, or a hex string with or without 0x. A string of eight digits is a 29-bit identifier.";
         AnyOf::builder().item(number).item(text).description(Some(description)).into()
     }
 }
@@ -127,11 +126,11 @@ mod tests {
     fn another_identifier_is_refused_with_what_is_accepted() {
         for given in ["2048", "\"800\"", "\"\"", "\"0x\"", "\"22G\"", "\"+22\"", "\"2 2\"", "\"000000220\"", "\"é\""] {
             let reason = id(given, None).expect_err(given);
-            assert!(reason.starts_with(&format!("id {given}: accepted: 0 to 2047, ")), "{reason}");
+            assert!(reason.starts_with(&format!("id {given} is not valid; accepted: 0 to 2047, ")), "{reason}");
         }
         for given in ["536870912", "\"20000000\"", "\"0x\""] {
             let reason = id(given, Some(true)).expect_err(given);
-            assert!(reason.starts_with(&format!("id {given}: accepted: 0 to 536870911, ")), "{reason}");
+            assert!(reason.starts_with(&format!("id {given} is not valid; accepted: 0 to 536870911, ")), "{reason}");
         }
         id("\"00000220\"", Some(false)).expect_err("it has 29 bits");
     }

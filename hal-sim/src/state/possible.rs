@@ -126,12 +126,12 @@ pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &st
         }
         if value.as_object().is_some_and(serde_json::Map::is_empty) {
             let accepted = if key == "led" { "color, flashing" } else { "min, max" };
-            return Err(format!("{key}: the condition is empty; accepted: {accepted}, or both"));
+            return Err(format!("{key}: the condition is empty; give {accepted}, or both"));
         }
         match (share(&on, key, value), share(&off, key, value)) {
             (Share::None, Share::None) => {
                 let (value, accepted) = (word(value, none), accepted(key, kind, name, none));
-                return Err(format!("{key} {value}: never on {name}; accepted: {accepted}"));
+                return Err(format!("{key} is never {value} on {name}; accepted: {accepted}"));
             }
             (Share::None, _) => needs_off = needs_off.or(Some(key)),
             (_, Share::None) => needs_on = needs_on.or(Some(key)),
@@ -140,7 +140,7 @@ pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &st
     }
     match (needs_on, needs_off) {
         (Some(on), Some(off)) => {
-            Err(format!("{on} and {off}: never together on {name}: {off} occurs only without power"))
+            Err(format!("{on} and {off} never hold together on {name}: {off} occurs only without power"))
         }
         _ => Ok(()),
     }

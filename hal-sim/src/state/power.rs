@@ -46,7 +46,9 @@ impl PowerChange {
             (Some(false), None) => Ok(Power::Off),
             (Some(true), None) => Ok(Power::On),
             (None, Some(ResetCause::Watchdog)) => Ok(Power::Watchdog),
-            _ => Err(Invalid("accepted: {\"on\": true}, {\"on\": false} or {\"reset\": \"watchdog\"}".to_owned())),
+            _ => {
+                Err(Invalid("the body must be {\"on\": true}, {\"on\": false} or {\"reset\": \"watchdog\"}".to_owned()))
+            }
         }
     }
 }

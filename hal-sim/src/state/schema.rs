@@ -302,7 +302,7 @@ impl<'a> Checker<'a> {
             _ => {
                 let place = if place.is_empty() { "the body" } else { &place };
                 let found = if value.is_null() { self.null.to_owned() } else { value.to_string() };
-                format!("{place} {found}: accepted: {accepted}")
+                format!("{place} {found} is not valid; accepted: {accepted}")
             }
         };
         Mismatch { path: path.to_vec(), reason }
@@ -362,8 +362,8 @@ impl<'a> Checker<'a> {
             "number" => format!("a number from {} to {}", schema["minimum"], schema["maximum"]),
             "boolean" => "true or false".to_owned(),
             "string" => match schema["examples"][0].as_str() {
-                Some(example) => format!("a text in hex as in \"{example}\""),
-                None => "a text".to_owned(),
+                Some(example) => format!("a hex string as in \"{example}\""),
+                None => "a string".to_owned(),
             },
             "array" => "a list".to_owned(),
             "null" => self.null.to_owned(),

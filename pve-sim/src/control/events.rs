@@ -118,7 +118,7 @@ impl Events {
     /// Adds a follower.
     pub(crate) fn subscribe(&mut self, simulation: &mut Simulation) -> Result<Subscription, Refusal> {
         if self.followers() >= FOLLOWERS {
-            return Err(Refusal::TooMany("too many clients follow the events"));
+            return Err(Refusal::TooMany("too many clients of the event stream"));
         }
         // Earlier followers get pending changes first; without followers, the states are reset.
         self.poll(simulation);

@@ -44,7 +44,7 @@ impl ControlServer {
         match message {
             Message::Execute(command, answer) => self.take(command, Caller::Reply(answer), simulation),
             Message::Advance(_, answer) if self.speed != Speed::Step => answer
-                .send(Err(Refusal::Conflict("time advances by itself; accepted with --speed step only".to_owned()))),
+                .send(Err(Refusal::Conflict("time advances automatically; this call needs --speed step".to_owned()))),
             Message::Advance(span, answer) => self.take(Command::Advance(span), Caller::Time(answer), simulation),
             Message::Devices(answer) => answer.send(Ok(simulation.states())),
             Message::Device(name, answer) => answer.send(simulation.state(&name)),

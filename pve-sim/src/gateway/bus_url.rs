@@ -52,10 +52,12 @@ impl FromStr for BusUrl {
             let Some(rest) = text.strip_prefix(scheme.prefix) else { continue };
             return match scheme.parse {
                 Parse::With(parse) => parse(rest).map(Self),
-                Parse::OnlyOn(systems) => Err(format!("{} exists on {systems} only; {}", scheme.form, accepted())),
+                Parse::OnlyOn(systems) => {
+                    Err(format!("{} is available on {systems} only; {}", scheme.form, accepted()))
+                }
             };
         }
-        Err(format!("not a bus that can be served; {}", accepted()))
+        Err(format!("not a supported bus; {}", accepted()))
     }
 }
 

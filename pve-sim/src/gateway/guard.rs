@@ -85,7 +85,7 @@ impl ForeignWarning {
     fn tell(&self) {
         if !self.has_told.swap(true, Ordering::Relaxed) {
             self.world.tell(ToWorld::Warn(format!(
-                "{}: closed a connection that does not speak this protocol, perhaps a web page's; further ones are \
+                "{}: closed a connection that does not use this protocol, perhaps from a web page; further ones are \
                  closed without a warning",
                 self.url
             )));

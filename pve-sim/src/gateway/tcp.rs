@@ -53,8 +53,9 @@ impl Endpoint {
         if host.is_empty() || (host.contains(':') && !(host.starts_with('[') && host.ends_with(']'))) {
             return Err(format!("'{host}' is not a valid host; accepted: {form}"));
         }
-        let port =
-            port.parse().map_err(|_| format!("'{port}' is not a valid port; accepted: 0–65535, 0 takes a free one"))?;
+        let port = port
+            .parse()
+            .map_err(|_| format!("'{port}' is not a valid port; accepted: 0–65535, 0 selects a free one"))?;
         Ok(Self { host: host.to_owned(), port })
     }
 
@@ -67,7 +68,7 @@ impl Endpoint {
             Ok(listener) => Ok(Listener { address: listener.local_addr()?, listener }),
             Err(error) if error.kind() == io::ErrorKind::AddrInUse => {
                 let free = url(&Self { port: 0, ..self.clone() });
-                Err(OpenError::new(format!("{error}; does another pve-sim run? --bus {free} takes a free port")))
+                Err(OpenError::new(format!("{error}; is another pve-sim running? --bus {free} selects a free port")))
             }
             Err(error) => Err(error.into()),
         }
@@ -185,7 +186,7 @@ mod tests {
         let taken = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let endpoint = Endpoint::parse(&taken.local_addr().expect("its address").to_string(), "").expect("an endpoint");
         let told = endpoint.bind(way_out).await.expect_err("it is taken").to_string();
-        assert!(told.ends_with("does another pve-sim run? --bus slcan://127.0.0.1:0 takes a free port"), "{told}");
+        assert!(told.ends_with("is another pve-sim running? --bus slcan://127.0.0.1:0 selects a free port"), "{told}");
         let elsewhere = Endpoint::parse("192.0.2.1:0", "").expect("an endpoint");
         let told = elsewhere.bind(way_out).await.expect_err("no address of this machine").to_string();
         assert!(!told.contains("--bus"), "{told}");

@@ -42,12 +42,12 @@ impl Failure {
 
     /// Returns the refusal of a simulator that is ending.
     pub(super) fn ending() -> Self {
-        Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator is ending".to_owned())
+        Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator is shutting down".to_owned())
     }
 
     /// Returns the refusal of a waiting call beyond the limit.
     pub(super) fn crowded() -> Self {
-        let error = "too many calls wait for virtual time; try again later".to_owned();
+        let error = "too many calls are waiting for virtual time; try again later".to_owned();
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, error)
     }
 }
@@ -131,7 +131,7 @@ fn not_json(error: &dyn std::error::Error) -> Failure {
     let reason = first.map_or_else(String::new, ToString::to_string);
     let twice = reason.strip_prefix(TWICE).and_then(|rest| rest.split_once('`'));
     Failure::bad_request(match twice {
-        Some((member, _)) => format!("{member} is given twice; accepted: once"),
+        Some((member, _)) => format!("duplicate member {member}"),
         None => format!("the body is not JSON: {reason}"),
     })
 }
@@ -151,7 +151,7 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequestParts<
         for (key, text) in pairs {
             let value = schemas.value_of(&T::name(), &key, &text);
             if query.insert(key.clone(), value).is_some() {
-                return Err(Failure::bad_request(format!("{key} is given twice; accepted: once")));
+                return Err(Failure::bad_request(format!("duplicate parameter {key}")));
             }
         }
         let query = Value::Object(query);

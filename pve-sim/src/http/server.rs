@@ -26,7 +26,7 @@ const HEAD: Duration = Duration::from_secs(60);
 
 /// The answer to a connection without a place, because all others have pending requests.
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
-                      {\"error\":\"too many connections wait for answers; try again later\"}";
+                      {\"error\":\"too many connections are waiting for responses; try again later\"}";
 
 /// A control interface at an address.
 #[derive(Debug)]

@@ -55,7 +55,7 @@ pub enum RemoteError {
     #[error("no simulator at {0}: {1}; {REMEDY}")]
     Unreachable(SocketAddr, std::io::Error),
     /// The address accepts connections but does not answer in time.
-    #[error("no answer from {0} within {1:?}; {REMEDY}")]
+    #[error("no response from {0} within {1:?}; {REMEDY}")]
     Silent(SocketAddr, Duration),
     /// Another program answers at the address.
     #[error("{0} is not the control interface of pve-sim: {1}; {REMEDY}")]

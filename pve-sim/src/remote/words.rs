@@ -21,7 +21,7 @@ impl FromStr for PlantWord {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once('=') {
             Some((name, value)) if !name.is_empty() => Ok(Self { name: name.to_owned(), value: value.to_owned() }),
-            _ => Err("accepted: WORD=VALUE, as in supply_mv=8000".to_owned()),
+            _ => Err("must be WORD=VALUE, as in supply_mv=8000".to_owned()),
         }
     }
 }

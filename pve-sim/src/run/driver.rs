@@ -322,8 +322,9 @@ impl<O: Platform> Driver<O> {
         self.warn_of_memories();
         let dropped = self.clients.take_dropped();
         if dropped > 0 {
-            self.trace
-                .warn(format!("dropped {dropped} frames of clients that have left: the bus is too slow for them"));
+            self.trace.warn(format!(
+                "dropped {dropped} pending frames of disconnected clients: the backlog limit was exceeded"
+            ));
         }
     }
 
@@ -354,7 +355,7 @@ impl<O: Platform> Driver<O> {
     }
 
     fn report_overrun(&self) {
-        self.trace.warn("a client that did not read was disconnected".to_owned());
+        self.trace.warn("disconnected a client that did not read its data".to_owned());
     }
 }
 

@@ -34,7 +34,7 @@ impl Log {
         if let Some(state) = state
             && is_kept_in(&log.path, state)
         {
-            return refuse(log, "a log must not be in the folder of --state, nor replace a state file");
+            return refuse(log, "a log must not be in the --state folder or replace a state file");
         }
         match fs::metadata(&log.path) {
             Ok(found) if !found.is_file() => refuse(log, "a log must be a regular file"),
@@ -44,7 +44,9 @@ impl Log {
 
     fn check_content(log: &LogOptions) -> Result<(), RunError> {
         match fs::metadata(&log.path) {
-            Ok(found) if found.len() > 0 && !log.overwrite => refuse(log, "is not empty; --log-overwrite replaces it"),
+            Ok(found) if found.len() > 0 && !log.overwrite => {
+                refuse(log, "the file is not empty; --log-overwrite overwrites it")
+            }
             _ => Ok(()),
         }
     }
@@ -93,14 +95,14 @@ impl Log {
     }
 }
 
-const IN_USE: &str = "another pve-sim is writing its log there";
+const IN_USE: &str = "another pve-sim is writing to this log";
 
 fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
     Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() })
 }
 
 fn complaint(path: &Path, error: &io::Error) -> String {
-    format!("{}: {error}; the log ends", path.display())
+    format!("{}: {error}; logging has stopped", path.display())
 }
 
 /// Returns whether a path leads into a folder, or is another name of a file in it.

@@ -107,7 +107,7 @@ pub enum RunError {
         reason: String,
     },
     /// A state file belongs to a device of another kind.
-    #[error("{}: the memory of {found}, not of a {expected}", path.display())]
+    #[error("{}: holds the memory of {found}, not of a {expected}", path.display())]
     OtherKind {
         /// The file.
         path: PathBuf,
@@ -128,7 +128,7 @@ pub enum RunError {
 fn http_way_out(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
-            "; does another pve-sim run? --http 127.0.0.1:0 takes a free port, --no-http does without"
+            "; is another pve-sim running? --http 127.0.0.1:0 selects a free port, --no-http disables the control interface"
         }
         _ => "",
     }
@@ -136,7 +136,9 @@ fn http_way_out(error: &io::Error) -> &'static str {
 
 /// Returns the remedy for the other port if that is in use as well.
 fn also_in_use(http: Option<SocketAddr>) -> String {
-    http.map_or_else(String::new, |address| format!("; {address} is in use as well: --http 127.0.0.1:0"))
+    http.map_or_else(String::new, |address| {
+        format!("; {address} is also in use: --http 127.0.0.1:0 selects a free port")
+    })
 }
 
 /// Returns whether another program uses the address.

@@ -110,7 +110,7 @@ impl<O: Write, E: Write> Writer<O, E> {
             self.print(&mut batch);
             let lost = self.lost.swap(0, Ordering::Relaxed);
             if lost > 0 && self.stdout.is_some() {
-                self.warn(&format!("stdout was not read: {lost} lines of the trace were dropped"));
+                self.warn(&format!("stdout was not read in time: dropped {lost} lines of the trace"));
             }
         }
     }
@@ -138,7 +138,7 @@ impl<O: Write, E: Write> Writer<O, E> {
                 Err(error) => {
                     self.stdout = None;
                     self.is_cut.store(true, Ordering::Relaxed);
-                    self.warn(&format!("stdout: {error}; the trace ends"));
+                    self.warn(&format!("stdout: {error}; the trace has stopped"));
                 }
             }
         }
@@ -218,6 +218,6 @@ mod tests {
         let reader = thread::spawn(move || pipe.iter().collect::<String>().lines().count());
         printer.finish();
         assert_eq!(reader.join().unwrap() + lost, lines);
-        assert_eq!(text(&said), format!("pve-sim: stdout was not read: {lost} lines of the trace were dropped\n"));
+        assert_eq!(text(&said), format!("pve-sim: stdout was not read in time: dropped {lost} lines of the trace\n"));
     }
 }

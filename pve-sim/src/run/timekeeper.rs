@@ -99,7 +99,7 @@ impl Timekeeper {
             std::mem::replace(&mut self.stalls, Stalls { told: Some(now), ..Stalls::default() });
         let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
         let seconds = time.as_secs_f64();
-        Some(format!("the host paused for {seconds:.3} s{times}; virtual time was held"))
+        Some(format!("the host paused for {seconds:.3} s{times}; virtual time was paused"))
     }
 
     /// Records that the world, at `world`, has worked and is still behind; returns a warning for the user, if any.
@@ -119,13 +119,13 @@ impl Timekeeper {
         }
         self.pace.anchor(self.looked, world);
         let told = std::mem::replace(&mut self.out_of_reach, true);
-        (!told).then(|| format!("--speed {speed} is out of reach: time runs as fast as this machine can"))
+        (!told).then(|| format!("--speed {speed} is too fast for this machine: virtual time runs as fast as possible"))
     }
 
     /// Records that the world, at `world`, has caught up; returns a warning for the user, if any.
     pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);
-        over.then(|| "virtual time has ended, after 584 years: the bus has stopped".to_owned())
+        over.then(|| "virtual time reached its limit of 584 years: the bus has stopped".to_owned())
     }
 }

@@ -33,7 +33,7 @@ fn parse(path: &str) -> Result<Arc<dyn Address>, String> {
     // The ready line has a blank after each URL.
     if path.is_empty() || path.chars().any(|c| c.is_whitespace() || c.is_control()) {
         return Err(format!(
-            "'{path}' is not a valid path for a link; accepted: {FORM}, without blanks, as in slcan+pty:/tmp/pve0"
+            "'{path}' is not a valid path for a link; accepted: {FORM}, without spaces, as in slcan+pty:/tmp/pve0"
         ));
     }
     Ok(Arc::new(LinkPath(path.into())))

@@ -125,7 +125,7 @@ impl Session {
         let Ok(bus) = answer.await.map(|bus| bus.bits_per_second()) else { return false };
         if bus != rate && !std::mem::replace(&mut self.has_told, true) {
             client.world.tell(ToWorld::Warn(format!(
-                "{}: a client set {rate} bit/s, the bus runs at {bus} bit/s: its channel is not opened",
+                "{}: a client set {rate} bit/s, but the bus runs at {bus} bit/s: the channel stays closed",
                 self.url
             )));
         }

@@ -175,7 +175,10 @@ fn is_stale(path: &Path, device: &Path) -> bool {
 fn in_the_way(path: &Path, device: &Path) -> String {
     match fs::read_link(path) {
         Ok(old) if old.parent() == device.parent() => {
-            format!("a link to {}, which is in use; if no other pve-sim runs there, remove the link", old.display())
+            format!(
+                "the path links to {}, which is in use; if no other pve-sim uses it, remove the link",
+                old.display()
+            )
         }
         _ => "the path exists and is not a stale link".to_owned(),
     }

@@ -74,8 +74,7 @@ mod linux {
     /// Returns the reason why an interface cannot be opened, with a remedy for an unknown one.
     fn refusal(name: &str, error: &io::Error) -> OpenError {
         let is_missing = Errno::from_io_error(error) == Some(Errno::NODEV);
-        let way_out =
-            format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' makes a virtual one");
+        let way_out = format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' adds a virtual one");
         OpenError::new(format!("{error}{}", if is_missing { &way_out } else { "" }))
     }
 
@@ -112,7 +111,7 @@ mod linux {
             let told = |errno: Errno| refusal("can0", &errno.into()).to_string();
             let missing = told(Errno::NODEV);
             assert!(missing.starts_with("No such device"), "{missing}");
-            let way_out = "; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' makes a virtual one";
+            let way_out = "; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' adds a virtual one";
             assert!(missing.ends_with(way_out), "{missing}");
             assert!(!told(Errno::ACCESS).contains("ip link"));
         }

@@ -50,7 +50,7 @@ impl Health {
     pub(super) fn pass(&mut self) -> Option<String> {
         let Trouble { lost, .. } = self.trouble.take()?;
         let frames = if lost == 1 { "1 frame was".to_owned() } else { format!("{lost} frames were") };
-        Some(format!("socketcan:{}: frames pass again; {frames} not sent", self.name))
+        Some(format!("socketcan:{}: sending frames again; {frames} not sent", self.name))
     }
 
     /// Records an error without a frame; returns a message for the user, if any.
@@ -59,7 +59,7 @@ impl Health {
             return None;
         }
         self.trouble = Some(Trouble { lost: 0, is_full: is_full(error) });
-        Some(format!("socketcan:{}: {}: nothing is sent until frames pass again", self.name, reason(error)))
+        Some(format!("socketcan:{}: {}: no frames are sent until this is resolved", self.name, reason(error)))
     }
 
     /// Returns the verdict on a frame refused for the `tries`th time, and a message for the user, if any.
@@ -87,7 +87,7 @@ pub(super) fn is_gone(error: &io::Error) -> bool {
 }
 
 fn reason(error: &io::Error) -> String {
-    if is_full(error) { "its transmit queue is full and does not drain".to_owned() } else { error.to_string() }
+    if is_full(error) { "the transmit queue is full and does not drain".to_owned() } else { error.to_string() }
 }
 
 #[cfg(test)]
@@ -117,11 +117,11 @@ mod tests {
         let mut health = health();
         let (verdict, told) = health.refuse(&error(Errno::NOBUFS), TRIES);
         let expected =
-            "socketcan:can0: its transmit queue is full and does not drain: nothing is sent until frames pass again";
+            "socketcan:can0: the transmit queue is full and does not drain: no frames are sent until this is resolved";
         assert_eq!((verdict, told.as_deref()), (Verdict::Lost, Some(expected)));
         assert_eq!(health.hear(), None, "what comes in says nothing of what goes out");
         assert_eq!(health.refuse(&error(Errno::NOBUFS), 1), (Verdict::Lost, None));
-        assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 2 frames were not sent"));
+        assert_eq!(health.pass().as_deref(), Some("socketcan:can0: sending frames again; 2 frames were not sent"));
         assert_eq!(health.pass(), None);
         assert_eq!(health.refuse(&error(Errno::NOBUFS), 1).0, Verdict::Retry);
     }
@@ -133,7 +133,7 @@ mod tests {
         assert!(told.starts_with("socketcan:can0: Network is down"), "{told}");
         assert_eq!(health.fail(&error(Errno::NETDOWN)), None);
         assert_eq!(health.refuse(&error(Errno::NETDOWN), 1), (Verdict::Lost, None));
-        assert_eq!(health.hear().as_deref(), Some("socketcan:can0: frames pass again; 1 frame was not sent"));
+        assert_eq!(health.hear().as_deref(), Some("socketcan:can0: sending frames again; 1 frame was not sent"));
     }
 
     #[test]

@@ -54,7 +54,7 @@ impl Beacon {
 /// Returns the text of the beacon. The name of a bus needs no escaping in XML.
 fn text(ip: Ipv4Addr, port: u16, bus: &str) -> String {
     format!(
-        "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"stand-in devices\">\n\
+        "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"simulated devices\">\n\
          <URL>can://{ip}:{port}</URL><Bus name=\"{bus}\"/></CANBeacon>"
     )
 }
@@ -73,7 +73,7 @@ mod tests {
         let len = client.recv(&mut bytes).await.expect("a datagram");
         assert_eq!(
             String::from_utf8_lossy(&bytes[..len]),
-            "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"stand-in devices\">\n\
+            "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"simulated devices\">\n\
              <URL>can://127.0.0.1:29536</URL><Bus name=\"pve0\"/></CANBeacon>"
         );
         beacon.abort();

@@ -47,7 +47,7 @@ pub enum RequestError {
     #[error("an identifier above 7FF needs eight digits")]
     NotExtended,
     /// Not a length of a classic CAN frame.
-    #[error("bad length, 0 to 8 is accepted")]
+    #[error("bad length; accepted: 0 to 8")]
     Length,
     /// A number of bytes that differs from the length.
     #[error("length and number of bytes differ")]
@@ -59,7 +59,7 @@ pub enum RequestError {
     #[error("message too long")]
     TooLong,
     /// A message that began before the previous one ended.
-    #[error("message without end")]
+    #[error("unterminated message")]
     Interrupted,
 }
 

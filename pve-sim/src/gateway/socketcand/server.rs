@@ -115,7 +115,7 @@ fn hint(bound: SocketAddr, name: &str) -> String {
              or with SavvyCAN: {name}@(can://{host}:{port})"
         ),
         IpAddr::V6(_) => format!(
-            "Join the bus at can://{address}, name {name}. python-can knows IPv4 addresses only: for that, \
+            "Join the bus at can://{address}, name {name}. python-can supports IPv4 only; for python-can, use \
              --bus {}",
             url(format_args!("127.0.0.1:{port}"), name)
         ),

@@ -44,9 +44,9 @@ impl Session {
                 reply(OK)
             }
             (Ok(Request::Open(_)), Stage::Greeted) => {
-                ToWorld::Reply(id, Reply::new(format!("< error there is no bus of that name, only {} >", self.bus)))
+                ToWorld::Reply(id, Reply::new(format!("< error unknown bus; accepted: {} >", self.bus)))
             }
-            (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is open already >"),
+            (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is already open >"),
             (Ok(_), Stage::Greeted) => reply("< error open the bus first >"),
             (Ok(Request::RawMode), Stage::Open) => ToWorld::Listen(id, Reply { text: OK.into(), pause: HOLD_BACK }),
             (Ok(Request::Send(frame)), Stage::Open) => ToWorld::Send(id, frame),

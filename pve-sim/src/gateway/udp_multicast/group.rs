@@ -61,8 +61,8 @@ impl Group {
     fn note(&mut self, error: Option<io::Error>) -> Option<String> {
         let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
         let text = match (was_in_trouble, error) {
-            (false, Some(error)) => format!("{error}: nothing is sent until frames pass again"),
-            (true, None) => "frames pass again".to_owned(),
+            (false, Some(error)) => format!("{error}: no frames are sent until this is resolved"),
+            (true, None) => "sending frames again".to_owned(),
             (false, None) | (true, Some(_)) => return None,
         };
         Some(format!("udp-multicast://{}: {text}", self.address))
@@ -119,7 +119,7 @@ impl Intake {
                 Err(reason) => reason.to_string(),
             }
         } else {
-            format!("a datagram of another machine, {}, without --allow-remote", from.ip())
+            format!("without --allow-remote, a datagram from another machine, {},", from.ip())
         };
         if std::mem::replace(&mut self.has_told, true) {
             return Ok(None);
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(intake.take(&datagram, from("127.0.0.1:1")), Ok(None));
         assert_eq!(intake.take(&datagram, from("127.0.0.1:2")), Ok(Some(frame)), "another program");
         let told = intake.take(&datagram, from("192.0.2.1:1")).expect_err("it is told");
-        let expected = "udp-multicast://239.74.163.2:43113: a datagram of another machine, 192.0.2.1, without --allow-remote was \
+        let expected = "udp-multicast://239.74.163.2:43113: without --allow-remote, a datagram from another machine, 192.0.2.1, was \
                         ignored; further ones are ignored without a warning";
         assert_eq!(told, expected);
         assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
@@ -278,7 +278,7 @@ mod tests {
         let from: SocketAddr = "127.0.0.1:2".parse().expect("an address");
         let mut intake = intake(false);
         let told = intake.take(b"", from).expect_err("it is told");
-        assert!(told.contains(": not a message of python-can was ignored"), "{told}");
+        assert!(told.contains(": a datagram that is not a python-can message was ignored"), "{told}");
         assert_eq!(intake.take(b"", from), Ok(None));
     }
 }

@@ -48,7 +48,7 @@ const fn yes() -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoFrame {
     /// Not a message.
-    #[error("not a message of python-can")]
+    #[error("a datagram that is not a python-can message")]
     Nonsense,
     /// An identifier, length or data that no frame can have.
     #[error("an invalid frame")]
