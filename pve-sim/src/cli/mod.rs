@@ -1,4 +1,4 @@
-//! The command line of `pve-sim`: parsing, and one-line refusals.
+//! The command line of `pve-sim`: parsing, and error messages in one line.
 
 mod options;
 mod recordings;
@@ -158,8 +158,8 @@ fn dbc(word: &str) -> Result<Description, String> {
 
 type Describe = fn(Kind) -> Option<String>;
 
-/// Returns the description of the named kind. For a kind with only the other description, the refusal names that
-/// command.
+/// Returns the EDS or DBC of the named kind. For a kind that has only the other description, the error names the
+/// command for it.
 fn description(
     word: &str,
     (command, describe): (&str, Describe),
@@ -173,7 +173,7 @@ fn description(
     })
 }
 
-/// Returns the names and titles of the use cases, a line each.
+/// Returns the names and titles of the use cases, one per line.
 fn titles() -> String {
     let lines = use_case::ALL.iter().map(|case| format!("{:<8}{}\n", case.name, case.title()));
     lines.chain(["all     all use cases, in this order\n".to_owned()]).collect()
@@ -193,11 +193,11 @@ fn use_cases(word: &str) -> Result<UseCases, String> {
     Ok(UseCases(cases))
 }
 
-/// Parses the arguments, the program's name first. Removes a CR at the end of an argument, which comes from a script
-/// with Windows line ends.
+/// Parses the arguments, the program name first. Removes a trailing CR from each argument, as left by a script with
+/// Windows line endings.
 ///
 /// # Errors
-/// [`UsageError`] for arguments that are not accepted.
+/// [`UsageError`] for invalid arguments.
 pub fn parse<I, T>(args: I) -> Result<Request, UsageError>
 where
     I: IntoIterator<Item = T>,
@@ -240,7 +240,7 @@ fn without_cr(argument: OsString) -> OsString {
     }
 }
 
-/// Returns clap's message in one line: without the usage, with its tip, and with the accepted forms that clap omits.
+/// Returns clap's error in one line: without the usage, with the tip, and with the accepted values that clap omits.
 fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
@@ -266,7 +266,7 @@ fn names(names: Vec<String>) -> String {
     format!("; accepted: {}", names.join(", "))
 }
 
-/// Returns the options of `run` in the help.
+/// Returns the options of `run` that the help shows.
 fn option_names() -> Vec<String> {
     let mut command = Cli::command();
     command.build();

@@ -20,7 +20,7 @@ pub(super) const DEFAULT_SEED: u64 = 1;
 /// The default address of the control interface.
 pub(super) const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
 
-/// The default device.
+/// The kind of the default device.
 const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 
 /// The arguments of `run`.
@@ -97,8 +97,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 
-    /// The speed of virtual time: a factor of wall time, above 0; or step: only the control interface advances time, and
-    /// client frames wait until it does
+    /// The speed of virtual time: a factor of wall time, above 0; or step: only the control interface advances time,
+    /// and client frames wait until it does
     #[arg(long, value_name = "FACTOR|step", value_parser = speed, default_value = "1", help_heading = "Time")]
     speed: Speed,
 
@@ -180,7 +180,7 @@ impl TryFrom<RunArgs> for RunOptions {
     }
 }
 
-/// Returns the devices of one bus, with unique names and serial numbers, and unique node IDs unless they may clash.
+/// Returns the devices of one bus with unique names and serial numbers, and with unique node IDs unless `may_clash`.
 pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<NamedDevice>, UsageError> {
     let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
     if !may_clash {
@@ -190,12 +190,12 @@ pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<
     Ok(devices)
 }
 
-/// Returns the links between these devices.
+/// Validates the links between these devices.
 pub(super) fn between(devices: &[NamedDevice], links: Vec<LinkSpec>) -> Result<Vec<NamedLink>, UsageError> {
     devices::links(devices, links).map_err(|error| UsageError(format!("--link: {error}")))
 }
 
-/// Checks the buses: a kernel interface runs in wall time only, and a shared bus is joined once.
+/// Checks the buses: a kernel interface needs wall time, and a shared bus must not be joined twice.
 fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate() {
         if bus.address().is_real_time() && speed != Speed::Factor(1.0) {

@@ -11,7 +11,7 @@ use hal_sim::decode::DecodeOptions;
 use hal_sim::devices::{self, DeviceSpec, LinkSpec};
 use hal_sim::replay::ReplayOptions;
 
-/// The default tolerance of `replay`, in milliseconds: the longest time between the starts of two devices on one
+/// The default tolerance of `replay`, in milliseconds: the largest start-up difference between two devices on one
 /// supply.
 const TOLERANCE_MS: u32 = 5;
 
@@ -55,7 +55,7 @@ impl TryFrom<DecodeArgs> for DecodeOptions {
     type Error = UsageError;
 
     fn try_from(args: DecodeArgs) -> Result<Self, UsageError> {
-        // No device sends here, so equal node IDs do not clash.
+        // `decode` simulates no device, so equal node IDs do not clash.
         Ok(Self { file: args.file, devices: on_one_bus(args.device, true)? })
     }
 }

@@ -69,7 +69,7 @@ impl From<StatusArgs> for StatusOptions {
     }
 }
 
-/// Parses the address of a simulator. A simulator at all addresses is reached by loopback.
+/// Parses the address of a simulator. An unspecified address (0.0.0.0) becomes loopback.
 fn address(text: &str) -> Result<SocketAddr, String> {
     let address: Option<SocketAddr> = text.parse().ok();
     let address = address.filter(|address| address.port() != 0).map(joinable);

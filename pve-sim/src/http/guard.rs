@@ -1,5 +1,5 @@
-//! The guard of the control interface: it refuses requests for a host name that another site has bound to this address
-//! (DNS rebinding), and requests of other sites' pages.
+//! The guard of the control interface: refuses requests for a host name that another site has bound to this address
+//! (DNS rebinding), and requests from pages of other sites.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
 const FOREIGN: &str = "requests from pages of other sites are refused";
 
-/// Passes or refuses a request.
+/// Passes an allowed request on, and answers any other with 403.
 pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, request: Request, next: Next) -> Response {
     match check(&request, connection.local()) {
         Ok(()) => next.run(request).await,
@@ -54,8 +54,8 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
     }
 }
 
-/// Returns whether a host, with or without a port, is loopback or the local address of the connection. Anything else in
-/// it is refused, such as a user or the zone of an address.
+/// Returns whether a host, with or without a port, is loopback or the local address of the connection. False for a host
+/// with other parts, such as a user or an address zone.
 fn is_own(host: &str, local: IpAddr) -> bool {
     let name = match host.rsplit_once(':') {
         // A colon inside an IPv6 address.

@@ -20,13 +20,13 @@ use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{NodeId, Plant, PlantError, World};
 
-/// Executes a line; returns the answer, or the reason for a refusal. An empty line has no answer.
+/// Executes a line; returns the answer or an error message. An empty line has no answer.
 pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let world = simulation.world_mut();
     let (name, words) = match words.as_slice() {
         [] => return Ok(None),
-        // A device may have a word as its name: `status` alone is the word, and `spool stuck` a change.
+        // A device name may equal a word: `status` alone is the word, and `spool stuck` is a change.
         [name, rest @ ..] if world.find(name).is_some() && !is_word(name, rest) => (Some(*name), rest),
         all => (None, all),
     };
@@ -55,8 +55,8 @@ pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<
     }
 }
 
-/// Returns the words that may follow these in a line: names, plant words, and values that are words. Ranges are not
-/// checked here.
+/// Returns the possible next words of a line: names, plant words, and values that are words. Ranges are not checked
+/// here.
 pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String> {
     let (named, words) = match before {
         [name, rest @ ..] if let Some(device) = devices.iter().find(|device| device.name == *name) => {
@@ -200,7 +200,7 @@ fn word(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default().trim_matches('"').to_owned()
 }
 
-/// Returns the only device, if there is just one.
+/// Returns the device if there is exactly one.
 fn only(world: &World) -> Option<NodeId> {
     let mut devices = world.devices();
     devices.next().filter(|_| devices.next().is_none())

@@ -9,7 +9,7 @@ use super::{LogOptions, RunError};
 use hal_sim::log::{Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
 
-/// The file of `--log`, which no other run writes while this exists.
+/// The file of `--log`, locked against other runs while this exists.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
@@ -17,7 +17,7 @@ pub(super) struct Log {
 }
 
 impl Log {
-    /// Refuses a file that a log must not replace, without changing anything. To be called before any file is created.
+    /// Refuses a file that a log must not replace; changes nothing. Call this before any file is created.
     ///
     /// # Errors
     /// [`RunError::Log`] for anything but a regular file, for files in the folder of the state files, for a state file
@@ -74,22 +74,22 @@ impl Log {
         Ok(Self { path: log.path.clone(), writer })
     }
 
-    /// Adds an entry. The error: the message for the user.
+    /// Adds an entry; the error is the message for the user.
     pub(super) fn write(&mut self, record: &Record) -> Result<(), String> {
         self.writer.write(record).map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Adds a comment, where the format has comments. The error: the message for the user.
+    /// Adds a comment if the format supports comments; the error is the message for the user.
     pub(super) fn comment(&mut self, at: Timestamp, text: &str) -> Result<(), String> {
         self.writer.comment(at, text).map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Flushes the log to the system. The error: the message for the user.
+    /// Flushes the log to the system; the error is the message for the user.
     pub(super) fn flush(&mut self) -> Result<(), String> {
         self.writer.flush().map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Writes the end of the log. The error: the message for the user.
+    /// Writes the end of the log; the error is the message for the user.
     pub(super) fn finish(self) -> Result<(), String> {
         self.writer.finish().map(drop).map_err(|error| complaint(&self.path, &error))
     }
@@ -108,7 +108,7 @@ fn complaint(path: &Path, error: &io::Error) -> String {
 /// Returns whether a path leads into a folder, or is another name of a file in it.
 fn is_kept_in(path: &Path, folder: &Path) -> bool {
     let Ok(folder) = fs::canonicalize(folder) else {
-        // The folder does not exist yet: the paths decide.
+        // The folder does not exist yet, so the paths are compared.
         return std::path::absolute(path)
             .ok()
             .zip(std::path::absolute(folder).ok())

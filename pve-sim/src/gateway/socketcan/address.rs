@@ -23,10 +23,10 @@ mod linux {
     use crate::gateway::{Access, Address, Gateway, OpenError, Opening};
     use crate::inbox::WorldSender;
 
-    /// The longest name of an interface in Linux, in characters.
+    /// The maximum length of a Linux interface name, in characters.
     const NAME_MAX: usize = 15;
 
-    /// The name of an interface, which may not exist until it is opened.
+    /// The name of an interface; opening checks whether the interface exists.
     #[derive(Clone, Debug)]
     struct InterfaceName(String);
 

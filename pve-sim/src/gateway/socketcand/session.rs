@@ -1,4 +1,4 @@
-//! One client: the execution of its requests, and its answers and frames.
+//! The session of one client: executes requests, and writes answers and frames.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{ClientId, Reply, ToClient, ToWorld};
 
-/// The pause before the first frame after the answer to raw mode: python-can treats frames in the same read as a wrong
+/// The pause between the answer to raw mode and the first frame: python-can takes a frame in the same read for a wrong
 /// answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
 
@@ -28,7 +28,7 @@ enum Stage {
 }
 
 impl Session {
-    /// Returns the dialogue with a new client, on the bus of this name.
+    /// Creates the dialogue with a new client on the bus of this name.
     #[must_use]
     pub fn new(bus: Arc<str>) -> Self {
         Self { bus, parser: Parser::default(), stage: Stage::Greeted }

@@ -16,7 +16,7 @@ use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 /// The hop limit towards other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
 
-/// The longest datagram that is read: longer ones are truncated and therefore invalid. A frame takes some 200 bytes.
+/// The size of the receive buffer: longer datagrams are truncated and therefore invalid. A frame takes about 200 bytes.
 const DATAGRAM_MAX: usize = 4096;
 
 /// The delay after a read error.
@@ -29,7 +29,7 @@ pub(super) struct Group {
     incoming: UdpSocket,
     outgoing: UdpSocket,
     intake: Intake,
-    /// The user knows that frames cannot be sent.
+    /// Whether the user was told that frames cannot be sent.
     is_in_trouble: bool,
 }
 
@@ -37,16 +37,16 @@ pub(super) struct Group {
 #[derive(Debug)]
 struct Intake {
     group: SocketAddr,
-    /// The address of this gateway's sender, whose datagrams come back.
+    /// The address of this gateway's sending socket, whose datagrams are looped back.
     own: SocketAddr,
-    /// Other machines may take part.
+    /// Whether other machines may send and receive.
     is_remote: bool,
-    /// The user knows that datagrams are ignored.
+    /// Whether the user was told that datagrams are ignored.
     has_told: bool,
 }
 
 impl Group {
-    /// Joins a group. Needs a Tokio runtime.
+    /// Joins a group; requires a Tokio runtime.
     ///
     /// # Errors
     /// When no interface supports multicast, or another program has the port exclusively.
@@ -108,7 +108,7 @@ impl Intake {
     /// Returns the frame of a datagram; `None` for this gateway's own.
     ///
     /// # Errors
-    /// The message to the user about the first ignored datagram.
+    /// A message for the user about the first ignored datagram.
     fn take(&mut self, datagram: &[u8], from: SocketAddr) -> Result<Option<Frame>, String> {
         if from == self.own {
             return Ok(None);
@@ -131,7 +131,7 @@ impl Intake {
     }
 }
 
-/// Returns whether an address belongs to this machine: no other can be bound.
+/// Returns whether an address belongs to this machine; only such an address can be bound.
 fn is_of_this_machine(mut address: SocketAddr) -> bool {
     address.set_port(0);
     StdSocket::bind(address).is_ok()
@@ -145,7 +145,7 @@ fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     socket.set_reuse_address(true)?;
     #[cfg(unix)]
     socket.set_reuse_port(true)?;
-    // Only Unix can bind to a group, which filters other datagrams to the port.
+    // Only Unix can bind to a group, which filters out other datagrams to the port.
     let bound = if cfg!(unix) { group } else { SocketAddr::new(unspecified(group), group.port()) };
     socket.bind(&bound.into())?;
     match group.ip() {

@@ -13,7 +13,7 @@ use hal_sim::simulation::TimedOut;
 use hal_sim::state::schema::{Schemas, without_formats};
 use hal_sim::state::{BusChange, Disturb, FaultRequest, PlantChange, PowerChange};
 
-/// The calls and their schemas, as far as attributes can express them.
+/// The calls and schemas that attributes can express.
 #[derive(OpenApi)]
 #[openapi(
     info(
@@ -77,7 +77,7 @@ fn describe<T: ToSchema + 'static>(schemas: &mut Value) {
     }
 }
 
-/// Adds the refusals common to all calls, and those of bodies and parameters.
+/// Adds the error responses common to all calls, and those of bodies and parameters.
 fn add_refusals(call: &mut Value) {
     let has_body = call["requestBody"].is_object();
     let refusals = [
@@ -102,7 +102,7 @@ fn add_refusals(call: &mut Value) {
             response["description"] = description.into();
         }
     }
-    // The other ones refuse a device, a frame or a state.
+    // A remaining response without a description is a success, or a 404 about a device.
     let responses = call["responses"].as_object_mut().into_iter().flatten();
     for (status, response) in responses.filter(|(_, response)| response["description"] == "") {
         let description = if status == "404" { "No device of this name" } else { "Done" };
