@@ -38,7 +38,7 @@ pub(super) struct Failure {
     at: Instant,
     /// The last events before the failure.
     excerpt: Vec<String>,
-    /// A device ran at another bit rate: the errors of the bus replace the last events.
+    /// Whether a device ran at another bit rate than the bus; bus errors then replace the last events.
     is_not_heard: bool,
 }
 
@@ -87,7 +87,7 @@ impl Failure {
         }
     }
 
-    /// Returns the failure of a device that runs at another bit rate than the bus.
+    /// Creates the failure of a device that runs at another bit rate than the bus.
     pub(super) fn not_heard(line: usize, reason: String) -> Self {
         let accept = "if this is intended, declare the device as { device = \"…\", heard = false }".to_owned();
         Self {
@@ -102,14 +102,14 @@ impl Failure {
         }
     }
 
-    /// Replaces the excerpt of a bit rate failure by the errors of the bus.
+    /// Replaces the excerpt of a bit rate failure by the bus errors.
     pub(super) fn show_errors(&mut self, errors: &[String]) {
         if self.is_not_heard {
             self.excerpt = errors.to_vec();
         }
     }
 
-    /// Returns the failure of a step that begins late, because the previous steps took too long.
+    /// Creates the failure of a step that begins late, because the previous steps took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
         let details = vec![format!("the previous steps were still running at {}", time(begin))];
         let ms = match step.begin {
@@ -119,13 +119,13 @@ impl Failure {
         Self::new(step, format!("at_ms = {ms}"), details)
     }
 
-    /// Returns the failure of a step whose action was refused.
+    /// Creates the failure of a step whose action was refused.
     pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Returns the failure of missing frames: `missing` of `patterns`, in the events from `from` on; the other ones all
-    /// came before `mark`.
+    /// Creates the failure of missing frames: `missing` of `patterns`, in the events from `from` on; all other patterns
+    /// matched before `mark`.
     pub(super) fn frames(
         step: &Step,
         patterns: &[Pattern],
@@ -149,9 +149,9 @@ impl Failure {
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
 
-    /// Adds a deviation from a strict scenario to the failure of missing frames.
+    /// Adds a deviation in a strict scenario to the failure of missing frames.
     pub(super) fn because(mut self, deviation: &Deviation, history: &History) -> Self {
-        // The frame observed instead explains itself.
+        // Omits a deviation whose frame is already listed as observed.
         let is_told = |heard: &Heard| {
             let seen = format!("seen      {}  at {}", heard.frame, time(heard.at));
             self.details.iter().any(|line| line.starts_with(&seen))
@@ -162,12 +162,12 @@ impl Failure {
         self
     }
 
-    /// Returns the failure of a step that deviates from a strict scenario.
+    /// Creates the failure of a deviation in a strict scenario.
     pub(super) fn deviation(step: &Step, deviation: &Deviation, history: &History) -> Self {
         Self::new(step, "strict".to_owned(), vec![format!("strict    {}", deviation.reason(history))])
     }
 
-    /// Returns the failure of an expected state.
+    /// Creates the failure of an expected state that did not occur.
     pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
         let mut details: Vec<String> =
@@ -178,7 +178,7 @@ impl Failure {
         Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
     }
 
-    /// Returns the failure of a forbidden frame.
+    /// Creates the failure of a forbidden frame.
     pub(super) fn came(step: &Step, pattern: &Pattern, heard: &Heard, history: &History) -> Self {
         let Heard { number, at, frame } = heard;
         let details = vec![format!("seen      {frame}  at {}  {}", time(*at), history.explain(frame))];
@@ -186,7 +186,7 @@ impl Failure {
         Self { until: Some(number + 1), ..failure }
     }
 
-    /// Returns the failure of a forbidden state.
+    /// Creates the failure of a forbidden state.
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
         let details = wanted.keys.iter().map(seen).collect();
@@ -203,8 +203,8 @@ impl Failure {
         Self { at, excerpt, ..self }
     }
 
-    /// Writes the failure, for a scenario from this file, in indented lines; the first failure has the excerpt of the
-    /// bus.
+    /// Writes the failure of a scenario from this file in indented lines. The first failure shows the latest events
+    /// before it; each later one shows the events since the previous failure.
     fn write(&self, out: &mut String, file: &str, is_first: bool) {
         let Self { line, note, headline, details, at, excerpt, .. } = self;
         // Writing to a string cannot fail.
@@ -228,7 +228,7 @@ impl Failure {
 }
 
 impl Deviation {
-    /// Returns the deviation in one line.
+    /// Describes the deviation in one line.
     fn reason(&self, history: &History) -> String {
         let came = |Heard { at, frame, .. }: &Heard| format!("{frame}  at {}  {}", time(*at), history.explain(frame));
         match self {
@@ -246,7 +246,7 @@ fn meaning(pattern: &Pattern, history: &History) -> String {
     pattern.frame().map_or_else(String::new, |frame| format!("  {}", history.explain(&frame)))
 }
 
-/// Returns the frame observed instead of a wanted one, in the events from `mark` on. `from`: the first event of the
+/// Describes the frame observed instead of a wanted one, in the events from `mark` on. `from` is the first event of the
 /// step.
 fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<String> {
     let mut lines = Vec::new();
@@ -300,7 +300,7 @@ fn during(step: &Step) -> String {
     span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()))
 }
 
-/// Returns the value of a state's key, as a scenario writes it.
+/// Returns the value of a state's key in the syntax of scenarios.
 fn value_of(key: &str, state: &DeviceState) -> String {
     let mut values = serde_json::to_value(state).unwrap_or_default();
     match key {

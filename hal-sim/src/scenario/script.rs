@@ -1,4 +1,4 @@
-//! A checked scenario: every step can be executed.
+//! A checked scenario, in which every step can be executed.
 
 use protocol_core::controller::BitRate;
 
@@ -17,25 +17,25 @@ use crate::text::in_one_line;
 pub struct Scenario {
     pub(super) title: String,
     pub(super) devices: Vec<NamedDevice>,
-    /// The entry of each device in the file.
+    /// The device entries of the file.
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
-    /// A step has to expect each frame of a device.
+    /// Whether a step has to expect each frame of a device.
     pub(super) strict: bool,
     pub(super) steps: Vec<Step>,
 }
 
-/// The entry of a device in the file.
+/// A device entry of the file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) line: usize,
-    /// The device has to run at the bit rate of the bus.
+    /// Whether the device has to run at the bit rate of the bus.
     pub(super) heard: bool,
 }
 
 impl Scenario {
-    /// Reads a scenario.
+    /// Parses a scenario.
     ///
     /// # Errors
     /// [`ReadError`] with the line of the first error.
@@ -109,7 +109,7 @@ impl Scenario {
         self.bit_rate
     }
 
-    /// Returns a simulation of the devices, not yet powered.
+    /// Creates a simulation of the unpowered devices.
     pub(super) fn simulation(&self, seed: u64) -> Simulation {
         let mut simulation = Simulation::new(self.bit_rate, seed);
         for (device, entry) in self.devices.iter().zip(&self.entries) {
@@ -123,9 +123,9 @@ impl Scenario {
     }
 }
 
-/// Refuses a prohibition after which no time passes: at most one instant of it would be checked.
+/// Refuses a `never` after which no time passes: at most one instant would be checked.
 fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
-    // The scenario goes on until all prohibitions with a duration end.
+    // The scenario continues until every `never` with a duration ends.
     if steps.iter().any(|step| step.never.as_ref().is_some_and(|never| never.span.is_some())) {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! The trial run of a scenario's steps: steps that cannot be executed are refused.
+//! The trial run of a scenario: refuses steps that cannot be executed.
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Protocol, Setup};
@@ -14,7 +14,7 @@ use crate::state::{
     self, BusChange, Disturb, FaultRequest, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition,
 };
 
-/// The word for null.
+/// The word for null in scenarios.
 const NONE: &str = "\"none\"";
 
 /// The trial run of the steps: devices and active cyclic frames.
@@ -31,7 +31,7 @@ impl Trial {
         Self { simulation, devices, strict, cyclic: Vec::new() }
     }
 
-    /// Checks a step, and applies its plant change to the trial.
+    /// Checks a step, and applies its plant change to the trial simulation.
     pub(super) fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
         let about_device = table.plant.is_some()
             || table.power.is_some()
@@ -172,7 +172,7 @@ impl Trial {
         Ok(Command::Send(frame, period))
     }
 
-    /// Returns the identifier of the cyclic frame to stop, which has to be active; `None` stops all.
+    /// Returns the identifier of the active cyclic frame to stop; `None` stops all.
     fn stop(&mut self, which: &Identifier) -> Result<Option<Id>, String> {
         let Some(id) = stopped(which)? else {
             self.cyclic.clear();
@@ -207,14 +207,14 @@ impl Trial {
         }
     }
 
-    /// Ends a fault, which has to exist.
+    /// Ends an existing fault.
     fn end(&mut self, name: String) -> Result<Command, String> {
         let command = Command::EndFaults(Some(name).filter(|name| name != "all"));
         self.simulation.execute(command.clone()).map_err(|refusal| format!("end: {refusal}"))?;
         Ok(command)
     }
 
-    /// Returns the pattern of a text, which a device on the bus has to be able to send.
+    /// Parses a pattern that a device on the bus must be able to send.
     fn frame_to_come(&self, text: &str) -> Result<Pattern, String> {
         let pattern: Pattern = text.parse()?;
         if pattern.is_remote() {
@@ -279,7 +279,7 @@ fn millis(ms: u32) -> Duration {
 
 fn power(change: toml::Table) -> Result<Power, String> {
     let change: PowerChange = file::table(change)?;
-    // The control interface has the JSON form of this message.
+    // The original message has the JSON form.
     let accepted = "must be { on = true }, { on = false } or { reset = \"watchdog\" }";
     change.power().map_err(|_| accepted.to_owned())
 }

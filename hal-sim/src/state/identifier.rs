@@ -1,4 +1,4 @@
-//! CAN identifiers as users write them: a number, or hexadecimal text.
+//! CAN identifiers in user input: a number, or a hex string.
 
 use protocol_core::frame::{ExtendedId, Id, StandardId};
 use serde::Deserialize;
@@ -10,19 +10,19 @@ use utoipa::{PartialSchema, ToSchema};
 use super::Invalid;
 use super::schema::IDENTIFIER;
 
-/// An identifier: a number, or a text in hex with or without `0x`, as in `"220"`.
+/// An identifier: a number, or a hex string with or without `0x`, as in `"220"`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(untagged)]
 pub enum Identifier {
     /// A number.
     Number(u32),
-    /// A text in hex; with eight digits it has 29 bits.
+    /// A hex string; eight digits make a 29-bit identifier.
     Text(String),
 }
 
 impl Identifier {
-    /// Returns the identifier of 11 or 29 bits. Without `extended`, a text of eight digits has 29 bits, as in a candump
-    /// log, and all others 11.
+    /// Returns the 11-bit or 29-bit identifier. Without `extended`, a string of eight digits has 29 bits, as in a
+    /// candump log, and any other value 11.
     ///
     /// # Errors
     /// [`Invalid`] for a value that is not an identifier of that size.

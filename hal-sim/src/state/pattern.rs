@@ -40,7 +40,7 @@ pub struct Pattern {
 enum Content {
     /// Data frames with any data.
     Any,
-    /// Data frames with these bytes, and perhaps further ones.
+    /// Data frames with these bytes, optionally followed by further ones.
     Data(Vec<Digits>, More),
     /// Remote frames with this length.
     Remote(u8),
@@ -54,7 +54,7 @@ enum More {
 }
 
 impl Digits {
-    /// Returns the digits of a text: at most eight hex digits or `?`.
+    /// Parses digits: at most eight hex digits or `?`.
     fn parse(text: &str) -> Option<Self> {
         text.chars().try_fold(Self { value: 0, mask: 0 }, |Self { value, mask }, digit| match digit {
             '?' => Some(Self { value: value << 4, mask: mask << 4 }),
@@ -130,10 +130,10 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
 }
 
 impl Pattern {
-    /// Returns the pattern of an identifier with the data of a text; without a text, any data.
+    /// Creates the pattern of an identifier, with the data of a text or any data.
     ///
     /// # Errors
-    /// [`Invalid`] for a text that is not data.
+    /// [`Invalid`] for a text that is not valid data.
     pub fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
         let (is_extended, value, mask) = match id {
             Id::Standard(id) => (false, id.as_raw().into(), 0xFFF),
@@ -189,7 +189,7 @@ impl Pattern {
         }
     }
 
-    /// Returns the difference in words if only the length does not match; otherwise `None`.
+    /// Describes the difference if only the length does not match; otherwise `None`.
     pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
         let (wanted, is_least) = match &self.content {
             Content::Data(bytes, more) if !frame.is_remote() => (bytes.len(), *more == More::Any),
@@ -213,7 +213,7 @@ impl Pattern {
         })
     }
 
-    /// Returns the identifier if the pattern has no wildcard in it.
+    /// Returns the identifier if it has no wildcard.
     pub fn identifier(&self) -> Option<Id> {
         let digits = if self.is_extended { 8 } else { 3 };
         if !self.id.are_exact(digits) {
