@@ -54,7 +54,7 @@ fn is_one_of(pgn: Pgn, first: u32) -> bool {
     (first..=first + LAST).contains(&pgn.raw())
 }
 
-/// Returns the name of a node: a device by its name, all, or an address.
+/// Returns the name of a node: a device name, "all", or an address.
 fn party(address: Address, context: &Context<'_>) -> String {
     match address {
         Address::GLOBAL => "all".to_owned(),
@@ -159,7 +159,7 @@ fn estimated_flow(data: &[u8]) -> String {
     format!("AVEF {}, {flow}", state(told.state))
 }
 
-/// Returns the state of an AVC or AVEF in words.
+/// Returns the name of the state of an AVC or AVEF.
 pub const fn state(state: State) -> &'static str {
     match state {
         State::Blocked => "blocked",

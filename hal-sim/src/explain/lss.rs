@@ -38,7 +38,8 @@ pub(super) fn request(bytes: &[u8; 8]) -> String {
     format!("LSS {text}")
 }
 
-/// Explains an answer. Its command equals that of the request, except for the four that select and identify.
+/// Explains an answer. The command equals that of the request, except in the four answers to selection and
+/// identification.
 pub(super) fn answer(bytes: &[u8; 8]) -> Option<String> {
     let &[command, error, ..] = bytes;
     let [_, a, b, c, d, ..] = *bytes;

@@ -1,4 +1,4 @@
-//! Recordings without named devices: evidence of the devices in their frames; and error frames in the form of Linux.
+//! Recordings without named devices: detects the devices from their frames, and explains error frames in Linux format.
 
 use protocol_core::device::pve::DeviceState;
 use protocol_core::device::{hat, pve};
@@ -12,7 +12,7 @@ use super::{Explainer, Node};
 use crate::Kind;
 use crate::log::ErrorFrame;
 
-/// The kinds that stand for all CANopen valves, all angle sensors and all ISOBUS valves: the kinds of a family share
+/// The kinds that represent all CANopen valves, all angle sensors and all ISOBUS valves: the kinds of a family share
 /// the meanings of frames.
 const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const SENSOR: Kind = Kind::Hat(hat::Kind::Hat1000);
@@ -32,8 +32,8 @@ pub(super) enum Evidence {
 }
 
 impl Explainer {
-    /// Learns the kind of a frame's sender, by which its frames are explained. Given devices stay as they are. Call it
-    /// before the frame's own explanation.
+    /// Learns the kind of a frame's sender, which determines the explanations of its frames. Given devices are
+    /// unchanged. Call this before explaining the frame.
     pub fn learn(&mut self, frame: &Frame) {
         let Some((id, kind, evidence)) = told(frame) else { return };
         if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {

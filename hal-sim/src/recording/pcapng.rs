@@ -1,4 +1,4 @@
-//! pcapng with the link type of SocketCAN, 227: one packet per frame, in the form of Linux's `struct can_frame`.
+//! pcapng with the SocketCAN link type (227): one packet per frame, in the layout of Linux's `struct can_frame`.
 
 use std::io::{self, Cursor, Read, Write};
 
@@ -33,7 +33,7 @@ const COMMENT: u16 = 1;
 /// The size limit of a block: far above that of any capture of CAN.
 const BLOCK_MAX: usize = 1 << 16;
 
-/// Writes the head of a file: a section, and an interface with the name of the bus and times in microseconds.
+/// Writes the file header: a section, and an interface with the bus name and times in microseconds.
 pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
     let mut section = Vec::new();
     section.extend(0x1A2B_3C4D_u32.to_le_bytes());
@@ -107,13 +107,13 @@ fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
 struct Interface {
     name: String,
     link_type: i32,
-    /// The units of time in a second.
+    /// The number of time units in a second.
     resolution: u128,
     /// The offset of all times, in seconds.
     offset: i64,
 }
 
-/// The reader of a file, packet by packet.
+/// Reads a file packet by packet.
 pub(super) struct Packets {
     reader: PcapNGReader<Box<dyn Read + Send>>,
     interfaces: Vec<Interface>,
@@ -123,7 +123,7 @@ pub(super) struct Packets {
 
 /// The reason for a missing entry.
 pub(super) enum PacketError {
-    /// This packet has no entry; later ones may have.
+    /// This packet has no entry; later packets may have one.
     Packet(Reason),
     /// The file ends here, with an error.
     End(Reason),
@@ -132,9 +132,9 @@ pub(super) enum PacketError {
 }
 
 impl Packets {
-    /// Begins to read a file.
+    /// Starts to read a file.
     pub(super) fn new(mut source: Box<dyn Read + Send>) -> Result<Self, PacketError> {
-        // The first read has to return the whole first block, which a pipe may not.
+        // The first read must return the complete first block, which a read from a pipe may not.
         let mut head = vec![0; 12];
         let whole = source.read_exact(&mut head);
         whole.map_err(|_| PacketError::End(CUT_OFF))?;
@@ -186,7 +186,7 @@ impl Packets {
 const CUT_OFF: Reason = "the file is truncated here";
 const BROKEN: Reason = "invalid pcapng block; the rest of the file is unreadable";
 
-/// Returns the entry of a packet block.
+/// Decodes a packet block.
 fn take(
     interfaces: &mut Vec<Interface>,
     last: &mut usize,
@@ -217,14 +217,14 @@ fn take(
     None
 }
 
-/// Returns the name of a bus for a line of candump, without blanks.
+/// Returns the bus name for a candump line, without spaces.
 fn name(told: &str) -> String {
     let name = if told.is_empty() { "can0" } else { told };
     name.replace(|char: char| char.is_whitespace() || char.is_control(), "_")
 }
 
-/// Returns the units in a second: a power of 10, or with the highest bit set, of 2. A finer resolution than 64 bits can
-/// express counts as the finest.
+/// Returns the number of time units in a second: a power of 10, or of 2 if the highest bit is set. A resolution finer
+/// than 64 bits can express is clamped.
 fn resolution(told: u8) -> u128 {
     match (told & 0x80, told & 0x7F) {
         (0, power) => 10_u128.pow(u32::from(power.min(19))),
@@ -240,7 +240,7 @@ impl Interface {
     }
 }
 
-/// Returns the entry of a packet of SocketCAN.
+/// Decodes a SocketCAN packet.
 fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     let Some((&[a, b, c, d, length, flags, _, _], data)) = packet.split_first_chunk::<HEAD>() else {
         return Err("the packet is too short for a frame");

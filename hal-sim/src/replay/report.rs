@@ -1,4 +1,4 @@
-//! The report: differences between a log and its replay, in words.
+//! The report: describes the differences between a log and its replay.
 
 use std::fmt;
 
@@ -8,7 +8,8 @@ use protocol_core::time::Duration;
 use super::{Outcome, ReplayOptions};
 use crate::log::Timestamp;
 
-/// A difference: a frame of the log that the stand-in did not send as logged, or an additional frame of the stand-in.
+/// A difference: a frame of the log that the simulated device did not send as logged, or an additional frame of the
+/// simulated device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
     /// The time of the logged frame; for an additional frame, the time of sending in the time of the log.
