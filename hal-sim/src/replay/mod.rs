@@ -1,4 +1,4 @@
-//! `pve-sim replay`: compares a recording of devices with their simulated devices, in virtual time.
+//! `pve-sim replay`: compares a recording of devices with simulated ones, in virtual time.
 //!
 //! ```text
 //! mod           the replay in rounds, from the recording to the outcome
