@@ -1,4 +1,4 @@
-//! `pve-sim`: the commands and their exit codes; the rest is in the library.
+//! `pve-sim`: executes the commands and maps results to exit codes; all else is in the library.
 
 use std::fmt::{Arguments, Display};
 use std::io::{BufWriter, StdoutLock, Write};
@@ -21,7 +21,7 @@ const FAILURE: u8 = 1;
 /// Wrong usage.
 const USAGE: u8 = 2;
 
-/// The time that the end waits for a reader of stderr.
+/// The time limit for writing the final error to stderr.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 fn main() -> ExitCode {
@@ -29,7 +29,7 @@ fn main() -> ExitCode {
     match cli::parse(std::env::args_os()) {
         Ok(Request::Run(options)) => match run::run(&options) {
             Ok(true) => ExitCode::SUCCESS,
-            // The user has been told when it happened.
+            // The error was reported when it occurred.
             Ok(false) => ExitCode::from(FAILURE),
             Err(error) => fail(FAILURE, &error),
         },
@@ -51,7 +51,7 @@ fn stdout() -> Output<StdoutLock<'static>> {
     Output::new(std::io::stdout().lock())
 }
 
-/// Writes a text; [`end`] reports an error.
+/// Writes a text; [`end`] reports a write error.
 fn print(stdout: &mut impl Write, text: Arguments<'_>) {
     let _ = stdout.write_fmt(text);
 }
@@ -63,7 +63,7 @@ fn print_all(text: &str) -> ExitCode {
     end(stdout, true)
 }
 
-/// Ends a command with its result. Truncated output is a failure.
+/// Returns the exit code of a command from its result. Truncated output is a failure.
 fn end(stdout: Output<impl Write>, success: bool) -> ExitCode {
     match stdout.finish() {
         Err(error) => fail(FAILURE, &format_args!("stdout: {error}")),
@@ -115,8 +115,8 @@ fn warn(line: &str) {
     let _ = writeln!(std::io::stderr(), "pve-sim: {line}");
 }
 
-/// Reports an error on stderr, and returns the exit code. Writes on a thread of its own: a full pipe without a reader
-/// must not block the end, because signals no longer end a run.
+/// Reports an error on stderr, and returns the exit code. Writes on a separate thread: a full pipe without a reader
+/// must not block the exit, because signals no longer end a run.
 fn fail(code: u8, error: &dyn Display) -> ExitCode {
     let line = format!("pve-sim: {error}\n");
     let tell = |line: String| std::io::stderr().write_all(line.as_bytes());
@@ -131,7 +131,7 @@ fn fail(code: u8, error: &dyn Display) -> ExitCode {
     match writer {
         // The channel carries no message: it closes with the end of the thread.
         Ok(_) => drop(ended.recv_timeout(PATIENCE)),
-        // The error may be that the system has no threads left.
+        // The reported error may itself be that no thread can be started.
         Err(_) => drop(tell(line)),
     }
     ExitCode::from(code)

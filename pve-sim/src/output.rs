@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-/// The output of a command: after an error, writes are dropped, and the end reports it.
+/// The output of a command: after an error, further writes are dropped, and [`finish`](Self::finish) reports the error.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     out: W,
@@ -10,7 +10,7 @@ pub struct Output<W: Write> {
 }
 
 impl<W: Write> Output<W> {
-    /// Returns the output onto `out`.
+    /// Creates an output that writes to `out`.
     pub const fn new(out: W) -> Self {
         Self { out, failure: None }
     }
@@ -18,7 +18,7 @@ impl<W: Write> Output<W> {
     /// Flushes the output.
     ///
     /// # Errors
-    /// The first error of `out`; a reader that has gone is not an error, because it has seen enough.
+    /// The first error of `out`, except a closed pipe: its reader needs no more output.
     pub fn finish(mut self) -> io::Result<()> {
         let flushed = self.flush();
         debug_assert!(flushed.is_ok());
@@ -28,7 +28,7 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// Does something with `out`, or nothing after an error.
+    /// Applies a function to `out`; does nothing after an error.
     fn attempt<T>(&mut self, otherwise: T, act: impl FnOnce(&mut W) -> io::Result<T>) -> io::Result<T> {
         if self.failure.is_some() {
             return Ok(otherwise);

@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Speed {
     /// A factor of wall time, finite and above 0.
     Factor(f64),
-    /// Steps, on command of the control interface.
+    /// Stepped: only the control interface advances time.
     Step,
 }
 

@@ -1,13 +1,13 @@
 //! A memory kept in a file: a header of 16 bytes and the raw flash image.
 //!
-//! Every change writes the whole file anew under a unique name, syncs it, renames it over the old one and syncs the
-//! folder, which Windows cannot. Whenever the process is killed or the machine loses power, the file is the old one or
+//! Every change writes a complete new file under a unique name, syncs it, renames it over the old one and syncs the
+//! folder (not on Windows). Whenever the process is killed or the machine loses power, the file is the old one or
 //! the new one, and it is the new one once the write has returned. Writing only the changed words would be faster, but
 //! could leave a partial store that the *simulated* flash never saw; at 32 KiB and a few stores a second, the whole
 //! file costs nothing.
 //!
-//! Only one simulator may use the file: another one would not see its changes, and overwrite them. The lock is on a
-//! file beside it, because each write replaces the file, and there is none before the first. The lock ends with the
+//! Only one simulator may use the file: a second one would overwrite the changes of the first. A separate lock file is
+//! locked, because each write replaces the state file, which does not exist before the first. The lock ends with the
 //! process; the lock file stays, because removing it would let two other processes lock two different files.
 
 use std::ffi::OsString;
@@ -24,10 +24,10 @@ use hal_sim::memory::{Content, Flash, MemoryFile, MemoryFileError, SIZE};
 
 const MAGIC: [u8; 4] = *b"PNVM";
 const VERSION: u32 = 1;
-/// The version of the memory layout, stored beside the number of the kind; 0 was that of earlier programs. A program
-/// takes a file with another layout for one of another kind, refuses it, and leaves it unchanged.
+/// The version of the memory layout, stored beside the kind number; earlier programs used 0. A program refuses a file
+/// with another layout as one of another kind, and leaves it unchanged.
 const LAYOUT: u32 = 1;
-/// The number of bits for the kind; the layout has the others.
+/// The number of bits for the kind; the layout has the remaining bits.
 const KIND_BITS: u32 = 8;
 const HEADER: usize = 16;
 /// The number of random characters in the name of an unfinished file.
@@ -39,7 +39,7 @@ const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(win
 #[derive(Debug, thiserror::Error)]
 pub enum StateFileError {
     /// The file belongs to a device of another kind.
-    #[error("{}: the memory of another kind of device ({found}, not {expected})", path.display())]
+    #[error("{}: holds the memory of another kind of device ({found}, not {expected})", path.display())]
     OtherKind {
         /// The file.
         path: PathBuf,
@@ -48,7 +48,7 @@ pub enum StateFileError {
         /// The expected kind.
         expected: u32,
     },
-    /// A later program wrote the file.
+    /// A newer program wrote the file.
     #[error("{}: written by a newer pve-sim", path.display())]
     Later {
         /// The file.
@@ -60,7 +60,7 @@ pub enum StateFileError {
         /// The file.
         path: PathBuf,
     },
-    /// The file cannot be written or put aside.
+    /// The file cannot be written or renamed.
     #[error(transparent)]
     Unkept(#[from] MemoryFileError),
     /// A file system error.
@@ -85,10 +85,10 @@ pub struct Opened {
 impl Opened {
     /// Returns the memory in the file; a new one for a missing file.
     ///
-    /// A damaged file is put aside as `name.nvm.bad`, and the memory starts empty and damaged.
+    /// A damaged file is renamed to `name.nvm.bad`, and the memory starts empty and marked as damaged.
     ///
     /// # Errors
-    /// When the file cannot be written or put aside. It is unchanged then.
+    /// When the file cannot be written or renamed; it is unchanged then.
     pub fn memory(self) -> Result<Memory, StateFileError> {
         self.file.sweep();
         Ok(Memory::kept_in(Box::new(self.file), self.content)?)
@@ -111,10 +111,10 @@ impl StateFile {
     /// When the file belongs to a device of another kind, is in use, or cannot be read.
     pub fn open(dir: &Path, name: &str, kind: u32) -> Result<Opened, StateFileError> {
         let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, _lock: None };
-        fs::create_dir_all(dir).map_err(|error| file.error("make the directory", error))?;
+        fs::create_dir_all(dir).map_err(|error| file.error("create the directory", error))?;
         // A link is resolved, so that its target is replaced, and both names lock the same file.
         if file.path.is_symlink() {
-            file.path = fs::canonicalize(&file.path).map_err(|error| file.error("follow the link", error))?;
+            file.path = fs::canonicalize(&file.path).map_err(|error| file.error("resolve the link", error))?;
         }
         // Before opening: to open a pipe would wait for a writer.
         if fs::metadata(&file.path).is_ok_and(|found| !found.is_file()) {
@@ -249,22 +249,22 @@ impl MemoryFile for StateFile {
             match OpenOptions::new().write(true).create_new(true).open(&aside) {
                 Ok(_) => {}
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
-                Err(error) => return Err(self.error("put the damaged file aside", error).into()),
+                Err(error) => return Err(self.error("rename the damaged file", error).into()),
             }
             return match fs::rename(&self.path, &aside) {
                 Ok(()) => Ok(format!(
-                    "{} is damaged: kept as {}, starting with defaults",
+                    "{} is damaged: renamed to {}, starting with defaults",
                     self.path.display(),
                     aside.display()
                 )),
                 Err(error) => {
                     // The reserved name is unused, and its file still empty.
                     let _ = fs::remove_file(&aside);
-                    Err(self.error("put the damaged file aside", error).into())
+                    Err(self.error("rename the damaged file", error).into())
                 }
             };
         }
-        unreachable!("there are more numbers than files")
+        unreachable!("every number up to u32::MAX has a `.bad` file")
     }
 }
 

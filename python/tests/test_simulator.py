@@ -99,9 +99,9 @@ def test_every_part_of_the_plant_is_changed_and_put_right(stepped: Simulator) ->
     ("change", "text"),
     [
         ({"suply_mv": 8000}, "unknown key 'suply_mv'"),
-        ({"supply_mv": 100_001}, "supply_mv 100001: accepted: a whole number from 0 to 100000"),
+        ({"supply_mv": 100_001}, "supply_mv 100001 is not valid; accepted: a whole number from 0 to 100000"),
         ({"spool": "rusty"}, "rusty"),
-        ({"supply_mv": 8000, "lever": 16385}, "lever 16385: accepted: "),
+        ({"supply_mv": 8000, "lever": 16385}, "lever 16385 is not valid; accepted: "),
         ({"angle_cdeg": 1}, "angle_cdeg"),
     ],
 )
@@ -149,7 +149,7 @@ def test_a_wait_for_what_cannot_be_is_refused(stepped: Simulator) -> None:
 
 
 def test_a_frame_in_vain_tells_which(stepped: Simulator) -> None:
-    with pytest.raises(WaitTimeout, match=r"frame 0A0: 12 34 \.\. did not come.* within 50 ms") as timeout:
+    with pytest.raises(WaitTimeout, match=r"frame 0A0: 12 34 \.\. was not received.* within 50 ms") as timeout:
         stepped.wait_frame(EMCY, "12 34 ..", within_ms=50)
     assert timeout.value.state is None
 
@@ -177,9 +177,9 @@ def test_the_trace_for_people_counts_what_comes_again(stepped: Simulator) -> Non
 
 
 def test_a_frame_that_cannot_be_is_refused(stepped: Simulator) -> None:
-    with pytest.raises(InvalidValue, match="id 2048: accepted: 0 to 2047"):
+    with pytest.raises(InvalidValue, match="id 2048 is not valid; accepted: 0 to 2047"):
         stepped.send(0x800, extended=False)
-    with pytest.raises(InvalidValue, match='data "0F0": not whole bytes; accepted: up to 8 bytes in hex'):
+    with pytest.raises(InvalidValue, match='data "0F0": an incomplete byte; accepted: up to 8 bytes in hex'):
         stepped.send(1, "0F0")
     with pytest.raises(InvalidValue, match="more than 8 bytes; accepted: up to 8 bytes"):
         stepped.send(1, bytes(9))
@@ -335,7 +335,7 @@ def test_an_identifier_as_a_text_is_hexadecimal(stepped: Simulator) -> None:
         assert stepped.stop(id) == 1
     stepped.send(0x220, "", extended=True, every_ms=100)
     assert (stepped.stop(0x220), stepped.stop("220", extended=True)) == (0, 1)
-    with pytest.raises(InvalidValue, match='id "22G": accepted: 0 to 2047, or a text in hex'):
+    with pytest.raises(InvalidValue, match='id "22G" is not valid; accepted: 0 to 2047, or a hex string'):
         stepped.send("22G")
 
 

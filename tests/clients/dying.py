@@ -114,7 +114,7 @@ def after_a_message(valve, witness):
     client = Client(valve)
     client.open()
     client.say(3 * SEND + SEND[:10] + b"< echo >")
-    for wanted in (b"< error message without end >", b"< echo >"):
+    for wanted in (b"< error unterminated message >", b"< echo >"):
         equal("answer", client.hear(), wanted)
     client.die()
     witness.saw(3 * [SENT])

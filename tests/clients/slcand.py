@@ -65,7 +65,7 @@ def interface():
                 send(link, 0x722 | socket.CAN_RTR_FLAG, b"")
                 take(trace, lambda line: " 722#R" in line)
         with attached(path, "-s6"):
-            take(said, lambda line: line.endswith("set 500000 bit/s, the bus runs at 250000 bit/s: its channel is not opened"))
+            take(said, lambda line: line.endswith("set 500000 bit/s, but the bus runs at 250000 bit/s: the channel stays closed"))
         with attached(path, "-s5") as link:
             send(link, *READ)
             equal("answer", hear(link, ANSWER[0]), ANSWER[1])

@@ -177,7 +177,7 @@ def down():
             run("ip", *leave)
             warning, before = take(said, lambda line: "socketcan:" in line)
             assert warning.startswith(f"pve-sim: socketcan:{INTERFACE}: "), warning
-            assert warning.endswith(": nothing is sent until frames pass again"), warning
+            assert warning.endswith(": no frames are sent until this is resolved"), warning
             for command in come:
                 run("ip", *command)
             with contextlib.closing(raw()) as link:
@@ -189,7 +189,7 @@ def down():
                         break
                 else:
                     raise AssertionError(f"no answer after {come}")
-            _, before = take(said, lambda line: re.search("frames pass again; [0-9]+ frames? w(as|ere) not sent", line))
+            _, before = take(said, lambda line: re.search("sending frames again; [0-9]+ frames? w(as|ere) not sent", line))
             equal("told twice", [line for line in before if "socketcan:" in line], [])
 
 
@@ -223,10 +223,10 @@ def full():
 
         run("tc", "qdisc", "change", "dev", INTERFACE, "root", "tbf", "rate", "8bit", "burst", "32", "limit", "200")
         burst(COUNT)
-        take(said, lambda line: line.endswith(f"{INTERFACE}: its transmit queue is full and does not drain: nothing is sent until frames pass again"))
+        take(said, lambda line: line.endswith(f"{INTERFACE}: the transmit queue is full and does not drain: no frames are sent until this is resolved"))
         run("tc", "qdisc", "del", "dev", INTERFACE, "root")
         burst(1)
-        take(said, lambda line: re.search("frames pass again; [0-9]+ frames were not sent", line))
+        take(said, lambda line: re.search("sending frames again; [0-9]+ frames were not sent", line))
         while hear(link, 0x123) != bytes(2):
             pass
 

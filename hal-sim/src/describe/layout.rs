@@ -106,7 +106,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
         Message {
             from_valve: false,
             comment:
-                "Auxiliary valve command, from any address, here 0x27; the flow counts in extend and retract alone"
+                "Auxiliary valve command, from any address, here 0x27; the flow is used in extend and retract only"
                     .to_owned(),
             ..eight(
                 format!("AVC{number}"),
@@ -129,12 +129,12 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
             )
         },
         Message {
-            comment: "The active fault of the highest priority; every 1000 ms while there is one".to_owned(),
+            comment: "The active fault of the highest priority, every 1000 ms while a fault is active".to_owned(),
             ..eight(format!("DM1_{address:02X}"), global(Priority::DEFAULT, Pgn::DM1), troubles())
         },
         Message {
             comment:
-                "Previously active faults, on request; more than one come in packets, of which this is the first 8 \
+                "Previously active faults, on request; several faults are sent in packets, with these as the first 8 \
                       bytes"
                     .to_owned(),
             ..eight(format!("DM2_{address:02X}"), global(Priority::DEFAULT, Pgn::DM2), troubles())
@@ -144,7 +144,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
             ..eight(format!("AddressClaim_{address:02X}"), global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED), name())
         },
         Message {
-            comment: "Answer to a request without a message of its own".to_owned(),
+            comment: "Response to a request that has no response message of its own".to_owned(),
             ..eight(
                 format!("Acknowledgement_{address:02X}"),
                 global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT),
@@ -153,7 +153,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
                         (Control::Positive as u32, "done"),
                         (Control::Negative as u32, "not supported"),
                         (Control::AccessDenied as u32, "access denied"),
-                        (Control::CannotRespond as u32, "not now"),
+                        (Control::CannotRespond as u32, "cannot respond now"),
                     ]),
                     Signal::raw("Asker", 32, 8),
                     group(40),
@@ -161,7 +161,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
             )
         },
         Message {
-            comment: "Announces packets to all".to_owned(),
+            comment: "Announces a broadcast message in packets".to_owned(),
             ..eight(
                 format!("TP_CM_{address:02X}_to_all"),
                 global(Priority::TRANSPORT, Pgn::TP_CONNECTION),
@@ -169,7 +169,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
             )
         },
         Message {
-            comment: "Refuses a connection".to_owned(),
+            comment: "Refuses a transport connection".to_owned(),
             ..eight(
                 format!("TP_CM_{address:02X}"),
                 J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, MASTER, valve),
@@ -177,7 +177,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
             )
         },
         Message {
-            comment: "A packet of a message to all".to_owned(),
+            comment: "A packet of a broadcast message".to_owned(),
             ..eight(
                 format!("TP_DT_{address:02X}"),
                 global(Priority::TRANSPORT, Pgn::TP_DATA),
@@ -187,7 +187,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
         Message {
             len: 3,
             from_valve: false,
-            comment: "Requests a group; that of DM3 clears the previously active faults".to_owned(),
+            comment: "Requests a parameter group; a request for DM3 clears the previously active faults".to_owned(),
             ..eight(format!("Request_{address:02X}"), to_valve(Priority::DEFAULT, Pgn::REQUEST), vec![group(0)])
         },
     ]
@@ -202,7 +202,7 @@ pub(super) fn commanded_address() -> Message {
         len: COMMANDED_ADDRESS_LEN,
         from_valve: false,
         cycle_ms: None,
-        comment: "The valve of this NAME is to take this address; comes in packets".to_owned(),
+        comment: "Assigns this address to the valve with this NAME; sent in packets".to_owned(),
         signals,
     }
 }

@@ -5,7 +5,7 @@
 #[non_exhaustive]
 pub enum DevicesError {
     /// Two devices have the same name.
-    #[error("the name '{0}' is given twice; give each device its own")]
+    #[error("duplicate device name '{0}'; give each device its own")]
     DuplicateName(String),
     /// Two devices have the same node ID or the same address.
     #[error("{first} and {second} both have {id_name} 0x{id:02X}; give each its own")]
@@ -30,7 +30,7 @@ pub enum DevicesError {
         known: Vec<String>,
     },
     /// Two links have the same sensor.
-    #[error("{0} is linked twice; accepted: one valve per sensor")]
+    #[error("{0} is linked twice; a sensor follows one valve only")]
     LinkedTwice(String),
 }
 

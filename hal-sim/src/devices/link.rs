@@ -31,7 +31,7 @@ impl FromStr for LinkSpec {
         for part in parts {
             let (key, value) = part.split_once('=').unwrap_or((part, ""));
             if seen.contains(&key) {
-                return Err(format!("'{key}' is given twice"));
+                return Err(format!("duplicate key '{key}'"));
             }
             seen.push(key);
             match key {
@@ -42,7 +42,7 @@ impl FromStr for LinkSpec {
             }
         }
         if link.min >= link.max {
-            return Err(format!("min={} is not below max={}", link.min, link.max));
+            return Err(format!("min={} must be below max={}", link.min, link.max));
         }
         Ok(Self(NamedLink { valve: valve.to_owned(), sensor: sensor.to_owned(), link }))
     }
@@ -51,7 +51,7 @@ impl FromStr for LinkSpec {
 fn rate(text: &str) -> Result<i32, String> {
     let rate = text.parse().ok().filter(|rate: &i32| rate.unsigned_abs() <= RATE_MAX.unsigned_abs());
     rate.ok_or_else(|| {
-        format!("'{text}' is not a valid rate; accepted: -{RATE_MAX}–{RATE_MAX}, in 1/100 degree a second")
+        format!("'{text}' is not a valid rate; accepted: -{RATE_MAX}–{RATE_MAX}, in 1/100 degree per second")
     })
 }
 

@@ -67,7 +67,7 @@ impl FromStr for DeviceSpec {
                 None => (part, None),
             };
             if seen.contains(&key) {
-                return Err(format!("'{key}' is given twice"));
+                return Err(format!("duplicate key '{key}'"));
             }
             seen.push(key);
             match (key, value) {
@@ -87,10 +87,10 @@ impl FromStr for DeviceSpec {
                 }
                 ("brown-out-mv", Some(supply)) => spec.electronics.brown_out_mv = Some(brown_out(supply)?),
                 ("blank", None) if !kind.can_be_blank() => {
-                    return Err(format!("a {kind} always has an address; accepted: @ID, or neither for the default"));
+                    return Err(format!("a {kind} always has an address; give @ID, or omit 'blank' for the default"));
                 }
                 ("blank", None) if id.is_some() => {
-                    return Err("a blank device has no node ID; accepted: @ID or blank, not both".to_owned());
+                    return Err("a blank device has no node ID; use either @ID or blank".to_owned());
                 }
                 ("blank", None) => spec.setup.node_id = None,
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
@@ -194,10 +194,10 @@ fn device_name(text: &str) -> Result<String, String> {
         ));
     }
     if text == CONTROL {
-        return Err(format!("'{text}' is reserved for the control interface; accepted: another name"));
+        return Err(format!("'{text}' is reserved for the control interface; use another name"));
     }
     if is_reserved_by_windows(text) {
-        return Err(format!("'{text}' is reserved as a file name on Windows; accepted: another name"));
+        return Err(format!("'{text}' is reserved as a file name on Windows; use another name"));
     }
     Ok(text.to_owned())
 }

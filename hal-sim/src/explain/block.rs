@@ -55,19 +55,19 @@ impl Transfer {
 const LAST: u8 = 1 << 7;
 
 impl Blocks {
-    /// Returns the explanation of a segment in the transfer of this node ID; `None` for other frames.
+    /// Explains a segment of the block transfer with this node ID; `None` for other frames.
     pub(super) fn segment(&self, node: u8, from: Party, bytes: &[u8; 8]) -> Option<String> {
         let [command, data @ ..] = bytes;
         self.0.get(&node).filter(|transfer| transfer.is_segment(from, *command))?;
         let direction = match from {
             Party::Client => "write",
-            Party::Server => "answer",
+            Party::Server => "read response",
         };
         let last = if command & LAST != 0 { "last segment" } else { "segment" };
         Some(format!("SDO block {direction}, {last} {}: {}", command & !LAST, text_or_hex(data)))
     }
 
-    /// Updates the transfers by a frame on the bus.
+    /// Updates the transfers from a frame on the bus.
     pub(super) fn observe(&mut self, frame: &Frame) {
         let (Id::Standard(id), Some(&bytes)) = (frame.id(), frame.eight()) else { return };
         let (from, node) = match classify(id) {

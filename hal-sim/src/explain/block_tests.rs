@@ -11,13 +11,16 @@ fn service_data_in_blocks() {
         ("620: C1 34 12 00 00 00 00 00", "master → valve: SDO block write, end"),
         ("620: A4 08 10 00 7F 00 00 00", "master → valve: SDO block read 0x1008:0, blocks of 127"),
         ("620: A3 00 00 00 00 00 00 00", "master → valve: SDO block read, start"),
-        ("620: A2 05 7F 00 00 00 00 00", "master → valve: SDO block read, received up to 5, next block of 127"),
+        ("620: A2 05 7F 00 00 00 00 00", "master → valve: SDO block read, received up to segment 5, next block of 127"),
         ("620: A1 00 00 00 00 00 00 00", "master → valve: SDO block read, end"),
-        ("5A0: A4 00 20 01 7F 00 00 00", "valve: SDO block write 0x2000:1, blocks of 127"),
-        ("5A0: A2 05 7F 00 00 00 00 00", "valve: SDO block write, received up to 5, next block of 127"),
-        ("5A0: A1 00 00 00 00 00 00 00", "valve: SDO block written"),
-        ("585: C6 08 10 00 1A 00 00 00", "node 0x05: SDO block answer 0x1008:0, 26 bytes"),
-        ("585: C9 34 12 00 00 00 00 00", "node 0x05: SDO block answer, end"),
+        ("5A0: A4 00 20 01 7F 00 00 00", "valve: SDO block write response 0x2000:1, blocks of 127"),
+        (
+            "5A0: A2 05 7F 00 00 00 00 00",
+            "valve: SDO block write response, received up to segment 5, next block of 127",
+        ),
+        ("5A0: A1 00 00 00 00 00 00 00", "valve: SDO block write response, end"),
+        ("585: C6 08 10 00 1A 00 00 00", "node 0x05: SDO block read response 0x1008:0, 26 bytes"),
+        ("585: C9 34 12 00 00 00 00 00", "node 0x05: SDO block read response, end"),
     ]);
 }
 
@@ -35,18 +38,24 @@ fn follow(cases: &[(&str, &str)]) {
 fn the_segments_of_a_block_download() {
     follow(&[
         ("605: C6 00 20 01 12 00 00 00", "master → node 0x05: SDO block write 0x2000:1, 18 bytes"),
-        ("585: A4 00 20 01 02 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 2"),
+        ("585: A4 00 20 01 02 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 2"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
         // another client and server are unaffected
         ("606: 02 01 02 03 04 05 06 07", "master → node 0x06: SDO write, segment 01 02 03 04 05 06, toggle 0"),
         ("605: 02 41 42 43 44 45 46 47", "master → node 0x05: SDO block write, segment 2: \"ABCDEFG\""),
         // the server lost a segment: it is repeated, with a number of the new block
-        ("585: A2 01 7F 00 00 00 00 00", "node 0x05: SDO block write, received up to 1, next block of 127"),
+        (
+            "585: A2 01 7F 00 00 00 00 00",
+            "node 0x05: SDO block write response, received up to segment 1, next block of 127",
+        ),
         ("605: 01 41 42 43 44 45 46 47", "master → node 0x05: SDO block write, segment 1: \"ABCDEFG\""),
         ("605: 82 0F 10 11 12 00 00 00", "master → node 0x05: SDO block write, last segment 2: 0F 10 11 12 00 00 00"),
-        ("585: A2 02 7F 00 00 00 00 00", "node 0x05: SDO block write, received up to 2, next block of 127"),
+        (
+            "585: A2 02 7F 00 00 00 00 00",
+            "node 0x05: SDO block write response, received up to segment 2, next block of 127",
+        ),
         ("605: CD 34 12 00 00 00 00 00", "master → node 0x05: SDO block write, end"),
-        ("585: A1 00 00 00 00 00 00 00", "node 0x05: SDO block written"),
+        ("585: A1 00 00 00 00 00 00 00", "node 0x05: SDO block write response, end"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO write, last segment 01 02 03 04 05 06 07, toggle 0"),
     ]);
 }
@@ -56,15 +65,21 @@ fn the_segments_of_a_block_download() {
 fn the_segments_of_a_block_upload() {
     follow(&[
         ("605: A4 08 10 00 02 00 00 00", "master → node 0x05: SDO block read 0x1008:0, blocks of 2"),
-        ("585: C6 08 10 00 1A 00 00 00", "node 0x05: SDO block answer 0x1008:0, 26 bytes"),
+        ("585: C6 08 10 00 1A 00 00 00", "node 0x05: SDO block read response 0x1008:0, 26 bytes"),
         ("605: A3 00 00 00 00 00 00 00", "master → node 0x05: SDO block read, start"),
-        ("585: 01 41 42 43 44 45 46 47", "node 0x05: SDO block answer, segment 1: \"ABCDEFG\""),
-        ("585: 02 41 42 43 44 45 46 47", "node 0x05: SDO block answer, segment 2: \"ABCDEFG\""),
-        ("605: A2 02 03 00 00 00 00 00", "master → node 0x05: SDO block read, received up to 2, next block of 3"),
-        ("585: 01 41 42 43 44 45 46 47", "node 0x05: SDO block answer, segment 1: \"ABCDEFG\""),
-        ("585: 82 48 49 4A 4B 4C 00 00", "node 0x05: SDO block answer, last segment 2: 48 49 4A 4B 4C 00 00"),
-        ("605: A2 02 03 00 00 00 00 00", "master → node 0x05: SDO block read, received up to 2, next block of 3"),
-        ("585: C9 34 12 00 00 00 00 00", "node 0x05: SDO block answer, end"),
+        ("585: 01 41 42 43 44 45 46 47", "node 0x05: SDO block read response, segment 1: \"ABCDEFG\""),
+        ("585: 02 41 42 43 44 45 46 47", "node 0x05: SDO block read response, segment 2: \"ABCDEFG\""),
+        (
+            "605: A2 02 03 00 00 00 00 00",
+            "master → node 0x05: SDO block read, received up to segment 2, next block of 3",
+        ),
+        ("585: 01 41 42 43 44 45 46 47", "node 0x05: SDO block read response, segment 1: \"ABCDEFG\""),
+        ("585: 82 48 49 4A 4B 4C 00 00", "node 0x05: SDO block read response, last segment 2: 48 49 4A 4B 4C 00 00"),
+        (
+            "605: A2 02 03 00 00 00 00 00",
+            "master → node 0x05: SDO block read, received up to segment 2, next block of 3",
+        ),
+        ("585: C9 34 12 00 00 00 00 00", "node 0x05: SDO block read response, end"),
         ("605: A1 00 00 00 00 00 00 00", "master → node 0x05: SDO block read, end"),
     ]);
 }
@@ -81,22 +96,25 @@ fn a_block_transfer_that_ends_early_names_nothing_after_it() {
             "5A0: 80 0A 10 00 01 00 04 05",
             "valve: SDO abort 0x100A:0 (Manufacturer software version): unknown command specifier (0x05040001)",
         ),
-        ("5A0: 01 41 50 50 2D 5F 53 36", "valve: SDO answer, last segment \"APP-_S6\", toggle 0"),
+        ("5A0: 01 41 50 50 2D 5F 53 36", "valve: SDO read response, last segment \"APP-_S6\", toggle 0"),
         // aborted between two segments, by either side
-        ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 127"),
+        ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 127"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
         ("605: 80 00 20 01 00 00 00 08", "master → node 0x05: SDO abort 0x2000:1: general error (0x08000000)"),
         ("605: 02 01 02 03 04 05 06 07", "master → node 0x05: SDO write, segment 01 02 03 04 05 06, toggle 0"),
         // abandoned by its client, which sends another request
-        ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 127"),
+        ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 127"),
         ("605: 40 18 10 01 00 00 00 00", "master → node 0x05: SDO read 0x1018:1"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO write, last segment 01 02 03 04 05 06 07, toggle 0"),
         // a segment with an unexpected number
-        ("585: A4 00 20 01 01 00 00 00", "node 0x05: SDO block write 0x2000:1, blocks of 1"),
+        ("585: A4 00 20 01 01 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 1"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
         ("605: 02 01 02 03 04 05 06 07", "master → node 0x05: SDO write, segment 01 02 03 04 05 06, toggle 0"),
         // acknowledgements without a segment
-        ("585: A2 05 7F 00 00 00 00 00", "node 0x05: SDO block write, received up to 5, next block of 127"),
+        (
+            "585: A2 05 7F 00 00 00 00 00",
+            "node 0x05: SDO block write response, received up to segment 5, next block of 127",
+        ),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO write, last segment 01 02 03 04 05 06 07, toggle 0"),
     ]);
 }

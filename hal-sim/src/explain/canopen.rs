@@ -1,5 +1,5 @@
-//! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, the first PDOs, heartbeat. SDO and
-//! LSS have files of their own.
+//! CANopen in the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, the first PDOs, heartbeat. SDO and
+//! LSS are in separate files.
 
 use protocol_core::device::hat;
 use protocol_core::device::pve::FAULT_CODES;
@@ -31,7 +31,7 @@ pub(super) fn explain(id: StandardId, frame: &Frame, context: &Context<'_>) -> O
             None => text,
         }),
         0x7E5 => Some(format!("master: {}", lss::request(frame.eight()?))),
-        // PDOs 2 to 4, which the stand-ins lack
+        // PDOs 2 to 4, which the simulated devices lack
         0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF => {
             Some(format!("{}: TPDO {}: {}", context.sender(node), id >> 8, hex(data)))
         }
@@ -142,15 +142,15 @@ fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
     Some(format!("EMCY: {what}, register 0x{register:02X}, count {low}"))
 }
 
-/// Returns an error with its code.
+/// Formats an error with its code.
 fn named(what: &str, code: u16) -> String {
     format!("{what} (0x{code:04X})")
 }
 
-/// Returns an error of an angle sensor (SPEC 9).
+/// Returns the name of an angle sensor's error (SPEC 9).
 const fn angle_sensor(error: hat::Error) -> &'static str {
     match error {
-        hat::Error::SetUp => "set-up not loaded",
+        hat::Error::SetUp => "setup not loaded",
         hat::Error::Controller => "controller error",
         hat::Error::Passive => "error-passive",
         hat::Error::BusOff => "recovered from bus-off",

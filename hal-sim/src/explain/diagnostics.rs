@@ -1,11 +1,11 @@
-//! Faults in words, and the diagnostic messages of J1939-73 that list them (SPEC 3).
+//! Explains faults, and the diagnostic messages of J1939-73 that list them (SPEC 3).
 
 use protocol_core::actuator::Fault;
 use protocol_core::device::pve::FAULT_CODES;
 use protocol_core::wire::dm::{self, Lamp};
 use protocol_core::wire::dtc::Dtc;
 
-/// Returns a fault in words.
+/// Returns the description of a fault.
 pub const fn fault(fault: Fault) -> &'static str {
     match fault {
         Fault::SpoolNotAtSetPoint => "spool not at set-point",
@@ -19,7 +19,7 @@ pub const fn fault(fault: Fault) -> &'static str {
     }
 }
 
-/// Returns the content of a single-frame DM1 or DM2; `none` for one without a fault.
+/// Explains a single-frame DM1 or DM2; `none` is the text if it lists no fault.
 pub(super) fn troubles(data: &[u8], none: &str) -> Option<String> {
     let (lamp, troubles) = dm::parse(data)?;
     let troubles: Vec<String> = troubles.map(|(dtc, count)| format!("{}, count {count}", trouble(dtc))).collect();

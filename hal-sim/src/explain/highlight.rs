@@ -1,4 +1,4 @@
-//! The highlight of a frame: for colours, and for the frames that a trace may leave out.
+//! The highlight of a frame, which selects its colour, and the frames that a trace may omit.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::wire::cob_id::{Function, LSS_ANSWER, LSS_REQUEST, NMT, classify};
@@ -59,7 +59,7 @@ fn tells_fault(frame: &Frame) -> bool {
     }
 }
 
-/// Returns whether a frame is cyclic by its nature, and not a request, an answer, or a change of which each one counts.
+/// Returns whether a frame is a cyclic message, rather than a request, a response or a change, which are all shown.
 #[must_use]
 pub fn is_cyclic(frame: &Frame) -> bool {
     match frame.id() {

@@ -54,7 +54,7 @@ fn is_one_of(pgn: Pgn, first: u32) -> bool {
     (first..=first + LAST).contains(&pgn.raw())
 }
 
-/// Returns the name of a node: a device by its name, all, or an address.
+/// Returns the name of a node: a device name, "all", or an address.
 fn party(address: Address, context: &Context<'_>) -> String {
     match address {
         Address::GLOBAL => "all".to_owned(),
@@ -109,14 +109,14 @@ fn acknowledgement(frame: &Frame, sender: &str, context: &Context<'_>) -> Option
         Control::Positive => "done",
         Control::Negative => "not supported",
         Control::AccessDenied => "access denied",
-        Control::CannotRespond => "not now",
+        Control::CannotRespond => "cannot respond now",
     };
     Some(format!("{sender} → {}: {what}, {}", party(requester, context), group(pgn)))
 }
 
 fn broadcast(announcement: Announcement) -> String {
     let Announcement { size, packets, pgn } = announcement;
-    let sound = if announcement.is_sound() { "" } else { ", which do not agree" };
+    let sound = if announcement.is_sound() { "" } else { ", inconsistent" };
     format!("BAM, {} follows, {size} bytes in {packets} packets{sound}", group(pgn))
 }
 
@@ -159,7 +159,7 @@ fn estimated_flow(data: &[u8]) -> String {
     format!("AVEF {}, {flow}", state(told.state))
 }
 
-/// Returns the state of an AVC or AVEF in words.
+/// Returns the name of the state of an AVC or AVEF.
 pub const fn state(state: State) -> &'static str {
     match state {
         State::Blocked => "blocked",

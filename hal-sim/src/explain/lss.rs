@@ -5,18 +5,18 @@ use protocol_core::wire::lss::{Bound, FastScan, NO_NODE_ID, Part, Request};
 
 pub(super) fn request(bytes: &[u8; 8]) -> String {
     let text = match Request::parse(bytes) {
-        Request::SwitchGlobal { mode: 0 } => "all to waiting".to_owned(),
-        Request::SwitchGlobal { mode: 1 } => "all to configuration".to_owned(),
-        Request::SwitchGlobal { mode } => format!("all to mode {mode}, which is reserved"),
+        Request::SwitchGlobal { mode: 0 } => "switch all devices to waiting".to_owned(),
+        Request::SwitchGlobal { mode: 1 } => "switch all devices to configuration".to_owned(),
+        Request::SwitchGlobal { mode } => format!("switch all devices to reserved mode {mode}"),
         Request::SwitchSelective(part, number) => format!("select by {} 0x{number:08X}", name(part)),
-        Request::ConfigureNodeId(NO_NODE_ID) => "configure no node ID".to_owned(),
+        Request::ConfigureNodeId(NO_NODE_ID) => "configure node ID 0xFF (unconfigured)".to_owned(),
         Request::ConfigureNodeId(id) => format!("configure node ID 0x{id:02X}"),
         Request::ConfigureBitTiming { table, index } => {
             let rate = BitRate::from_table_index(index).filter(|_| table == 0);
             let rate = rate.map_or(String::new(), |rate| format!(" ({} kbit/s)", rate.bits_per_second() / 1000));
             format!("configure bit timing, table {table}, index {index}{rate}")
         }
-        Request::ActivateBitTiming { delay_ms } => format!("activate bit timing, switch after {delay_ms} ms"),
+        Request::ActivateBitTiming { delay_ms } => format!("activate bit timing, switch delay {delay_ms} ms"),
         Request::Store => "store".to_owned(),
         Request::InquireIdentity(part) => format!("inquire {}", name(part)),
         Request::InquireNodeId => "inquire node ID".to_owned(),
@@ -26,10 +26,10 @@ pub(super) fn request(bytes: &[u8; 8]) -> String {
                 Bound::AtLeast(part) => (part, ">="),
                 Bound::AtMost(part) => (part, "<="),
             };
-            format!("who has {} {word} 0x{number:08X}?", name(part))
+            format!("identify devices with {} {word} 0x{number:08X}", name(part))
         }
-        Request::IdentifyNonConfigured => "who has no node ID?".to_owned(),
-        Request::FastScan(FastScan { bit_check: 0x80, .. }) => "fast scan, who is there?".to_owned(),
+        Request::IdentifyNonConfigured => "identify unconfigured devices".to_owned(),
+        Request::FastScan(FastScan { bit_check: 0x80, .. }) => "fast scan, detect unconfigured devices".to_owned(),
         Request::FastScan(FastScan { number, bit_check, sub, next }) => {
             format!("fast scan, {} 0x{number:08X} from bit {bit_check}, then {}", name(sub), name(next))
         }
@@ -38,7 +38,8 @@ pub(super) fn request(bytes: &[u8; 8]) -> String {
     format!("LSS {text}")
 }
 
-/// Explains an answer. Its command equals that of the request, except for the four that select and identify.
+/// Explains an answer. The command equals that of the request, except in the four answers to selection and
+/// identification.
 pub(super) fn answer(bytes: &[u8; 8]) -> Option<String> {
     let &[command, error, ..] = bytes;
     let [_, a, b, c, d, ..] = *bytes;
@@ -55,9 +56,9 @@ pub(super) fn answer(bytes: &[u8; 8]) -> Option<String> {
         0x13 => done("bit timing", range),
         0x17 => done("store", access),
         0x5A..=0x5D => format!("{} 0x{number:08X}", name(command - 0x5A)),
-        0x5E if error == NO_NODE_ID => "no node ID".to_owned(),
+        0x5E if error == NO_NODE_ID => "node ID 0xFF (unconfigured)".to_owned(),
         0x5E => format!("node ID 0x{error:02X}"),
-        0x50 => "has no node ID".to_owned(),
+        0x50 => "unconfigured device".to_owned(),
         0x4F => "identified".to_owned(),
         _ => return None,
     };

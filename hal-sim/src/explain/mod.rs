@@ -1,7 +1,7 @@
-//! The meaning of a frame, in one short line for the trace.
+//! Explains the meaning of a frame in one short line for the trace.
 //!
-//! The explanation of a frame needs the frame and the table of devices only, so that a line is correct wherever the
-//! trace begins. Two exceptions need earlier frames: a segment of an SDO block transfer looks like other frames, and
+//! An explanation depends on the frame and the table of devices only, so that a line is correct wherever the trace
+//! begins. Two exceptions need earlier frames: a segment of an SDO block transfer looks like other frames, and
 //! the answer to a write of the node ID by UDS does not name its sender. PDOs are decoded by the default mapping and
 //! identifiers (SPEC 4.1).
 //!
@@ -47,15 +47,15 @@ use crate::bus::{BusError, FaultEffect};
 /// A device in the explanations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// Its name.
+    /// The name.
     pub name: String,
-    /// Its kind.
+    /// The kind.
     pub kind: Kind,
-    /// Its present node ID or address.
+    /// The current node ID or address.
     pub node_id: Option<u8>,
 }
 
-/// The explainer of frames, by the devices on the bus.
+/// Explains frames, given the devices on the bus.
 #[derive(Clone, Debug, Default)]
 pub struct Explainer {
     nodes: Vec<Node>,
@@ -68,7 +68,7 @@ pub struct Explainer {
 }
 
 impl Explainer {
-    /// Returns an explainer for these devices.
+    /// Creates an explainer for these devices.
     #[must_use]
     pub fn new(nodes: Vec<Node>) -> Self {
         Self { given: nodes.len(), nodes, ..Self::default() }
@@ -132,11 +132,11 @@ impl Explainer {
 #[must_use]
 pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
     let why = match error {
-        BusError::Acknowledgement => "nobody acknowledged",
+        BusError::Acknowledgement => "no acknowledgement of",
         BusError::Bit => "bit error in",
         BusError::Stuff => "stuff error in",
     };
-    format!("error frame: {why} {frame} of {from}")
+    format!("error frame: {why} {frame} from {from}")
 }
 
 /// Returns what a communication fault did to `frame`.
@@ -155,7 +155,7 @@ struct Context<'a> {
     writes: &'a Writes,
     /// The device that sent the frame.
     sender: Option<&'a Node>,
-    /// A client sent the frame.
+    /// Whether a client sent the frame.
     from_client: bool,
 }
 
@@ -180,7 +180,7 @@ impl Context<'_> {
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),
-            (None, Some(node)) => format!("client as {}", node.name),
+            (None, Some(node)) => format!("client, posing as {}", node.name),
             (None, None) => otherwise(),
         }
     }
@@ -201,12 +201,12 @@ impl Context<'_> {
     }
 }
 
-/// Bytes in hex, with blanks between them.
+/// Formats bytes in hex, separated by spaces.
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
 }
 
-/// Bytes as a quoted text if they are printable, otherwise in hex.
+/// Formats bytes as a quoted string if they are printable, otherwise in hex.
 fn text_or_hex(bytes: &[u8]) -> String {
     let printable = !bytes.is_empty() && bytes.iter().all(|byte| (b' '..=b'~').contains(byte));
     if printable { format!("\"{}\"", String::from_utf8_lossy(bytes)) } else { hex(bytes) }

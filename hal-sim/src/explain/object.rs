@@ -28,7 +28,7 @@ pub(super) fn size(object: Multiplexer, kind: Option<Kind>) -> Option<u8> {
     entry(object, kind).filter(|entry| !entry.is_text()).map(Entry::size)
 }
 
-/// Returns the value of an object in the type of the dictionary; bytes of another length are shown in hex.
+/// Formats the value of an object by its type in the dictionary; bytes of another length are shown in hex.
 pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> String {
     if size(object, kind).is_some_and(|size| usize::from(size) != bytes.len()) {
         return raw(bytes);
@@ -54,12 +54,12 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
     }
 }
 
-/// Returns a position of an angle sensor.
+/// Formats a position of an angle sensor.
 pub(super) fn angle(position: u32) -> String {
     format!("{position} ({:.2}°)", f64::from(position) * 360.0 / f64::from(encoder::STEPS))
 }
 
-/// Returns the data of an unknown object: up to four bytes as a number.
+/// Formats the data of an unknown object: up to four bytes as a number.
 fn raw(bytes: &[u8]) -> String {
     match bytes {
         [_] | [_, _] | [_, _, _, _] => {

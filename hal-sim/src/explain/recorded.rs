@@ -1,4 +1,4 @@
-//! Recordings without named devices: evidence of the devices in their frames; and error frames in the form of Linux.
+//! Recordings without named devices: detects the devices from their frames, and explains error frames in Linux format.
 
 use protocol_core::device::pve::DeviceState;
 use protocol_core::device::{hat, pve};
@@ -12,7 +12,7 @@ use super::{Explainer, Node};
 use crate::Kind;
 use crate::log::ErrorFrame;
 
-/// The kinds that stand for all CANopen valves, all angle sensors and all ISOBUS valves: the kinds of a family share
+/// The kinds that represent all CANopen valves, all angle sensors and all ISOBUS valves: the kinds of a family share
 /// the meanings of frames.
 const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const SENSOR: Kind = Kind::Hat(hat::Kind::Hat1000);
@@ -32,8 +32,8 @@ pub(super) enum Evidence {
 }
 
 impl Explainer {
-    /// Learns the kind of a frame's sender, by which its frames are explained. Given devices stay as they are. Call it
-    /// before the frame's own explanation.
+    /// Learns the kind of a frame's sender, which determines the explanations of its frames. Given devices are
+    /// unchanged. Call this before explaining the frame.
     pub fn learn(&mut self, frame: &Frame) {
         let Some((id, kind, evidence)) = told(frame) else { return };
         if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {
@@ -116,10 +116,10 @@ pub fn explain_error_frame(error: &ErrorFrame) -> String {
         (0x002, "arbitration lost"),
         (0x008, "protocol violation"),
         (0x010, "transceiver"),
-        (0x020, "nobody acknowledged"),
+        (0x020, "no acknowledgement"),
         (0x040, "bus-off"),
         (0x080, "bus error"),
-        (0x100, "back from bus-off"),
+        (0x100, "restarted after bus-off"),
         (0x004, "controller"),
     ];
     const CONTROLLER: [(u8, &str); 7] = [
@@ -210,12 +210,12 @@ mod tests {
     #[test]
     fn error_frames_of_linux() {
         let said = |class: ErrorClass| explain_error_frame(&class.into());
-        assert_eq!(said(ErrorClass::NoAcknowledge), "error frame: nobody acknowledged");
+        assert_eq!(said(ErrorClass::NoAcknowledge), "error frame: no acknowledgement");
         assert_eq!(said(ErrorClass::BusError), "error frame: bus error");
         assert_eq!(said(ErrorClass::ErrorPassive), "error frame: error-passive");
         assert_eq!(said(ErrorClass::ErrorActive), "error frame: error-active");
         assert_eq!(said(ErrorClass::BusOff), "error frame: bus-off");
-        assert_eq!(said(ErrorClass::Restarted), "error frame: back from bus-off");
+        assert_eq!(said(ErrorClass::Restarted), "error frame: restarted after bus-off");
         assert_eq!(said(ErrorClass::TransmitOverflow), "error frame: transmit overflow");
         assert_eq!(explain_error_frame(&ErrorFrame::UNTOLD), "error frame");
         let both = ErrorFrame { class: 0x8C, data: [0, 0x08, 0, 0, 0, 0, 0, 0] };

@@ -12,7 +12,7 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         Request::UploadSegment { toggle } => format!("SDO read, next segment, toggle {}", u8::from(toggle)),
         Request::DownloadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
-            // A command without a size: that of the object.
+            // The command has no size; the size of the object applies.
             let size = size.or_else(|| object::size(target, kind)).map_or(4, usize::from);
             let bytes = bytes.get(..size).unwrap_or(&bytes);
             format!("SDO write {} = {}", object(target, kind), value(target, bytes, kind))
@@ -34,28 +34,28 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
         Answer::UploadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
             let bytes = bytes.get(..usize::from(size)).unwrap_or(&bytes);
-            format!("SDO answer {} = {}", object(target, kind), value(target, bytes, kind))
+            format!("SDO read response {} = {}", object(target, kind), value(target, bytes, kind))
         }
         Answer::UploadInitiated { object: target, size } => {
             let size = (bytes[0] & 1 != 0).then_some(size);
-            format!("SDO answer {}, {}", object(target, kind), in_segments(size))
+            format!("SDO read response {}, {}", object(target, kind), in_segments(size))
         }
-        Answer::UploadSegment(part) => format!("SDO answer, {}", segment(&part)),
-        Answer::DownloadDone(target) => format!("SDO written {}", object(target, kind)),
-        Answer::DownloadSegmentDone { toggle } => format!("SDO written, segment, toggle {}", u8::from(toggle)),
+        Answer::UploadSegment(part) => format!("SDO read response, {}", segment(&part)),
+        Answer::DownloadDone(target) => format!("SDO write response {}", object(target, kind)),
+        Answer::DownloadSegmentDone { toggle } => format!("SDO write response, segment, toggle {}", u8::from(toggle)),
         Answer::Abort(target, code) => abort(&object(target, kind), code),
     })
 }
 
-/// Explains the requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its
-/// segments are in `block`.
+/// Explains the requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the simulated devices refuse.
+/// `block` explains the segments.
 fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
     Some(match (command >> 5, command & 0b11) {
         (5, 0) => format!("SDO block read {}, blocks of {}", target(), bytes[4]),
         (5, 1) => "SDO block read, end".to_owned(),
-        (5, 2) => format!("SDO block read, received up to {a}, next block of {b}"),
+        (5, 2) => format!("SDO block read, received up to segment {a}, next block of {b}"),
         (5, 3) => "SDO block read, start".to_owned(),
         (6, 1 | 3) => "SDO block write, end".to_owned(),
         (6, _) => format!("SDO block write {}{}", target(), block_size(bytes)),
@@ -68,11 +68,11 @@ fn block_answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
     Some(match (command >> 5, command & 0b11) {
-        (5, 0) => format!("SDO block write {}, blocks of {}", target(), bytes[4]),
-        (5, 1) => "SDO block written".to_owned(),
-        (5, 2) => format!("SDO block write, received up to {a}, next block of {b}"),
-        (6, 1 | 3) => "SDO block answer, end".to_owned(),
-        (6, _) => format!("SDO block answer {}{}", target(), block_size(bytes)),
+        (5, 0) => format!("SDO block write response {}, blocks of {}", target(), bytes[4]),
+        (5, 1) => "SDO block write response, end".to_owned(),
+        (5, 2) => format!("SDO block write response, received up to segment {a}, next block of {b}"),
+        (6, 1 | 3) => "SDO block read response, end".to_owned(),
+        (6, _) => format!("SDO block read response {}{}", target(), block_size(bytes)),
         _ => return None,
     })
 }
@@ -93,19 +93,19 @@ fn in_segments(size: Option<u32>) -> String {
 
 fn segment(part: &Segment) -> String {
     let last = if part.last { "last segment" } else { "segment" };
-    let bytes = if part.bytes().is_empty() { "of no bytes".to_owned() } else { text_or_hex(part.bytes()) };
+    let bytes = if part.bytes().is_empty() { "without data".to_owned() } else { text_or_hex(part.bytes()) };
     format!("{last} {bytes}, toggle {}", u8::from(part.toggle))
 }
 
 fn abort(object: &str, code: AbortCode) -> String {
-    // Abort codes of other nodes, beside those of the stand-ins (CiA 301 table 22).
+    // Abort codes of other nodes, beside those of the simulated devices (CiA 301 table 22).
     let meaning = match code.0 {
         0x0504_0002 => "invalid block size",
         0x0504_0003 => "invalid sequence number",
         0x0504_0004 => "CRC error",
         0x0601_0000 => "unsupported access",
-        0x0604_0043 => "incompatible parameter",
-        0x0604_0047 => "incompatible within the device",
+        0x0604_0043 => "parameter incompatibility",
+        0x0604_0047 => "internal incompatibility in the device",
         0x0609_0036 => "maximum below minimum",
         0x060A_0023 => "resource not available",
         0x0800_0000 => "general error",

@@ -83,7 +83,7 @@ fn process_data() {
 #[test]
 fn emergencies() {
     check(&[
-        ("081: 00 FF 81 01 00 00 00 00", "angle: EMCY: set-up not loaded (0xFF00), register 0x81"),
+        ("081: 00 FF 81 01 00 00 00 00", "angle: EMCY: setup not loaded (0xFF00), register 0x81"),
         ("081: 00 FF 81 02 00 00 00 00", "angle: EMCY: controller error (0xFF00), register 0x81"),
         ("081: 20 81 11 03 00 00 00 00", "angle: EMCY: error-passive (0x8120), register 0x11"),
         ("081: 40 81 11 04 00 00 00 00", "angle: EMCY: recovered from bus-off (0x8140), register 0x11"),
@@ -110,8 +110,8 @@ fn emergencies() {
 fn service_data() {
     check(&[
         ("601: 40 09 65 00 00 00 00 00", "master → angle: SDO read 0x6509:0 (Offset value)"),
-        ("581: 43 09 65 00 00 E0 FF FF", "angle: SDO answer 0x6509:0 (Offset value) = -8192"),
-        ("581: 43 04 60 00 00 20 00 00", "angle: SDO answer 0x6004:0 (Position value) = 8192 (180.00°)"),
+        ("581: 43 09 65 00 00 E0 FF FF", "angle: SDO read response 0x6509:0 (Offset value) = -8192"),
+        ("581: 43 04 60 00 00 20 00 00", "angle: SDO read response 0x6004:0 (Position value) = 8192 (180.00°)"),
         (
             "601: 22 10 10 03 73 61 76 65",
             "master → angle: SDO write 0x1010:3 (Store application parameters) = \"save\"",
@@ -119,12 +119,12 @@ fn service_data() {
         ("620: 40 18 10 01 00 00 00 00", "master → valve: SDO read 0x1018:1 (Vendor ID)"),
         ("621: 40 18 10 01 00 00 00 00", "master → node 0x21: SDO read 0x1018:1"),
         ("620: 40 00 20 00 00 00 00 00", "master → valve: SDO read 0x2000:0"),
-        ("5A0: 43 18 10 01 19 00 00 01", "valve: SDO answer 0x1018:1 (Vendor ID) = 0x01000019"),
-        ("5A0: 4F 01 10 00 05 00 00 00", "valve: SDO answer 0x1001:0 (Error register) = 5"),
-        ("5A1: 43 18 10 01 19 00 00 01", "node 0x21: SDO answer 0x1018:1 = 0x01000019"),
-        ("5A0: 4F 00 33 00 81 00 00 00", "valve: SDO answer 0x3300:0 (Set-point, 8 bit) = -127"),
-        ("5A0: 4B 01 63 01 00 E0 00 00", "valve: SDO answer 0x6301:1 (VPOC actual value) = -8192 (-50.0 %)"),
-        ("5A0: 4B 41 60 00 0F 00 00 00", "valve: SDO answer 0x6041:0 (Device status word) = 0x000F (ACTIVE)"),
+        ("5A0: 43 18 10 01 19 00 00 01", "valve: SDO read response 0x1018:1 (Vendor ID) = 0x01000019"),
+        ("5A0: 4F 01 10 00 05 00 00 00", "valve: SDO read response 0x1001:0 (Error register) = 5"),
+        ("5A1: 43 18 10 01 19 00 00 01", "node 0x21: SDO read response 0x1018:1 = 0x01000019"),
+        ("5A0: 4F 00 33 00 81 00 00 00", "valve: SDO read response 0x3300:0 (Set-point, 8 bit) = -127"),
+        ("5A0: 4B 01 63 01 00 E0 00 00", "valve: SDO read response 0x6301:1 (VPOC actual value) = -8192 (-50.0 %)"),
+        ("5A0: 4B 41 60 00 0F 00 00 00", "valve: SDO read response 0x6041:0 (Device status word) = 0x000F (ACTIVE)"),
         (
             "620: 2B 40 60 00 0F 00 00 00",
             "master → valve: SDO write 0x6040:0 (Device control word) = 0x000F (activate)",
@@ -132,29 +132,29 @@ fn service_data() {
         ("620: 2F 42 60 00 02 00 00 00", "master → valve: SDO write 0x6042:0 (Device mode) = 2 (hand operation)"),
         ("620: 22 10 10 01 73 61 76 65", "master → valve: SDO write 0x1010:1 (Store all parameters) = \"save\""),
         ("620: 2B 17 10 00 E8 03 00 00", "master → valve: SDO write 0x1017:0 (Producer heartbeat time) = 1000"),
-        ("5A0: 60 17 10 00 00 00 00 00", "valve: SDO written 0x1017:0 (Producer heartbeat time)"),
+        ("5A0: 60 17 10 00 00 00 00 00", "valve: SDO write response 0x1017:0 (Producer heartbeat time)"),
         (
             "5A0: 41 0A 10 00 2F 00 00 00",
-            "valve: SDO answer 0x100A:0 (Manufacturer software version), 47 bytes in segments",
+            "valve: SDO read response 0x100A:0 (Manufacturer software version), 47 bytes in segments",
         ),
-        ("585: 40 08 10 00 00 00 00 00", "node 0x05: SDO answer 0x1008:0, in segments"),
+        ("585: 40 08 10 00 00 00 00 00", "node 0x05: SDO read response 0x1008:0, in segments"),
         ("620: 60 00 00 00 00 00 00 00", "master → valve: SDO read, next segment, toggle 0"),
-        ("5A0: 00 41 50 50 2D 5F 53 36", "valve: SDO answer, segment \"APP-_S6\", toggle 0"),
-        ("5A0: 1B 30 31 00 00 00 00 00", "valve: SDO answer, last segment \"01\", toggle 1"),
+        ("5A0: 00 41 50 50 2D 5F 53 36", "valve: SDO read response, segment \"APP-_S6\", toggle 0"),
+        ("5A0: 1B 30 31 00 00 00 00 00", "valve: SDO read response, last segment \"01\", toggle 1"),
         (
             "620: 21 53 60 00 0A 00 00 00",
             "master → valve: SDO write 0x6053:0 (Device description), 10 bytes in segments",
         ),
         ("620: 20 53 60 00 00 00 00 00", "master → valve: SDO write 0x6053:0 (Device description), in segments"),
         ("620: 00 00 01 02 03 04 05 06", "master → valve: SDO write, segment 00 01 02 03 04 05 06, toggle 0"),
-        ("620: 0F 00 00 00 00 00 00 00", "master → valve: SDO write, last segment of no bytes, toggle 0"),
+        ("620: 0F 00 00 00 00 00 00 00", "master → valve: SDO write, last segment without data, toggle 0"),
         // a size that differs from the object's, and none
         ("620: 2F 40 60 00 0F 00 00 00", "master → valve: SDO write 0x6040:0 (Device control word) = 0x0F"),
         (
             "620: 22 40 60 00 0F 00 00 00",
             "master → valve: SDO write 0x6040:0 (Device control word) = 0x000F (activate)",
         ),
-        ("5A0: 30 00 00 00 00 00 00 00", "valve: SDO written, segment, toggle 1"),
+        ("5A0: 30 00 00 00 00 00 00 00", "valve: SDO write response, segment, toggle 1"),
         ("605: 80 08 10 00 00 00 00 08", "master → node 0x05: SDO abort 0x1008:0: general error (0x08000000)"),
         ("605: 80 08 10 00 FF FF 00 08", "master → node 0x05: SDO abort 0x1008:0: unknown abort code (0x0800FFFF)"),
         (
@@ -171,30 +171,30 @@ fn service_data() {
 #[test]
 fn layer_setting() {
     check(&[
-        ("7E5: 04 01 00 00 00 00 00 00", "master: LSS all to configuration"),
-        ("7E5: 04 00 00 00 00 00 00 00", "master: LSS all to waiting"),
-        ("7E5: 04 07 00 00 00 00 00 00", "master: LSS all to mode 7, which is reserved"),
+        ("7E5: 04 01 00 00 00 00 00 00", "master: LSS switch all devices to configuration"),
+        ("7E5: 04 00 00 00 00 00 00 00", "master: LSS switch all devices to waiting"),
+        ("7E5: 04 07 00 00 00 00 00 00", "master: LSS switch all devices to reserved mode 7"),
         ("7E5: 40 19 00 00 01 00 00 00", "master: LSS select by vendor ID 0x01000019"),
         ("7E5: 43 00 01 2E 5B 00 00 00", "master: LSS select by serial number 0x5B2E0100"),
         ("7E4: 44 00 00 00 00 00 00 00", "LSS selected"),
         ("7E5: 11 17 00 00 00 00 00 00", "master: LSS configure node ID 0x17"),
-        ("7E5: 11 FF 00 00 00 00 00 00", "master: LSS configure no node ID"),
+        ("7E5: 11 FF 00 00 00 00 00 00", "master: LSS configure node ID 0xFF (unconfigured)"),
         ("7E4: 11 00 00 00 00 00 00 00", "LSS node ID: done"),
         ("7E4: 11 01 00 00 00 00 00 00", "LSS node ID: error 1 (out of range)"),
         ("7E5: 13 00 02 00 00 00 00 00", "master: LSS configure bit timing, table 0, index 2 (500 kbit/s)"),
         ("7E5: 13 00 05 00 00 00 00 00", "master: LSS configure bit timing, table 0, index 5"),
         ("7E4: 13 00 00 00 00 00 00 00", "LSS bit timing: done"),
-        ("7E5: 15 E8 03 00 00 00 00 00", "master: LSS activate bit timing, switch after 1000 ms"),
+        ("7E5: 15 E8 03 00 00 00 00 00", "master: LSS activate bit timing, switch delay 1000 ms"),
         ("7E5: 17 00 00 00 00 00 00 00", "master: LSS store"),
         ("7E4: 17 02 00 00 00 00 00 00", "LSS store: error 2 (memory access)"),
         ("7E5: 5C 00 00 00 00 00 00 00", "master: LSS inquire revision"),
         ("7E4: 5C 20 00 01 00 00 00 00", "LSS revision 0x00010020"),
         ("7E5: 5E 00 00 00 00 00 00 00", "master: LSS inquire node ID"),
         ("7E4: 5E 20 00 00 00 00 00 00", "LSS node ID 0x20"),
-        ("7E4: 5E FF 00 00 00 00 00 00", "LSS no node ID"),
-        ("7E5: 4C 00 00 00 00 00 00 00", "master: LSS who has no node ID?"),
-        ("7E4: 50 00 00 00 00 00 00 00", "LSS has no node ID"),
-        ("7E5: 51 00 00 00 00 80 00 00", "master: LSS fast scan, who is there?"),
+        ("7E4: 5E FF 00 00 00 00 00 00", "LSS node ID 0xFF (unconfigured)"),
+        ("7E5: 4C 00 00 00 00 00 00 00", "master: LSS identify unconfigured devices"),
+        ("7E4: 50 00 00 00 00 00 00 00", "LSS unconfigured device"),
+        ("7E5: 51 00 00 00 00 80 00 00", "master: LSS fast scan, detect unconfigured devices"),
         ("7E5: 51 00 00 36 53 1F 01 02", "master: LSS fast scan, product code 0x53360000 from bit 31, then revision"),
         ("7E4: 4F 00 00 00 00 00 00 00", "LSS identified"),
         ("7E5: 99 00 00 00 00 00 00 00", "master: LSS unknown command 0x99"),
@@ -207,10 +207,13 @@ fn layer_setting() {
 fn diagnostics() {
     check(&[
         ("1BC78820: 03 22 10 01", "tool 0xF1 → valve: UDS read 0x1001 (node ID)"),
-        ("1BC100F1: 04 62 10 01 20", "valve → tool 0xF1: UDS answer 0x1001 (node ID) = 20"),
-        ("1BC100F1: 07 62 F1 95 31 2E 33 32", "valve → tool 0xF1: UDS answer 0xF195 (software version) = \"1.32\""),
+        ("1BC100F1: 04 62 10 01 20", "valve → tool 0xF1: UDS read response 0x1001 (node ID) = 20"),
+        (
+            "1BC100F1: 07 62 F1 95 31 2E 33 32",
+            "valve → tool 0xF1: UDS read response 0xF195 (software version) = \"1.32\"",
+        ),
         ("1BC78805: 04 2E 10 01 06", "tool 0xF1 → node 0x05: UDS write 0x1001 (node ID) = 06"),
-        ("1BC028F1: 03 6E 10 01", "node 0x05 → tool 0xF1: UDS written 0x1001 (node ID)"),
+        ("1BC028F1: 03 6E 10 01", "node 0x05 → tool 0xF1: UDS write response 0x1001 (node ID)"),
         ("1BC100F1: 03 7F 22 31", "valve → tool 0xF1: UDS read refused, request out of range (0x31)"),
         ("1BC100F1: 03 7F 2E 33", "valve → tool 0xF1: UDS write refused, security access denied (0x33)"),
         ("1BC100F1: 03 7F 10 11", "valve → tool 0xF1: UDS service 0x10 refused, service not supported (0x11)"),
@@ -219,8 +222,8 @@ fn diagnostics() {
         ("1BC78820: 00", "unknown"),
         ("1BC78820:", "unknown"),
         ("1BC78883: 04 2E 10 01 86", "tool 0xF1 → boom: UDS write 0x1001 (node ID) = 86"),
-        ("1BC418F1: 04 62 10 01 83", "boom → tool 0xF1: UDS answer 0x1001 (node ID) = 83"),
-        ("1BC408F1: 04 62 10 01 81", "node 0x81 → tool 0xF1: UDS answer 0x1001 (node ID) = 81"),
+        ("1BC418F1: 04 62 10 01 83", "boom → tool 0xF1: UDS read response 0x1001 (node ID) = 83"),
+        ("1BC408F1: 04 62 10 01 81", "node 0x81 → tool 0xF1: UDS read response 0x1001 (node ID) = 81"),
     ]);
 }
 
@@ -237,12 +240,12 @@ fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
     for (asked, name) in [("83", "boom"), ("20", "valve"), ("05", "node 0x05")] {
         explain(&mut explainer, &format!("1BC788{asked}: 04 2E 10 01 86"));
         let answer = explain(&mut explainer, "1BC408F1: 03 6E 10 01");
-        assert_eq!(answer, format!("{name} → tool 0xF1: UDS written 0x1001 (node ID)"));
+        assert_eq!(answer, format!("{name} → tool 0xF1: UDS write response 0x1001 (node ID)"));
         explain(&mut explainer, &format!("1BC790{asked}: 04 2E 10 01 FF"));
         let refused = explain(&mut explainer, "1BC408F1: 03 7F 2E 31");
         assert_eq!(refused, format!("{name} → tool 0xF1: UDS write refused, request out of range (0x31)"));
     }
-    let any = "one of the valves → tool 0xF1: UDS written 0x1001 (node ID)";
+    let any = "one of the valves → tool 0xF1: UDS write response 0x1001 (node ID)";
     assert_eq!(explainer.explain(&written, None), any, "the request was before the recording");
     for asked in ["83", "20"] {
         explain(&mut explainer, &format!("1BC788{asked}: 04 2E 10 01 86"));
@@ -251,7 +254,7 @@ fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
     assert_eq!(explain(&mut explainer, "1BC408F1: 03 6E 10 01"), any);
     // On the simulated bus the sender is known.
     let told = explainer.explain(&written, Some("rear"));
-    assert_eq!(told, "rear → tool 0xF1: UDS written 0x1001 (node ID)");
+    assert_eq!(told, "rear → tool 0xF1: UDS write response 0x1001 (node ID)");
 }
 
 #[test]
@@ -282,7 +285,7 @@ fn addresses_and_requests() {
         ("18E8FF83: 00 FF FF FF 27 CC FE 00", "boom → 0x27: done, DM3 (clear previously active faults)"),
         ("18E8FF83: 01 FF FF FF 27 EB FE 00", "boom → 0x27: not supported, PGN 0xFEEB"),
         ("18E8FF27: 02 FF FF FF 83 CA FE 00", "0x27 → boom: access denied, DM1"),
-        ("18E8FF27: 03 FF FF FF 83 CA FE 00", "0x27 → boom: not now, DM1"),
+        ("18E8FF27: 03 FF FF FF 83 CA FE 00", "0x27 → boom: cannot respond now, DM1"),
         ("18E8FF27: 04 FF FF FF 83 CA FE 00", "unknown"),
     ]);
     let cannot = explainer().explain(&frame("18EEFFFE: 01 00 20 07 08 FF 02 20"), Some("boom"));
@@ -333,7 +336,7 @@ fn messages_in_packets() {
         ("1CECFF27: 20 09 00 02 FF D8 FE 00", "0x27: BAM, commanded address follows, 9 bytes in 2 packets"),
         (
             "1CECFF27: 20 09 00 03 FF D8 FE 00",
-            "0x27: BAM, commanded address follows, 9 bytes in 3 packets, which do not agree",
+            "0x27: BAM, commanded address follows, 9 bytes in 3 packets, inconsistent",
         ),
         ("1CEBFF83: 01 10 FF EC 8F 87 01 73", "boom → all: packet 1: 10 FF EC 8F 87 01 73"),
         (
@@ -389,9 +392,9 @@ fn node_ids_change() {
 #[test]
 fn error_frames() {
     let error = |error| explain_error(error, &frame("720: 05"), "valve");
-    assert_eq!(error(BusError::Acknowledgement), "error frame: nobody acknowledged 720: 05 of valve");
-    assert_eq!(error(BusError::Bit), "error frame: bit error in 720: 05 of valve");
-    assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 of valve");
+    assert_eq!(error(BusError::Acknowledgement), "error frame: no acknowledgement of 720: 05 from valve");
+    assert_eq!(error(BusError::Bit), "error frame: bit error in 720: 05 from valve");
+    assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 from valve");
 }
 
 /// The manufacturer defines the bytes after the register, and other manufacturers have other codes than the stand-ins.
@@ -409,12 +412,12 @@ fn emergencies_of_foreign_nodes() {
 fn who_sent_it_decides_whose_it_is() {
     for (text, from, meaning, mark) in [
         ("720: 05", "valve", "valve: NMT state operational", Mark::Plain),
-        ("720: 05", "the gateway", "client as valve: NMT state operational", Mark::Impersonation),
+        ("720: 05", "the gateway", "client, posing as valve: NMT state operational", Mark::Impersonation),
         ("705: 05", "the gateway", "node 0x05: NMT state operational", Mark::Plain),
         (
             "1A0: 0F 00 00 00",
             "the gateway",
-            "client as valve: TPDO status word 0x000F (ACTIVE), position neutral",
+            "client, posing as valve: TPDO status word 0x000F (ACTIVE), position neutral",
             Mark::Impersonation,
         ),
         (
@@ -431,7 +434,12 @@ fn who_sent_it_decides_whose_it_is() {
             Mark::Fault,
         ),
         ("18FECA83: 00 FF 00 00 00 00 FF FF", "boom", "boom: DM1 no active fault, lamp off", Mark::Plain),
-        ("18EA8383: 00 EE 00", "the gateway", "client as boom → boom: request address claim", Mark::Impersonation),
+        (
+            "18EA8383: 00 EE 00",
+            "the gateway",
+            "client, posing as boom → boom: request address claim",
+            Mark::Impersonation,
+        ),
         ("18EA8327: 00 EE 00", "the gateway", "0x27 → boom: request address claim", Mark::Plain),
         (
             "220: 0F 00 00 00",

@@ -1,4 +1,4 @@
-//! UDS lite in its 29-bit identifiers (SPEC 7).
+//! UDS lite with 29-bit identifiers (SPEC 7).
 
 use std::collections::BTreeSet;
 
@@ -32,9 +32,9 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
         }
         _ if service == READ | POSITIVE => {
             let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
-            format!("answer {} = {}", identifier(id), content(id, value))
+            format!("read response {} = {}", identifier(id), content(id, value))
         }
-        WRITTEN => format!("written {}", identifier(rest)),
+        WRITTEN => format!("write response {}", identifier(rest)),
         NEGATIVE => match rest {
             [READ, code, ..] => format!("read refused, {}", reason(*code)),
             [WRITE, code, ..] => format!("write refused, {}", reason(*code)),
@@ -47,19 +47,19 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     Some(format!("{parties}: UDS {meaning}{length}"))
 }
 
-/// The devices with a pending write of their node ID: the answer does not name its sender.
+/// The devices with a pending write of their node ID, because the answer does not identify its sender.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Writes(BTreeSet<u8>);
 
 impl Writes {
-    /// Updates the pending writes by a frame on the bus.
+    /// Updates the pending writes from a frame on the bus.
     pub(super) fn observe(&mut self, frame: &Frame) {
         let Id::Extended(id) = frame.id() else { return };
         let (Some((_, destination)), Some((message, _))) = (parse_id(id.as_raw()), single_frame(frame.data())) else {
             return;
         };
         if answers_write(id.as_raw(), message) {
-            // The answer may be that of any of several devices.
+            // With several pending writes, any of the devices may have answered.
             self.0.clear();
         } else if let [WRITE, 0x10, 0x01, ..] = message {
             self.0.extend(device(destination));
@@ -94,7 +94,7 @@ pub(super) fn device(address: Address) -> Option<u8> {
 }
 
 fn identifier(bytes: &[u8]) -> String {
-    let &[high, low, ..] = bytes else { return "without identifier".to_owned() };
+    let &[high, low, ..] = bytes else { return "without data identifier".to_owned() };
     let id: Identifier = u16::from_be_bytes([high, low]);
     let name = match id {
         0x1001 => " (node ID)",
@@ -111,7 +111,7 @@ fn identifier(bytes: &[u8]) -> String {
     format!("0x{id:04X}{name}")
 }
 
-/// Returns the content of an identifier in words; versions are texts.
+/// Formats the content of a data identifier; versions are strings.
 fn content(identifier: &[u8], value: &[u8]) -> String {
     if matches!(identifier, [0xF1, 0x93 | 0x95]) { text_or_hex(value) } else { hex(value) }
 }

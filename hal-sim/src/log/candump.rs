@@ -46,9 +46,9 @@ pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
 pub type Reason = &'static str;
 
 /// The reason for rejecting a CAN FD frame, in each format.
-pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not support";
+pub(crate) const FD: Reason = "CAN FD frames are not supported";
 
-pub(crate) const NO_LINE: Reason = "not a line of candump";
+pub(crate) const NO_LINE: Reason = "not a candump line";
 
 /// Parses a line of the log or screen format into the time, if any, the bus name, and the entry. In the log format, the
 /// direction `R` or `T` may follow the frame, or two blanks and the explanation of `pve-sim`.
@@ -58,7 +58,7 @@ pub(crate) const NO_LINE: Reason = "not a line of candump";
 pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let line = line.trim();
     let (at, rest) = match line.strip_prefix('(').map(|rest| rest.split_once(')')) {
-        Some(Some((time, rest))) => (Some(time.trim().parse().map_err(|_| "a time that is not in seconds")?), rest),
+        Some(Some((time, rest))) => (Some(time.trim().parse().map_err(|_| "invalid timestamp")?), rest),
         Some(None) => return Err(NO_LINE),
         None => (None, line),
     };
@@ -66,7 +66,7 @@ pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let (token, rest) = word(rest);
     if let Some((id, data)) = token.split_once('#') {
         if !rest.starts_with("  ") && !matches!(rest.trim(), "" | "R" | "T") {
-            return Err("text after the frame");
+            return Err("unexpected text after the frame");
         }
         return Ok((at, bus, logged(id, data)?));
     }
@@ -96,7 +96,7 @@ enum Number {
 
 /// Parses an identifier of three or eight digits.
 fn number(digits: &str) -> Result<Number, Reason> {
-    const LENGTH: Reason = "an identifier that has neither three nor eight digits";
+    const LENGTH: Reason = "an identifier must have three or eight digits";
     if digits.is_empty() || !is_hex(digits) {
         return Err(NO_LINE);
     }
@@ -107,7 +107,7 @@ fn number(digits: &str) -> Result<Number, Reason> {
         8 => ExtendedId::new(raw).map(Id::Extended),
         _ => return Err(LENGTH),
     };
-    id.map(Number::Of).ok_or("an identifier above the maximum")
+    id.map(Number::Of).ok_or("identifier out of range")
 }
 
 /// Returns whether a text consists of hex digits only, because number parsers also accept a sign.
@@ -127,7 +127,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
         return remote(id, if length.is_empty() { "0" } else { length });
     }
     if !data.is_ascii() || !data.len().is_multiple_of(2) {
-        return Err("data that are not whole bytes in hex");
+        return Err("data must be whole bytes in hex");
     }
     entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
 }
@@ -144,25 +144,25 @@ fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let wanted = length.parse().ok().filter(|wanted| *wanted <= 8 && length.len() == 1).ok_or(FD)?;
     let bytes: Vec<&str> = rest.split_whitespace().take(wanted).collect();
     if bytes.len() < wanted {
-        return Err("fewer bytes than the length");
+        return Err("fewer bytes than the stated length");
     }
     entry(id, bytes.into_iter())
 }
 
 fn remote(id: Number, length: &str) -> Result<Entry, Reason> {
-    let length = length.parse().ok().filter(|length| *length <= 8).ok_or("a remote frame of more than 8 bytes")?;
+    let length = length.parse().ok().filter(|length| *length <= 8).ok_or("remote frame length above 8")?;
     match id {
         Number::Of(id) => Ok(Entry::Frame(Frame::remote(id, length))),
-        Number::Error(_) => Err("an error frame that is a remote frame"),
+        Number::Error(_) => Err("an error frame cannot be a remote frame"),
     }
 }
 
 fn entry<'a>(id: Number, pairs: impl Iterator<Item = &'a str>) -> Result<Entry, Reason> {
     let (mut data, mut length) = ([0; 8], 0);
     for pair in pairs {
-        let byte = data.get_mut(usize::from(length)).ok_or("more than 8 bytes of data")?;
+        let byte = data.get_mut(usize::from(length)).ok_or("more than 8 data bytes")?;
         let number = u8::from_str_radix(pair, 16).ok().filter(|_| pair.len() == 2 && is_hex(pair));
-        *byte = number.ok_or("data that are not whole bytes in hex")?;
+        *byte = number.ok_or("data must be whole bytes in hex")?;
         length += 1;
     }
     Ok(match id {
@@ -251,24 +251,24 @@ mod tests {
 
     #[test]
     fn a_line_that_is_none_says_why() {
-        const BYTES: &str = "data that are not whole bytes in hex";
+        const BYTES: &str = "data must be whole bytes in hex";
         for (line, reason) in [
             ("", NO_LINE),
             ("pve-sim ready", NO_LINE),
             ("(1700000000.000042 pve0 5A0#", NO_LINE),
             ("(1.0) pve0 #00", NO_LINE),
-            ("(2023-11-14 22:13:20) pve0 5A0#", "a time that is not in seconds"),
-            ("(1.0) pve0 5A#00", "an identifier that has neither three nor eight digits"),
-            ("(1.0) pve0 800#00", "an identifier above the maximum"),
-            ("(1.0) pve0 40000000#00", "an identifier above the maximum"),
+            ("(2023-11-14 22:13:20) pve0 5A0#", "invalid timestamp"),
+            ("(1.0) pve0 5A#00", "an identifier must have three or eight digits"),
+            ("(1.0) pve0 800#00", "identifier out of range"),
+            ("(1.0) pve0 40000000#00", "identifier out of range"),
             ("(1.0) pve0 5A0#0", BYTES),
             ("(1.0) pve0 5A0#+1", BYTES),
             ("(1.0) pve0 5A0#ä", BYTES),
-            ("(1.0) pve0 5A0#000102030405060708", "more than 8 bytes of data"),
-            ("(1.0) pve0 5A0#R9", "a remote frame of more than 8 bytes"),
+            ("(1.0) pve0 5A0#000102030405060708", "more than 8 data bytes"),
+            ("(1.0) pve0 5A0#R9", "remote frame length above 8"),
             ("(1.0) pve0 5A0##100", FD),
-            ("(1.0) pve0 5A0#00 and more", "text after the frame"),
-            ("(1.0) pve0 5A0 [2] 00", "fewer bytes than the length"),
+            ("(1.0) pve0 5A0#00 and more", "unexpected text after the frame"),
+            ("(1.0) pve0 5A0 [2] 00", "fewer bytes than the stated length"),
             ("(1.0) pve0 5A0 [12] 00", FD),
         ] {
             assert_eq!(parse(line), Err(reason), "{line}");

@@ -62,5 +62,5 @@ impl FromStr for Timestamp {
 
 /// The error for a text that is not a time in seconds, or is later than 584,000 years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("not a time in seconds")]
+#[error("not a timestamp in seconds")]
 pub struct ParseTimestampError;

@@ -14,8 +14,8 @@ use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 /// The channel of all written frames.
 const CHANNEL: u8 = 1;
 
-/// Writes the head of a file whose measurement starts at a time; returns that time in whole milliseconds, as in the
-/// date: the origin of all other times.
+/// Writes the file header for a measurement that starts at a time; returns that time in whole milliseconds, as in the
+/// date, as the origin of all other times.
 pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<Timestamp> {
     let origin = Timestamp::from_micros(start.as_micros() / 1000 * 1000);
     let date = Date(origin);
@@ -63,16 +63,16 @@ pub(super) fn is_head(line: &str) -> bool {
     }
 }
 
-/// The parser of a file, line by line.
+/// Parses a file line by line.
 #[derive(Debug)]
 pub(super) struct Parser {
     /// The base of identifiers, lengths and data.
     radix: u32,
-    /// Times count from the previous event, not from the start.
+    /// Whether times are relative to the previous event, instead of the start.
     relative: bool,
     /// The start of the measurement.
     origin: Timestamp,
-    /// A block has set the origin, which later blocks of the same measurement keep.
+    /// Whether a block has set the origin, which later blocks of the same measurement keep.
     is_begun: bool,
     /// The time of the previous event.
     last: Timestamp,
@@ -88,10 +88,10 @@ impl Default for Parser {
 }
 
 impl Parser {
-    /// Reads a line; `None` for a line without a frame that is valid as such.
+    /// Parses a line; `None` for a valid line without a frame.
     ///
     /// # Errors
-    /// The reason why the line is not ASC.
+    /// The reason why the line is invalid.
     pub(super) fn line(&mut self, line: &str) -> Result<Option<Record>, Reason> {
         let line = line.trim();
         let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -128,13 +128,13 @@ impl Parser {
     /// Reads the line of the base: `hex  timestamps absolute`.
     fn base(&mut self, rest: &str) -> Result<(), Reason> {
         let words: Vec<&str> = rest.split_whitespace().collect();
-        self.radix = words.first().and_then(|base| radix(base)).ok_or("a base that is neither hex nor dec")?;
+        self.radix = words.first().and_then(|base| radix(base)).ok_or("the base must be hex or dec")?;
         self.relative = words.last().is_some_and(|times| times.eq_ignore_ascii_case("relative"));
         Ok(())
     }
 
     fn event(&mut self, time: &str, rest: &str) -> Result<Option<Record>, Reason> {
-        let passed: Timestamp = time.parse().map_err(|_| "not a line of an ASC file")?;
+        let passed: Timestamp = time.parse().map_err(|_| "not an ASC line")?;
         let from = if self.relative { self.last } else { self.origin };
         let at = Timestamp::from_micros(from.as_micros().saturating_add(passed.as_micros()));
         self.last = at;
@@ -145,7 +145,7 @@ impl Parser {
                 Entry::Frame(self.frame_of_fd_controller(rest)?)
             }
             [device, ..] if device.eq_ignore_ascii_case("CANFD") => return Err(FD),
-            // A line without a channel is another event.
+            // A line without a channel is an event without a frame.
             [channel, ..] if channel.parse::<u16>().is_err() => return Ok(None),
             [channel, error, ..] if error.eq_ignore_ascii_case("ErrorFrame") => {
                 self.channel = channel.parse().unwrap_or(self.channel);
@@ -155,15 +155,15 @@ impl Parser {
                 self.channel = channel.parse().unwrap_or(self.channel);
                 Entry::Frame(self.frame(id, rest)?)
             }
-            // A transmit request: the frame itself has a line of its own.
+            // A transmit request: the transmitted frame has a separate line.
             [_, _, direction, ..] if direction.eq_ignore_ascii_case("TxRq") => return Ok(None),
             [_, event, ..] if is_other_event(event) => return Ok(None),
-            _ => return Err("neither a frame nor another event of an ASC file"),
+            _ => return Err("not a known ASC event"),
         };
         Ok(Some(Record { at, entry }))
     }
 
-    /// Returns a classic CAN frame in the form of a CAN FD controller's log: identifier, name, BRS, ESI, length code,
+    /// Parses a classic CAN frame in the format of a CAN FD controller: identifier, name, BRS, ESI, length code,
     /// length, data, two durations, flags.
     fn frame_of_fd_controller(&self, words: &[&str]) -> Result<Frame, Reason> {
         /// The flags of a remote frame and of CAN FD.
@@ -173,7 +173,7 @@ impl Parser {
             [id, name, rest @ ..] if !matches!(*name, "0" | "1") => [&[*id], rest].concat(),
             words => words.to_vec(),
         };
-        let [id, _, _, code, length, rest @ ..] = words.as_slice() else { return Err("fewer words than a frame has") };
+        let [id, _, _, code, length, rest @ ..] = words.as_slice() else { return Err("incomplete frame") };
         let length: usize = length.parse().map_err(|_| "invalid length")?;
         let flags = rest.get(length.saturating_add(2)).and_then(|flags| u32::from_str_radix(flags, 16).ok());
         match flags {
@@ -200,13 +200,13 @@ impl Parser {
             ["d" | "D", code, ref rest @ ..] => {
                 let wanted = length(code).ok_or("invalid length")?.min(8);
                 let mut data = [0; 8];
-                let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the length")?;
+                let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the stated length")?;
                 for (room, byte) in data.iter_mut().zip(bytes) {
-                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("data that are not bytes")?;
+                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("invalid data byte")?;
                 }
                 Ok(Frame::with_len(id, data, wanted))
             }
-            _ => Err("neither data nor a remote frame"),
+            _ => Err("the frame type must be d or r"),
         }
     }
 }

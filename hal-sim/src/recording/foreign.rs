@@ -1,11 +1,11 @@
-//! Files of other formats, refused as a whole instead of line by line.
+//! Detects files of other formats, which are refused as a whole instead of line by line.
 
-/// The remedy, for the refusal.
+/// Appends the accepted formats and the remedy to an error.
 macro_rules! refusal {
     ($what:literal) => {
         concat!(
             $what,
-            "; accepted: candump's log or screen, ASC, pcapng; python-can's can_logconvert converts others to ASC"
+            "; accepted: candump log or screen output, ASC, pcapng; python-can's can_logconvert converts others to ASC"
         )
     };
 }
@@ -20,23 +20,21 @@ pub(super) const UNKNOWN: &str = refusal!("not a recording in a known format");
 const PCAP: [&[u8]; 4] =
     [&[0xD4, 0xC3, 0xB2, 0xA1], &[0xA1, 0xB2, 0xC3, 0xD4], &[0x4D, 0x3C, 0xB2, 0xA1], &[0xA1, 0xB2, 0x3C, 0x4D]];
 
-/// Returns the refusal of a file by its first four bytes; `None` for a possible recording.
+/// Returns the error for a file of another format, by its first four bytes; `None` for a possible recording.
 pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     match head {
         b"LOGG" => Some(refusal!("a BLF file")),
         b"MDF " | b"UnFi" => Some(refusal!("an MDF file (MF4)")),
         b"SQLi" => Some(refusal!("an SQLite database")),
-        [0x1F, 0x8B, ..] => Some("a gzip file; accepted: its unpacked content"),
-        head if PCAP.contains(&head) => {
-            Some("a pcap file; accepted: pcapng, as `editcap -F pcapng` writes it, ASC, and candump's log")
-        }
+        [0x1F, 0x8B, ..] => Some("a gzip file; decompress it first"),
+        head if PCAP.contains(&head) => Some("a pcap file; convert it to pcapng with `editcap -F pcapng`"),
         _ => None,
     }
 }
 
-/// Returns the refusal of a text by its first unreadable line; `None` for a line without a clue.
+/// Returns the error for a text of another format, by its first unreadable line; `None` if the line reveals none.
 pub(super) fn by_line(line: &str) -> Option<&'static str> {
-    // Unwritten space has zeros; colours of a terminal have escapes.
+    // Zeros come from unwritten space, and escapes from terminal colours.
     let is_binary = |char: char| {
         char == char::REPLACEMENT_CHARACTER
             || char.is_control() && !char.is_whitespace() && !matches!(char, '\0' | '\x1B')

@@ -9,7 +9,7 @@
 //! foreign  files of other formats, which are refused
 //! ```
 //!
-//! A recording is never in memory as a whole.
+//! A recording is never held in memory completely.
 
 mod asc;
 mod date;
@@ -35,7 +35,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns the format for a file name: `.asc`, `.pcapng`, and that of `candump -L` for all others.
+    /// Returns the format for a file name: `.asc`, `.pcapng`, or `candump -L` for any other extension.
     #[must_use]
     pub fn of(path: &Path) -> Self {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! pcapng with the link type of SocketCAN, 227: one packet per frame, in the form of Linux's `struct can_frame`.
+//! pcapng with the SocketCAN link type (227): one packet per frame, in the layout of Linux's `struct can_frame`.
 
 use std::io::{self, Cursor, Read, Write};
 
@@ -33,7 +33,7 @@ const COMMENT: u16 = 1;
 /// The size limit of a block: far above that of any capture of CAN.
 const BLOCK_MAX: usize = 1 << 16;
 
-/// Writes the head of a file: a section, and an interface with the name of the bus and times in microseconds.
+/// Writes the file header: a section, and an interface with the bus name and times in microseconds.
 pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
     let mut section = Vec::new();
     section.extend(0x1A2B_3C4D_u32.to_le_bytes());
@@ -107,13 +107,13 @@ fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
 struct Interface {
     name: String,
     link_type: i32,
-    /// The units of time in a second.
+    /// The number of time units in a second.
     resolution: u128,
     /// The offset of all times, in seconds.
     offset: i64,
 }
 
-/// The reader of a file, packet by packet.
+/// Reads a file packet by packet.
 pub(super) struct Packets {
     reader: PcapNGReader<Box<dyn Read + Send>>,
     interfaces: Vec<Interface>,
@@ -123,7 +123,7 @@ pub(super) struct Packets {
 
 /// The reason for a missing entry.
 pub(super) enum PacketError {
-    /// This packet has no entry; later ones may have.
+    /// This packet has no entry; later packets may have one.
     Packet(Reason),
     /// The file ends here, with an error.
     End(Reason),
@@ -132,9 +132,9 @@ pub(super) enum PacketError {
 }
 
 impl Packets {
-    /// Begins to read a file.
+    /// Starts to read a file.
     pub(super) fn new(mut source: Box<dyn Read + Send>) -> Result<Self, PacketError> {
-        // The first read has to return the whole first block, which a pipe may not.
+        // The first read must return the complete first block, which a read from a pipe may not.
         let mut head = vec![0; 12];
         let whole = source.read_exact(&mut head);
         whole.map_err(|_| PacketError::End(CUT_OFF))?;
@@ -184,9 +184,9 @@ impl Packets {
 }
 
 const CUT_OFF: Reason = "the file is truncated here";
-const BROKEN: Reason = "not a pcapng block; the rest is unreadable";
+const BROKEN: Reason = "invalid pcapng block; the rest of the file is unreadable";
 
-/// Returns the entry of a packet block.
+/// Decodes a packet block.
 fn take(
     interfaces: &mut Vec<Interface>,
     last: &mut usize,
@@ -203,28 +203,28 @@ fn take(
         PcapBlockOwned::NG(Block::EnhancedPacket(packet)) => {
             *last = usize::try_from(packet.if_id).unwrap_or(usize::MAX);
             let interface = interfaces.get(*last);
-            let Some(interface) = interface else { return Some(Err("a packet of an unknown interface")) };
+            let Some(interface) = interface else { return Some(Err("the packet refers to an unknown interface")) };
             if interface.link_type != i32::from(SOCKETCAN) {
-                return Some(Err("a packet of another link type than SocketCAN (227)"));
+                return Some(Err("the link type of the packet is not SocketCAN (227)"));
             }
             let at = interface.time(u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low));
             let entry = entry(packet.packet_data());
-            return Some(entry.and_then(|entry| Ok(Record { at: at.ok_or("invalid time")?, entry })));
+            return Some(entry.and_then(|entry| Ok(Record { at: at.ok_or("invalid timestamp")?, entry })));
         }
-        PcapBlockOwned::NG(Block::SimplePacket(_)) => return Some(Err("a packet without a time")),
+        PcapBlockOwned::NG(Block::SimplePacket(_)) => return Some(Err("the packet has no timestamp")),
         _ => {}
     }
     None
 }
 
-/// Returns the name of a bus for a line of candump, without blanks.
+/// Returns the bus name for a candump line, without spaces.
 fn name(told: &str) -> String {
     let name = if told.is_empty() { "can0" } else { told };
     name.replace(|char: char| char.is_whitespace() || char.is_control(), "_")
 }
 
-/// Returns the units in a second: a power of 10, or with the highest bit set, of 2. A finer resolution than 64 bits can
-/// express counts as the finest.
+/// Returns the number of time units in a second: a power of 10, or of 2 if the highest bit is set. A resolution finer
+/// than 64 bits can express is clamped.
 fn resolution(told: u8) -> u128 {
     match (told & 0x80, told & 0x7F) {
         (0, power) => 10_u128.pow(u32::from(power.min(19))),
@@ -240,10 +240,10 @@ impl Interface {
     }
 }
 
-/// Returns the entry of a packet of SocketCAN.
+/// Decodes a SocketCAN packet.
 fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     let Some((&[a, b, c, d, length, flags, _, _], data)) = packet.split_first_chunk::<HEAD>() else {
-        return Err("a packet that is too short for a frame");
+        return Err("the packet is too short for a frame");
     };
     if length > 8 || flags & FD_FLAG != 0 {
         return Err(FD);
@@ -262,12 +262,12 @@ fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     } else {
         u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
     };
-    let id = id.ok_or("an identifier above the maximum")?;
+    let id = id.ok_or("identifier out of range")?;
     if raw & REMOTE_FLAG != 0 {
         return Ok(Entry::Frame(Frame::remote(id, length)));
     }
     if data.len() < usize::from(length) {
-        return Err("fewer bytes than the length");
+        return Err("fewer bytes than the stated length");
     }
     Ok(Entry::Frame(Frame::with_len(id, bytes, length)))
 }

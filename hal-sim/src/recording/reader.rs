@@ -1,5 +1,4 @@
-//! The reader of recordings in any format: the content determines the format, and the extension that of an ambiguous
-//! text.
+//! Reads recordings in any format. The content determines the format; for ambiguous text, the extension does.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -11,23 +10,23 @@ use super::{Format, asc, foreign};
 use crate::log::candump::{self, Reason};
 use crate::log::{Record, Timestamp};
 
-/// The length limit of a line, in bytes: far above that of any log.
+/// The maximum length of a line, in bytes: far above the lines of any log.
 const LINE_MAX: u64 = 4096;
 
-/// The length of an unreadable line in messages, in characters.
+/// The maximum length of an unreadable line in messages, in characters.
 const SHOWN: usize = 80;
 
-const UNREADABLE: &str = "cannot be read on";
+const UNREADABLE: &str = "the rest of the file cannot be read";
 
-/// The reader of a recording, entry by entry.
+/// Reads a recording entry by entry.
 pub struct Reader {
     source: Source,
     /// The number of the last line or packet, from 1.
     number: u64,
     ended: bool,
-    /// True after the first entry: the file is a recording.
+    /// Whether an entry has been read, which proves that the file is a recording.
     is_known: bool,
-    /// The unreadable lines before the first entry, and that entry.
+    /// The unreadable lines before the first entry, and the first entry.
     held: VecDeque<Result<Logged, ReadError>>,
 }
 
@@ -44,13 +43,13 @@ struct Text {
     /// The bus of the last entry.
     bus: String,
     line: Vec<u8>,
-    /// The line was longer than the limit.
+    /// Whether the line was longer than the limit.
     is_too_long: bool,
 }
 
 /// The format of a text.
 enum Style {
-    /// The first line determines the format, and otherwise the extension.
+    /// Not determined yet: the first line decides, or else the extension.
     Unseen(Format),
     Candump,
     Asc(asc::Parser),
@@ -103,7 +102,7 @@ impl Reader {
         Self::new(file, Format::of(path))
     }
 
-    /// Reads `source` in the format of its content; a text whose first line is not ASC has the format of `ending`.
+    /// Reads `source` in the format of its content; a text whose first line is not ASC is read as `ending`.
     ///
     /// # Errors
     /// When `source` cannot be read.
@@ -193,7 +192,7 @@ fn refusal(reason: &'static str) -> ReadError {
     io::Error::new(io::ErrorKind::InvalidData, reason).into()
 }
 
-/// Returns whether this line belongs to another kind of text, rather than being damaged.
+/// Returns whether this line comes from another kind of text, rather than being a damaged line.
 fn is_no_line(read: &Result<Logged, ReadError>) -> bool {
     matches!(read, Err(ReadError::NoEntry { reason: candump::NO_LINE, .. }))
 }
@@ -235,7 +234,7 @@ impl Text {
         Ok(true)
     }
 
-    /// Returns the refusal of the text by its first line, if any.
+    /// Returns the error for a text of another format, by its first line, if any.
     fn refusal(&self) -> Option<&'static str> {
         let line = String::from_utf8_lossy(&self.line);
         let line = line.trim_start_matches('\u{FEFF}').trim();
@@ -244,12 +243,12 @@ impl Text {
         if is_first && !is_known() { foreign::by_line(line) } else { None }
     }
 
-    /// Returns the entry of the line; `None` for a line that needs none.
+    /// Parses the line; `None` for a valid line without an entry.
     fn entry(&mut self) -> Result<Option<Record>, Reason> {
         if self.is_too_long {
-            return Err("a line that is too long");
+            return Err("line too long");
         }
-        // ASC files have the encoding of their machine.
+        // ASC files use the encoding of the machine that wrote them.
         let line = String::from_utf8_lossy(&self.line);
         // Windows editors put a byte order mark before the first line.
         let line = line.trim_start_matches('\u{FEFF}');
@@ -264,7 +263,7 @@ impl Text {
             let before = asc.channel();
             let record = asc.line(line)?;
             if asc.channel() != before {
-                // Channels count from 1, the names of candump from 0.
+                // Channels count from 1, candump names from 0.
                 self.bus = format!("can{}", asc.channel().saturating_sub(1));
             }
             return Ok(record);

@@ -1,4 +1,4 @@
-//! The writer of recordings in any format.
+//! Writes recordings in any format.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -7,13 +7,13 @@ use super::{Format, asc, pcapng};
 use crate::log::candump::write_entry;
 use crate::log::{Record, Timestamp};
 
-/// The writer of a recording.
+/// Writes a recording.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
     bus: String,
     style: Style,
-    /// The current line, kept for its capacity.
+    /// The current line; the buffer is reused.
     line: String,
 }
 
@@ -28,7 +28,7 @@ enum Style {
 }
 
 impl<W: Write> Writer<W> {
-    /// Begins a recording at a time, with the head of its format.
+    /// Starts a recording at a time, and writes the file header.
     ///
     /// # Errors
     /// The errors of `out`.
@@ -86,7 +86,7 @@ impl<W: Write> Writer<W> {
         self.out.flush()
     }
 
-    /// Writes the end of the format and flushes.
+    /// Writes the end of the file and flushes.
     ///
     /// # Errors
     /// The errors of `out`.

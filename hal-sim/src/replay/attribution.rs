@@ -1,5 +1,5 @@
 //! Attributes recorded frames to replayed devices, by the identifiers derived from node IDs and addresses and by the
-//! identifiers that their stand-ins have sent.
+//! identifiers that their simulated devices have sent.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ use crate::explain::Node;
 /// The identifier of LSS answers, which any device may send.
 const LSS_ANSWER: u16 = 0x7E4;
 
-/// Returns whether a frame belongs to a replayed device. `keys` are identifiers that stand-ins have sent.
+/// Returns whether a frame belongs to a replayed device. `keys` are identifiers that simulated devices have sent.
 pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
     // A remote frame has the identifier of the requested answer.
     if frame.is_remote() {
@@ -30,8 +30,8 @@ pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeli
         || keys.contains(&frame.key())
 }
 
-/// Returns whether a claim belongs to a replayed device: by the NAME of the stand-in or of its first claim in the log.
-/// Without such a claim, another NAME of the same product at the device's address counts as its own.
+/// Returns whether a claim belongs to a replayed device: by the NAME of the simulated device or of its first claim in
+/// the log. Without such a claim, another NAME of the same product at the device's address counts as its own.
 fn is_own_claim(frame: &Frame, nodes: &[Node], timeline: &Timeline) -> bool {
     let name_of = |frame: &Frame| frame.eight().map(|bytes| Name::from_bytes(*bytes));
     let Some(name) = name_of(frame) else { return false };

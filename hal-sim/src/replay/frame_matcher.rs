@@ -1,4 +1,4 @@
-//! The frame matcher: it pairs the logged and the sent frames of one identifier.
+//! The frame matcher: pairs the logged and the sent frames of one identifier.
 //!
 //! Equal frames that are close in time are a pair. If the two oldest frames are not, the cheapest alignment of the next
 //! frames decides, so that a missing or additional frame does not shift all later pairs.
@@ -17,7 +17,7 @@ const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
 /// The number of frames on either side that the alignment considers.
 const AHEAD: usize = 16;
 
-/// The cost of an alignment step: a pair with different data, or a frame without a partner; and a pair too far apart in
+/// The costs of alignment steps: a pair with different data or a frame without a partner, and a pair too far apart in
 /// time.
 const UNLIKE: u32 = 2;
 const ALONE: u32 = 2;
@@ -98,7 +98,7 @@ impl FrameMatcher {
     fn best(&self, known: Instant, tolerance: Duration, positions: &PositionTolerance) -> Step {
         let logged: Vec<&Item> = self.logged.iter().take(AHEAD).collect();
         let sent: Vec<&Item> = self.sent.iter().take(AHEAD).collect();
-        // Frames at the end, whose partners may lie beyond the look-ahead, cost nothing.
+        // Frames at the end cost nothing, because their partners may lie beyond the look-ahead.
         let rest = |items: &[&Item], others: &VecDeque<Item>| {
             let whole = others.len() <= AHEAD;
             let alone = items.iter().filter(|item| whole && after(item.at, tolerance) < known).count();

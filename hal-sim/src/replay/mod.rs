@@ -1,26 +1,26 @@
-//! `pve-sim replay`: compares a recording of devices with their stand-ins, in virtual time.
+//! `pve-sim replay`: compares a recording of devices with simulated ones, in virtual time.
 //!
 //! ```text
 //! mod           the replay in rounds, from the recording to the outcome
 //! timeline      the power-up of each device
 //! identifier    identifiers of devices, and of address claims
-//! replay_bus    the stand-ins on a bus, in virtual time
+//! replay_bus    the simulated devices on a bus, in virtual time
 //! attribution   the recorded frames that belong to the replayed devices
 //! item          a logged or a sent frame
 //! frame_matcher pairs of logged and sent frames of one identifier
 //! fields        the position fields of a frame
 //! position      the tolerance of a position
-//! report        differences in words
+//! report        differences as text
 //! ```
 //!
-//! The log has no power-up; each stand-in is switched on so that its first frame (boot-up or address claim) ends at the
-//! same instant as in the log, and without such a frame some time before the log. Frames of other nodes are sent
-//! through a client so that they end as logged. Such a frame may lose an arbitration that it won in the log, and come a
-//! frame's length later.
+//! The log has no power-up; each simulated device is switched on so that its first frame (boot-up or address claim)
+//! ends at the same instant as in the log, and without such a frame some time before the log. Frames of other nodes are
+//! sent through a client so that they end as logged. Such a frame may lose an arbitration that it won in the log, and
+//! come a frame's length later.
 //!
-//! A stand-in may turn out to send an identifier that was not known as its own when it first occurred in the log, such
-//! as a PDO with another COB-ID. That frame was then sent as a frame of another node, and the next round repeats the
-//! replay with the new identifier.
+//! A simulated device may turn out to send an identifier that was not known as its own when it first occurred in the
+//! log, such as a PDO with another COB-ID. That frame was then sent as a frame of another node, and the next round
+//! repeats the replay with the new identifier.
 
 mod attribution;
 mod fields;
@@ -52,30 +52,30 @@ use crate::devices::{NamedDevice, NamedLink};
 use crate::log::Entry;
 use crate::recording::{Logged, ReadError, Reader};
 
-/// The most rounds. Each round but the first is for identifiers found in the previous one.
+/// The maximum number of rounds. Each round after the first repeats the replay with identifiers found in the previous.
 const ROUNDS: usize = 4;
 
-/// The longest gap between two entries: a longer one means that the clock was set, or that a time is wrong.
+/// The maximum gap between two entries: a longer gap means that the clock was set or a time is wrong.
 const GAP: Duration = Duration::from_secs(24 * 60 * 60);
 
-/// The most differences, and the most unreadable entries, that are reported one by one.
+/// The maximum number of differences, and of unreadable entries, that are reported individually.
 const TOLD: usize = 1000;
 
-/// The interval of pairing, in virtual time.
+/// The interval at which frames are paired, in virtual time.
 const PAIRING: Duration = Duration::from_millis(100);
 
-/// The options of `replay`. Their devices have been checked against each other.
+/// The options of `replay`, with consistent devices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayOptions {
     /// The recording.
     pub file: PathBuf,
-    /// The stand-ins, with new memories.
+    /// The simulated devices, with new memories.
     pub devices: Vec<NamedDevice>,
     /// The links: shafts that follow a valve.
     pub links: Vec<NamedLink>,
     /// The tolerance of a frame's time.
     pub tolerance: Duration,
-    /// All entries before the first boot-up or address claim of a device are left out.
+    /// Whether all entries before the first boot-up or address claim of a device are skipped.
     pub from_boot_up: bool,
 }
 
@@ -84,9 +84,9 @@ pub struct ReplayOptions {
 pub struct Outcome {
     /// The number of compared frames of the log.
     pub compared: u64,
-    /// The number of frames of the log that were sent to the stand-ins.
+    /// The number of frames of the log that were sent to the simulated devices.
     pub played: u64,
-    /// The number of error frames in the log, which are left out.
+    /// The number of skipped error frames in the log.
     pub error_frames: u64,
     /// The reported differences, in the order of time.
     pub told: Vec<Difference>,
@@ -99,7 +99,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Returns whether the whole log was read and the stand-ins match it.
+    /// Returns whether the whole log was read and the simulated devices match it.
     #[must_use]
     pub fn is_as_logged(&self) -> bool {
         self.differences == 0 && self.unread.is_empty()
@@ -125,7 +125,7 @@ pub enum ReplayError {
         path: PathBuf,
     },
     /// The file has no frame of a device.
-    #[error("{}: no {what} of {name} in the log", path.display())]
+    #[error("{}: no {what} from {name} in the log", path.display())]
     NotThere {
         /// The file.
         path: PathBuf,
@@ -134,8 +134,8 @@ pub enum ReplayError {
         /// The device.
         name: String,
     },
-    /// After the last round, the replay still sent frames whose identifiers belong to a stand-in.
-    #[error("{}: identifiers of a stand-in, still sent as other nodes' frames after {ROUNDS} rounds: {ids}", path.display())]
+    /// After the last round, the replay still sent frames whose identifiers belong to a simulated device.
+    #[error("{}: own identifiers, still sent as frames of other nodes after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
         path: PathBuf,
@@ -151,14 +151,14 @@ pub enum ReplayError {
 pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
     let unread = |source| ReplayError::Read { path: options.file.clone(), source };
     if !fs::metadata(&options.file).map_err(unread)?.is_file() {
-        let twice = "a replay reads the file more than once; accepted: a regular file";
+        let twice = "replay reads the file more than once; use a regular file";
         return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
     }
     let timeline = Timeline::find(options)?;
     play_rounds(options, &timeline, ROUNDS)
 }
 
-/// Plays rounds until the frames of all stand-ins are known, up to a limit.
+/// Plays rounds until the frames of all simulated devices are known, up to a limit.
 fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> Result<Outcome, ReplayError> {
     let mut own = BTreeSet::new();
     let mut misplayed = BTreeSet::new();
@@ -184,12 +184,12 @@ struct Player<'a> {
     options: &'a ReplayOptions,
     timeline: &'a Timeline,
     bus: ReplayBus,
-    /// The known identifiers of the stand-ins beyond those of their node IDs, as [keys](Frame::key).
+    /// The known identifiers of the simulated devices beyond those of their node IDs, as [keys](Frame::key).
     own: BTreeSet<u32>,
     /// The identifiers of the frames that were sent from the log.
     played: BTreeSet<u32>,
     matchers: BTreeMap<u32, FrameMatcher>,
-    /// The places of the stand-ins that have sent a frame.
+    /// The places of the simulated devices that have sent a frame.
     heard: BTreeSet<usize>,
     /// The time at which recorded and sent frames were last matched.
     paired: Instant,
@@ -225,11 +225,11 @@ impl<'a> Player<'a> {
             };
             let Some(at) = self.timeline.instant(&logged) else { continue };
             if since(at, end) > GAP && end > Instant::from_ticks(0) {
-                self.name(&format_args!("{}: more than a day after the previous entry", logged.number));
+                self.name(&format_args!("{}: time more than a day after the previous entry", logged.number));
                 continue;
             }
             if since(end, at) > self.options.tolerance {
-                self.name(&format_args!("{}: earlier than the previous entry", logged.number));
+                self.name(&format_args!("{}: time earlier than that of the previous entry", logged.number));
             }
             end = end.max(at);
             match logged.record.entry {
@@ -255,7 +255,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Takes a frame of the log, to be compared or sent.
+    /// Processes a frame of the log: compares or sends it.
     fn take(&mut self, logged: &Logged, frame: Frame, at: Instant) {
         self.bus.run_to_start(&frame, at);
         self.collect();
@@ -269,7 +269,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Takes the frames of the stand-ins.
+    /// Takes the frames of the simulated devices.
     fn collect(&mut self) {
         for item in self.bus.take_sent() {
             self.heard.extend(item.device);
@@ -277,8 +277,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Pairs the frames up to an instant. Frames of the stand-ins before the first entry of the log, or after its end,
-    /// are not additional.
+    /// Pairs the frames up to an instant. Frames of the simulated devices before the first entry of the log, or after
+    /// its end, are not additional.
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for matcher in self.matchers.values_mut() {
@@ -307,16 +307,16 @@ impl<'a> Player<'a> {
         self.bus.forget(known);
     }
 
-    /// Returns the name of a stand-in that has sent nothing, such as a blank one without LSS requests: nothing of it
-    /// was compared.
+    /// Returns the name of a simulated device that has sent nothing, such as a blank one without LSS requests: nothing
+    /// of it was compared.
     fn silent(&self) -> Option<&'a str> {
         let options = self.options;
         let mut devices = options.devices.iter().enumerate();
         devices.find(|(place, _)| !self.heard.contains(place)).map(|(_, device)| device.name.as_str())
     }
 
-    /// Returns the identifiers that both stand-ins and the log's other nodes have sent; address claims for one address
-    /// are excluded.
+    /// Returns the identifiers that both simulated devices and the log's other nodes have sent; address claims for one
+    /// address are excluded.
     fn misplayed(&self) -> BTreeSet<u32> {
         let sent = self.bus.sent_keys().iter().copied().filter(|key| !is_claim(*key));
         sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()

@@ -1,8 +1,9 @@
-//! The tolerance of positions: a frame may hold any position that the stand-in passes within the time tolerance.
+//! The tolerance of positions: a frame may hold any position that the simulated device passes within the time
+//! tolerance.
 //!
-//! The mapping or the message of a frame defines its position fields. A logged frame matches the frame of the stand-in
-//! when all other bits are equal, and one passed position gives all these fields their logged values. A device at rest
-//! has a single position: its frames must be equal.
+//! The mapping or the message of a frame defines its position fields. A logged frame matches the frame of the simulated
+//! device when all other bits are equal, and one passed position gives all these fields their logged values. A device
+//! at rest has a single position: its frames must be equal.
 
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
@@ -74,7 +75,7 @@ impl Track {
     }
 }
 
-/// The positions of all stand-ins over time, and the resulting tolerance of frames.
+/// The positions of all simulated devices over time, and the resulting tolerance of frames.
 #[derive(Debug)]
 pub(super) struct PositionTolerance {
     tracks: Vec<Track>,
@@ -116,7 +117,8 @@ impl PositionTolerance {
         }
     }
 
-    /// Returns whether two frames match: equal, except for a position that the stand-in reaches within the tolerance.
+    /// Returns whether two frames match: equal, except for a position that the simulated device reaches within the
+    /// tolerance.
     pub(super) fn alike(&self, logged: &Item, sent: &Item) -> bool {
         logged.frame == sent.frame || self.differ_in_position(logged, sent).unwrap_or(false)
     }

@@ -1,4 +1,5 @@
-//! The stand-ins on a bus, in virtual time, with one client that sends the frames of all other nodes in the log.
+//! The simulated devices on a bus, in virtual time, with one client that sends the frames of all other nodes in the
+//! log.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -22,9 +23,9 @@ use crate::world::{ClientPortId, EventKind, NodeId, World};
 pub(super) struct ReplayBus {
     world: World,
     others: ClientPortId,
-    /// The devices not switched on yet, the last one first.
+    /// The devices not powered yet, the last one first.
     to_come: Vec<(Instant, NodeId)>,
-    /// The place of each device, by its name.
+    /// The index of each device, by name.
     places: BTreeMap<Arc<str>, usize>,
     nodes: Vec<NodeId>,
     explainer: Explainer,
@@ -43,7 +44,7 @@ impl ReplayBus {
         for device in &options.devices {
             nodes.push(device.add_to(&mut world, Memory::in_ram()));
         }
-        // Behind the devices: if a device and the log send the same frame at once, it counts as the device's.
+        // Added after the devices: a frame that a device and the log send simultaneously then counts as the device's.
         let others = world.add_gateway("the log");
         link_in(&mut world, &options.links);
         let mut to_come: Vec<_> = timeline.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
@@ -80,7 +81,7 @@ impl ReplayBus {
         self.run_before(Instant::from_ticks(end.as_ticks().saturating_sub(takes.as_ticks())));
     }
 
-    /// Advances to an instant, through all that is due before it; not at all if it has passed.
+    /// Advances to an instant and processes everything due before it; does nothing if the instant has passed.
     pub(super) fn run_before(&mut self, end: Instant) {
         loop {
             let power_up = self.to_come.last().map(|(at, _)| *at).filter(|at| *at <= end);
@@ -128,7 +129,7 @@ impl ReplayBus {
                 item.fields = self.positions.fields(place, &item.frame, self.world.tpdo(node));
             }
         }
-        // The other nodes change their bit rate with the device: the log goes on.
+        // The other nodes follow the bit rate of the device, so that the log continues.
         let rate = self.nodes.first().and_then(|node| self.world.device(*node)).map(Device::bit_rate);
         if let Some(rate) = rate.filter(|rate| *rate != self.world.bit_rate()) {
             self.world.set_bit_rate(rate);
@@ -139,12 +140,12 @@ impl ReplayBus {
         self.world.send(self.others, frame);
     }
 
-    /// Takes the frames of the stand-ins, oldest first.
+    /// Takes the frames of the simulated devices, oldest first.
     pub(super) fn take_sent(&mut self) -> std::vec::Drain<'_, Item> {
         self.sent.drain(..)
     }
 
-    /// Returns the identifiers that the stand-ins have sent, as [keys](Frame::key).
+    /// Returns the identifiers that the simulated devices have sent, as [keys](Frame::key).
     pub(super) const fn sent_keys(&self) -> &BTreeSet<u32> {
         &self.sent_keys
     }
@@ -173,7 +174,7 @@ impl ReplayBus {
         }
     }
 
-    /// Returns a difference in words.
+    /// Creates a difference with explanations.
     pub(super) fn difference(
         &mut self,
         what: What,

@@ -1,4 +1,4 @@
-//! The report: differences between a log and its replay, in words.
+//! The report: describes the differences between a log and its replay.
 
 use std::fmt;
 
@@ -8,7 +8,8 @@ use protocol_core::time::Duration;
 use super::{Outcome, ReplayOptions};
 use crate::log::Timestamp;
 
-/// A difference: a frame of the log that the stand-in did not send as logged, or an additional frame of the stand-in.
+/// A difference: a frame of the log that the simulated device did not send as logged, or an additional frame of the
+/// simulated device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
     /// The time of the logged frame; for an additional frame, the time of sending in the time of the log.
@@ -58,7 +59,7 @@ impl fmt::Display for Difference {
             write!(f, "line {number}: ")?;
         }
         write!(f, "{}", self.what)?;
-        for (who, frame) in [("log", &self.logged), ("stand-in", &self.sent)] {
+        for (who, frame) in [("log", &self.logged), ("simulated", &self.sent)] {
             if let Some((frame, meaning)) = frame {
                 write!(f, "\n  {who:<9} {:<35}  {meaning}", frame.to_string())?;
             }
@@ -79,20 +80,21 @@ impl Outcome {
         }
         let count = |count: u64, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
         let differences = match self.differences {
-            0 => "as logged".to_owned(),
+            0 => "no differences".to_owned(),
             differences => count(differences, "difference"),
         };
         let left_out = match self.error_frames {
             0 => String::new(),
-            frames => format!(", {} left out", count(frames, "error frame")),
+            frames => format!(", {} skipped", count(frames, "error frame")),
         };
         let power_up = |(name, entry): (&&str, &Option<u64>)| match entry {
-            Some(number) => format!("{name} by line {number}"),
-            None => format!("{name} before the log"),
+            Some(number) => format!("{name} aligned with line {number}"),
+            None => format!("{name} on before the log"),
         };
         let power_ups: Vec<String> = names.iter().zip(&self.power_ups).map(power_up).collect();
         text += &format!(
-            "{} of {}: {differences} within {} ms; {} of others sent{left_out}; power-up not compared: {}\n",
+            "{} of {} compared within {} ms: {differences}; {} of other nodes sent{left_out}; \
+             power-up not compared: {}\n",
             count(self.compared, "frame"),
             names.join(", "),
             options.tolerance.as_millis(),

@@ -197,12 +197,13 @@ fn a_report_names_frame_time_and_meaning() {
     assert_eq!(lines[0], format!("({at}) line {}: different data", place + 1));
     assert_eq!(
         lines[1],
-        "  log       5A0: 43 18 10 01 1A 00 00 01         pvea-canopen: SDO answer 0x1018:1 (Vendor ID) = 0x0100001A"
+        "  log       5A0: 43 18 10 01 1A 00 00 01         pvea-canopen: SDO read response 0x1018:1 (Vendor ID) = 0x0100001A"
     );
-    assert!(lines[2].starts_with("  stand-in  5A0: 43 18 10 01 19 00 00 01  "), "{report}");
+    assert!(lines[2].starts_with("  simulated 5A0: 43 18 10 01 19 00 00 01  "), "{report}");
     assert!(
         lines[3].ends_with(
-            ": 1 difference within 5 ms; 12 frames of others sent; power-up not compared: pvea-canopen by line 1"
+            "compared within 5 ms: 1 difference; 12 frames of other nodes sent; \
+             power-up not compared: pvea-canopen aligned with line 1"
         ),
         "{report}"
     );

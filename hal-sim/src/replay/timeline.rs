@@ -42,7 +42,7 @@ pub(super) struct PowerUp {
     number: Option<u64>,
 }
 
-/// The first frame of a stand-in, and its delay after the power-up.
+/// The first frame of a simulated device, and its delay after the power-up.
 struct First {
     frame: Frame,
     delay: Duration,
@@ -82,7 +82,7 @@ impl Search {
         matches!(self, Self::Found(_) | Self::Before)
     }
 
-    /// Continues the search with a frame of the log; `first` is the first frame of the stand-in.
+    /// Continues the search with a frame of the log; `first` is the first frame of the simulated device.
     fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, exactly: bool) -> Self {
         let frame = &entry.frame;
         let is_own =

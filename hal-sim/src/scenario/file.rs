@@ -1,4 +1,4 @@
-//! The file format of a scenario: keys and values, each with its line, before they are checked against each other.
+//! The file format of a scenario: keys and values with their lines, not yet checked for consistency.
 
 use protocol_core::time::Duration;
 use serde::Deserialize;
@@ -74,10 +74,10 @@ pub(super) struct DeviceTable {
 }
 
 impl DeviceEntry {
-    /// Reads an entry: its text, and whether the device has to run at the bit rate of the bus.
+    /// Reads an entry: the device text, and whether the device has to run at the bit rate of the bus.
     ///
     /// # Errors
-    /// The accepted forms.
+    /// A message with the accepted forms.
     pub(super) fn read(value: toml::Value) -> Result<(String, bool), String> {
         Self::deserialize(json(value)).map_err(|error| error.to_string()).map(|entry| match entry {
             Self::Text(device) => (device, true),
@@ -86,7 +86,7 @@ impl DeviceEntry {
     }
 }
 
-/// A step: its begin, at most one action and at most one expectation. A step begins when the previous one is over.
+/// A step: its start time, at most one action and at most one expectation. A step begins when the previous one ends.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Step)]
@@ -98,7 +98,7 @@ pub(super) struct StepTable {
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) at_ms: Option<u32>,
-    /// The step begins so many milliseconds after the previous one.
+    /// The delay of the step after the end of the previous one, in milliseconds.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) after_ms: Option<u32>,
@@ -155,13 +155,13 @@ pub(super) struct StepTable {
     /// Forbids a frame of a device, several frames, or a state of the device from now on, during the next steps.
     #[serde(default)]
     pub(super) never: Option<Expected>,
-    /// The duration of never, in milliseconds; up to the end of the scenario by default.
+    /// The duration of never, in milliseconds; by default until the end of the scenario.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) for_ms: Option<u32>,
 }
 
-/// Frames or a state.
+/// The expected or forbidden frames or state.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
 #[schema(as = Expected)]
@@ -190,7 +190,7 @@ pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     };
     let document = toml::from_str(text).map(|table| document(toml::Value::Table(table), 0)).map_err(refuse)?;
     match Schemas::of::<ScenarioFile>().check("Scenario", &document, NONE) {
-        // Missing devices or steps: the message has an example.
+        // If devices or steps are missing, a later check reports them with an example.
         Err(mismatch) if !mismatch.path.is_empty() => {
             let place = DeTable::parse(text).ok().and_then(|table| place_of(table.get_ref(), &mismatch.path));
             let step = mismatch.path.get(1).map_or_else(String::new, |place| match place {
@@ -206,7 +206,7 @@ pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     }
 }
 
-/// Returns the place of a member in the text, as far as its path exists.
+/// Returns the text offset of a member, or of the deepest existing part of its path.
 fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
     let (first, mut rest) = path.split_first()?;
     let Place::Key(key) = first else { return None };
@@ -224,7 +224,7 @@ fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
     }
 }
 
-/// Returns the line number of a place in a text.
+/// Returns the line number of an offset in a text.
 pub(super) fn line_of(text: &str, place: usize) -> usize {
     1 + text.bytes().take(place).filter(|byte| *byte == b'\n').count()
 }
@@ -232,10 +232,10 @@ pub(super) fn line_of(text: &str, place: usize) -> usize {
 /// The word for null of the control interface.
 const NONE: &str = "\"none\"";
 
-/// The depth of the tables of a step, within which "none" stands for null.
+/// The nesting depth at which the tables of steps begin; inside them, "none" stands for null.
 const TABLES: usize = 4;
 
-/// Returns a document of this depth as JSON.
+/// Converts a value at this nesting depth to JSON.
 fn document(value: toml::Value, depth: usize) -> serde_json::Value {
     match value {
         value if depth >= TABLES => json(value),
@@ -246,15 +246,15 @@ fn document(value: toml::Value, depth: usize) -> serde_json::Value {
     }
 }
 
-/// Reads a table by the types of the control interface, with "none" for null.
+/// Deserialises a table to a type of the control interface, with "none" for null.
 ///
 /// # Errors
-/// The reason why the table is refused.
+/// The reason why the table is invalid.
 pub(super) fn table<T: for<'de> Deserialize<'de>>(table: toml::Table) -> Result<T, String> {
     T::deserialize(json(toml::Value::Table(table))).map_err(|error| error.to_string())
 }
 
-/// Returns a value as JSON.
+/// Converts a value to JSON.
 fn json(value: toml::Value) -> serde_json::Value {
     match value {
         toml::Value::String(text) if text == "none" => serde_json::Value::Null,

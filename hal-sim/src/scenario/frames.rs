@@ -11,7 +11,7 @@ pub(super) struct Frames<'a> {
     /// Each pattern with the frame that matched it; `None` until a frame matches.
     pub(super) wanted: Vec<(&'a Pattern, Option<Frame>)>,
     pub(super) any_order: bool,
-    /// The number of the next event to look at.
+    /// The number of the next event to check.
     pub(super) next: u64,
     /// The number of the event after the last expected frame, and its time.
     pub(super) mark: u64,
@@ -19,7 +19,7 @@ pub(super) struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// Matches the frames since the last look.
+    /// Matches the frames since the last call.
     pub(super) fn look(&mut self, history: &History) {
         if self.next == history.next() {
             return;
@@ -32,7 +32,7 @@ impl Frames<'_> {
         self.next = history.next();
     }
 
-    /// Matches a frame with an open pattern; returns whether one matches.
+    /// Assigns a frame to an open pattern; returns whether one matches.
     pub(super) fn claim(&mut self, heard: &Heard) -> bool {
         let fulfils = self.take(heard.frame);
         if fulfils {
@@ -55,8 +55,8 @@ impl Frames<'_> {
         fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
     }
 
-    /// Assigns a frame in any order. A frame already assigned moves to another pattern if that frees one: a pattern for
-    /// many frames never blocks one for few.
+    /// Assigns a frame in any order. An assigned frame moves to another pattern if that makes room, so that a general
+    /// pattern never blocks a specific one.
     fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
         for place in 0..self.wanted.len() {
             let (pattern, holder) = self.wanted[place];

@@ -3,12 +3,12 @@
 //! ```text
 //! file     the file format                  script   the checked scenario
 //! step     its steps                        trial    the check that each step can be executed
-//! runner   executes a scenario              schema   the format for editors
-//! strict   each frame claimed by a step     report   failures, in words
+//! runner   executes a scenario              schema   the JSON schema for editors
+//! strict   each frame claimed by a step     report   failures as text
 //! frames   expected frames                  target   a simulation, perhaps with an emulated board in it
 //! ```
 //!
-//! Each scenario has a world of its own, so that many can run at once; two runs with the same seed are byte-identical.
+//! Each scenario has its own world, so that many can run in parallel; two runs with the same seed are byte-identical.
 
 mod file;
 mod frames;
@@ -34,20 +34,20 @@ pub use target::Target;
 use crate::simulation::Simulation;
 use crate::world::SUPPLY_JITTER;
 
-/// The name of the sender of a scenario's frames in traces. No device can have it.
+/// The sender's name of a scenario's frames in traces; no device can have this name.
 pub const OWN: &str = "the master";
 
-/// The error of a scenario that cannot be read.
+/// A scenario cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadError {
     /// The line, from 1; `None` for the file as a whole.
     pub line: Option<usize>,
-    /// The reason, and the accepted forms.
+    /// The reason, with the accepted forms.
     pub reason: String,
 }
 
 impl Scenario {
-    /// Runs the scenario in a world of its own.
+    /// Runs the scenario in its own world.
     #[must_use]
     pub fn run(&self, seed: u64) -> Outcome {
         runner::run(self, &mut self.powered(seed), false, &mut |_| {})
@@ -66,14 +66,14 @@ impl Scenario {
         runner::run(self, &mut self.powered(seed), true, &mut watch)
     }
 
-    /// Plays the scenario on a target whose devices are powered, and keeps the [trace](Outcome::trace). If the target
+    /// Runs the scenario on a target whose devices are powered, and keeps the [trace](Outcome::trace). If the target
     /// cannot read a state that the scenario expects, the scenario fails before it begins.
     #[must_use]
     pub fn play(&self, target: &mut impl Target) -> Outcome {
         runner::run(self, target, true, &mut |_| {})
     }
 
-    /// Returns a powered simulation of the scenario.
+    /// Creates a simulation of the scenario and powers the devices.
     fn powered(&self, seed: u64) -> Simulation {
         let mut simulation = self.simulation(seed);
         simulation.send_as(OWN);

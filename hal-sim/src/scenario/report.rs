@@ -38,7 +38,7 @@ pub(super) struct Failure {
     at: Instant,
     /// The last events before the failure.
     excerpt: Vec<String>,
-    /// A device ran at another bit rate: the errors of the bus replace the last events.
+    /// Whether a device ran at another bit rate than the bus; bus errors then replace the last events.
     is_not_heard: bool,
 }
 
@@ -87,9 +87,9 @@ impl Failure {
         }
     }
 
-    /// Returns the failure of a device that runs at another bit rate than the bus.
+    /// Creates the failure of a device that runs at another bit rate than the bus.
     pub(super) fn not_heard(line: usize, reason: String) -> Self {
-        let accept = "if this is intended, state it at the device: { device = \"…\", heard = false }".to_owned();
+        let accept = "if this is intended, declare the device as { device = \"…\", heard = false }".to_owned();
         Self {
             line,
             note: None,
@@ -102,16 +102,16 @@ impl Failure {
         }
     }
 
-    /// Replaces the excerpt of a bit rate failure by the errors of the bus.
+    /// Replaces the excerpt of a bit rate failure by the bus errors.
     pub(super) fn show_errors(&mut self, errors: &[String]) {
         if self.is_not_heard {
             self.excerpt = errors.to_vec();
         }
     }
 
-    /// Returns the failure of a step that begins late, because the previous steps took too long.
+    /// Creates the failure of a step that begins late, because the previous steps took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
-        let details = vec![format!("the previous steps were not over at {}", time(begin))];
+        let details = vec![format!("the previous steps were still running at {}", time(begin))];
         let ms = match step.begin {
             Begin::At(distance) => distance.as_millis(),
             Begin::Now | Begin::After(_) => 0,
@@ -119,13 +119,13 @@ impl Failure {
         Self::new(step, format!("at_ms = {ms}"), details)
     }
 
-    /// Returns the failure of a step whose action was refused.
+    /// Creates the failure of a step whose action was refused.
     pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Returns the failure of missing frames: `missing` of `patterns`, in the events from `from` on; the other ones all
-    /// came before `mark`.
+    /// Creates the failure of missing frames: `missing` of `patterns`, in the events from `from` on; all other patterns
+    /// matched before `mark`.
     pub(super) fn frames(
         step: &Step,
         patterns: &[Pattern],
@@ -136,7 +136,7 @@ impl Failure {
         let mut details = Vec::new();
         for pattern in patterns {
             let is_missing = missing.iter().any(|missing| std::ptr::eq(*missing, pattern));
-            let label = if is_missing { "expected" } else { "came" };
+            let label = if is_missing { "expected" } else { "received" };
             details.push(format!("{label:<10}{pattern}{}", meaning(pattern, history)));
         }
         if let Some(first) = missing.first() {
@@ -144,14 +144,14 @@ impl Failure {
         }
         let wanted = match patterns {
             [pattern] => pattern.to_string(),
-            _ => format!("{} frames, of which {} came", patterns.len(), patterns.len() - missing.len()),
+            _ => format!("{} frames ({} received)", patterns.len(), patterns.len() - missing.len()),
         };
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
 
-    /// Adds a deviation from a strict scenario to the failure of missing frames.
+    /// Adds a deviation in a strict scenario to the failure of missing frames.
     pub(super) fn because(mut self, deviation: &Deviation, history: &History) -> Self {
-        // The frame observed instead explains itself.
+        // Omits a deviation whose frame is already listed as observed.
         let is_told = |heard: &Heard| {
             let seen = format!("seen      {}  at {}", heard.frame, time(heard.at));
             self.details.iter().any(|line| line.starts_with(&seen))
@@ -162,23 +162,23 @@ impl Failure {
         self
     }
 
-    /// Returns the failure of a step that deviates from a strict scenario.
+    /// Creates the failure of a deviation in a strict scenario.
     pub(super) fn deviation(step: &Step, deviation: &Deviation, history: &History) -> Self {
         Self::new(step, "strict".to_owned(), vec![format!("strict    {}", deviation.reason(history))])
     }
 
-    /// Returns the failure of an expected state.
+    /// Creates the failure of an expected state that did not occur.
     pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
         let mut details: Vec<String> =
             keys.map(|(key, value, _)| format!("{key:<10}expected {value}, seen {}", value_of(key, state))).collect();
         if details.is_empty() {
-            details.push("each key had its value, but not all at the same time".to_owned());
+            details.push("each key had its expected value, but never all at the same time".to_owned());
         }
         Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
     }
 
-    /// Returns the failure of a forbidden frame.
+    /// Creates the failure of a forbidden frame.
     pub(super) fn came(step: &Step, pattern: &Pattern, heard: &Heard, history: &History) -> Self {
         let Heard { number, at, frame } = heard;
         let details = vec![format!("seen      {frame}  at {}  {}", time(*at), history.explain(frame))];
@@ -186,7 +186,7 @@ impl Failure {
         Self { until: Some(number + 1), ..failure }
     }
 
-    /// Returns the failure of a forbidden state.
+    /// Creates the failure of a forbidden state.
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
         let details = wanted.keys.iter().map(seen).collect();
@@ -203,8 +203,8 @@ impl Failure {
         Self { at, excerpt, ..self }
     }
 
-    /// Writes the failure, for a scenario from this file, in indented lines; the first failure has the excerpt of the
-    /// bus.
+    /// Writes the failure of a scenario from this file in indented lines. The first failure shows the latest events
+    /// before it; each later one shows the events since the previous failure.
     fn write(&self, out: &mut String, file: &str, is_first: bool) {
         let Self { line, note, headline, details, at, excerpt, .. } = self;
         // Writing to a string cannot fail.
@@ -216,9 +216,9 @@ impl Failure {
             let _ = writeln!(out, "    {line}");
         }
         let (nothing, since) = match is_first {
-            _ if self.is_not_heard => ("no error frame was on the bus", "errors of the bus:"),
-            true => ("nothing was on the bus", "on the bus before:"),
-            false => ("nothing was on the bus since the previous failure", "on the bus since the previous failure:"),
+            _ if self.is_not_heard => ("no error frames on the bus", "bus errors:"),
+            true => ("no bus traffic", "bus traffic before the failure:"),
+            false => ("no bus traffic since the previous failure", "bus traffic since the previous failure:"),
         };
         let _ = writeln!(out, "    {}", if excerpt.is_empty() { nothing } else { since });
         for line in excerpt {
@@ -228,14 +228,14 @@ impl Failure {
 }
 
 impl Deviation {
-    /// Returns the deviation in one line.
+    /// Describes the deviation in one line.
     fn reason(&self, history: &History) -> String {
         let came = |Heard { at, frame, .. }: &Heard| format!("{frame}  at {}  {}", time(*at), history.explain(frame));
         match self {
             Self::Unclaimed(heard) => format!("no step expects  {}", came(heard)),
-            Self::Early(heard, pause) => format!("again after only {}  {}", span(*pause), came(heard)),
+            Self::Early(heard, pause) => format!("repeated after only {}  {}", span(*pause), came(heard)),
             Self::Missing { pattern, period, last } => {
-                format!("not again since {}, expected every {} ms: {pattern}", time(*last), period.as_millis())
+                format!("not received since {}, expected every {} ms: {pattern}", time(*last), period.as_millis())
             }
         }
     }
@@ -246,7 +246,7 @@ fn meaning(pattern: &Pattern, history: &History) -> String {
     pattern.frame().map_or_else(String::new, |frame| format!("  {}", history.explain(&frame)))
 }
 
-/// Returns the frame observed instead of a wanted one, in the events from `mark` on. `from`: the first event of the
+/// Describes the frame observed instead of a wanted one, in the events from `mark` on. `from` is the first event of the
 /// step.
 fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<String> {
     let mut lines = Vec::new();
@@ -267,16 +267,16 @@ fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<St
         None => {
             let others = history.heard_since(mark).count();
             let others = match others {
-                0 => "no frame of a device".to_owned(),
-                1 => "1 frame of a device, with another identifier".to_owned(),
-                _ => format!("{others} frames of devices, with other identifiers"),
+                0 => "no device frame".to_owned(),
+                1 => "1 device frame, with another identifier".to_owned(),
+                _ => format!("{others} device frames, with other identifiers"),
             };
             lines.push(format!("seen      {others}"));
         }
     }
     let earlier = history.heard_since(0).take_while(|heard| heard.number < from);
     if let Some(heard) = earlier.filter(|heard| wanted.matches(&heard.frame)).last() {
-        lines.push(format!("          a matching frame came before the step, at {}", time(heard.at)));
+        lines.push(format!("          a matching frame was received before the step, at {}", time(heard.at)));
     }
     lines
 }
@@ -300,7 +300,7 @@ fn during(step: &Step) -> String {
     span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()))
 }
 
-/// Returns the value of a state's key, as a scenario writes it.
+/// Returns the value of a state's key in the syntax of scenarios.
 fn value_of(key: &str, state: &DeviceState) -> String {
     let mut values = serde_json::to_value(state).unwrap_or_default();
     match key {

@@ -39,7 +39,7 @@ pub(super) fn run(
     }
     for step in &scenario.steps {
         runner.step(step);
-        // After the first deviation from a strict scenario, further ones mean nothing.
+        // After the first deviation in a strict scenario, further ones are meaningless.
         if runner.claims.is_some() && !runner.failures.is_empty() {
             return runner.outcome();
         }
@@ -73,9 +73,9 @@ struct Runner<'a, B> {
     ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
     failures: Vec<Failure>,
-    /// The communication faults that have not ended, by name, with their steps.
+    /// The active communication faults, by name, with their steps.
     faults: Vec<(String, &'a Step)>,
-    /// The number of the first event that no failure has shown.
+    /// The number of the first event that no failure shows yet.
     shown: u64,
 }
 
@@ -90,7 +90,7 @@ struct Guard<'a> {
     since: Instant,
     until: Instant,
     what: Guarded<'a>,
-    /// The wait for the state, or for the end of the guard.
+    /// The pending wait for the forbidden state, or for the end of the guard.
     ticket: Ticket,
 }
 
@@ -101,7 +101,7 @@ enum Guarded<'a> {
     State(&'a Wanted),
 }
 
-/// The goal of passing time.
+/// The condition that ends an advance of time.
 enum Goal<'a> {
     /// No goal.
     None,
@@ -119,7 +119,7 @@ impl<'a, B: Target> Runner<'a, B> {
                 if let What::State(wanted) = what
                     && self.target.simulation().find(wanted.device()).is_err()
                 {
-                    let reason = "its state cannot be read here; accepted: frames";
+                    let reason = "the target gives no access to the state; use frames";
                     self.fail(Failure::undone(step, &format!("a state of {}", wanted.device()), reason));
                 }
             }
@@ -134,7 +134,7 @@ impl<'a, B: Target> Runner<'a, B> {
             return;
         }
         self.step = Some(step);
-        // The first event of the step: earlier frames match none of its patterns.
+        // The first event of the step: earlier frames do not count for its patterns.
         let mark = self.target.simulation().history().next();
         if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
             trace.note(note);
@@ -225,9 +225,10 @@ impl<'a, B: Target> Runner<'a, B> {
             Executed::Pending(ticket) => {
                 self.pass_until(NEVER, &mut Goal::Command(ticket));
                 let place = self.ended.iter().position(|(known, _)| *known == ticket);
-                place.map_or(Err(Refusal::Conflict("virtual time has ended".to_owned())), |place| {
-                    self.ended.swap_remove(place).1
-                })
+                place.map_or(
+                    Err(Refusal::Conflict("virtual time reached its limit before the command completed".to_owned())),
+                    |place| self.ended.swap_remove(place).1,
+                )
             }
         }
     }
@@ -261,7 +262,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Forbids frames or a state from now on.
+    /// Starts a guard against frames or a state.
     fn never(&mut self, step: &'a Step, Never { what, span }: &'a Never) {
         let since_now = self.target.simulation().now();
         let until = span.map_or(NEVER, |span| after(since_now, span));
@@ -278,12 +279,13 @@ impl<'a, B: Target> Runner<'a, B> {
         self.look();
     }
 
-    /// Advances to an instant, with all that is due by then.
+    /// Advances to an instant and processes everything due by then.
     fn pass(&mut self, end: Instant) {
         self.pass_until(end, &mut Goal::None);
     }
 
-    /// Advances to an instant, with all that is due by then, or until a goal is reached; returns whether it was.
+    /// Advances to an instant, or until a goal is reached, and processes everything due; returns whether the goal was
+    /// reached.
     fn pass_until(&mut self, end: Instant, goal: &mut Goal<'_>) -> bool {
         loop {
             if self.is_reached(goal) {
@@ -321,7 +323,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Processes new events, and completes what they complete.
+    /// Processes new events, and collects completed commands.
     fn look(&mut self) {
         while let Some(happened) = self.target.simulation_mut().take_event() {
             if let Some(Trace { layout, text }) = &mut self.trace {
@@ -339,8 +341,8 @@ impl<'a, B: Target> Runner<'a, B> {
         self.guard();
     }
 
-    /// Adds a failure for each device found at another bit rate: at the device if the rates differed from the start,
-    /// otherwise at the current step.
+    /// Adds a failure for each device at another bit rate than the bus: at the device's line if the rates differed from
+    /// the start, otherwise at the current step.
     fn fail_unheard(&mut self) {
         for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
             let place = self.scenario.devices.iter().position(|known| known.name == device);
@@ -368,14 +370,14 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Ends the guards with the scenario.
+    /// Ends all guards at the end of the scenario.
     fn end_guards(&mut self) {
         for guard in std::mem::take(&mut self.guards) {
             self.end_guard(&guard);
         }
     }
 
-    /// Fails a step whose guard watched no instant: no time has passed since, or its instant was missed.
+    /// Fails a step whose guard checked no instant: no time has passed, or `t_us` was outside the checked time.
     fn end_guard(&mut self, guard: &Guard<'_>) {
         let end = guard.until.min(self.target.simulation().now());
         let instant = match &guard.what {
@@ -385,14 +387,14 @@ impl<'a, B: Target> Runner<'a, B> {
         let reason = match instant {
             _ if end <= guard.since => "no time has passed: nothing was checked",
             Some(instant) if instant < guard.since || instant > end => {
-                "t_us was not in the checked time: nothing was checked"
+                "t_us was outside the checked time: nothing was checked"
             }
             _ => return,
         };
         self.fail(Failure::undone(guard.step, "never", reason));
     }
 
-    /// Returns the violation of a guard. `ended`: the result of its wait.
+    /// Returns the violation of a guard, if any. `ended` is the result of its wait.
     fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
         let history = self.target.simulation().history();
         match (&mut guard.what, ended) {
@@ -444,7 +446,7 @@ impl Trace {
     }
 }
 
-/// Returns the command's key, for failures.
+/// Returns the key of the command, for failure headlines.
 fn name(command: &Command) -> String {
     match command {
         Command::Send(frame, _) => format!("send {frame}"),

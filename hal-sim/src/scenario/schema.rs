@@ -26,7 +26,7 @@ pub fn schema() -> String {
     text.replace("#/components/schemas/", "#/$defs/") + "\n"
 }
 
-/// Replaces null by "none" in the schema of a member that accepts null.
+/// Replaces null by "none" in the schema of a nullable member.
 fn with_none(member: &mut Value) {
     let Some(fields) = member.as_object_mut() else { return };
     let description = fields.remove("description");

@@ -1,4 +1,4 @@
-//! A checked scenario: every step can be executed.
+//! A checked scenario, in which every step can be executed.
 
 use protocol_core::controller::BitRate;
 
@@ -17,25 +17,25 @@ use crate::text::in_one_line;
 pub struct Scenario {
     pub(super) title: String,
     pub(super) devices: Vec<NamedDevice>,
-    /// The entry of each device in the file.
+    /// The device entries of the file.
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
-    /// A step has to expect each frame of a device.
+    /// Whether a step has to expect each frame of a device.
     pub(super) strict: bool,
     pub(super) steps: Vec<Step>,
 }
 
-/// The entry of a device in the file.
+/// A device entry of the file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) line: usize,
-    /// The device has to run at the bit rate of the bus.
+    /// Whether the device has to run at the bit rate of the bus.
     pub(super) heard: bool,
 }
 
 impl Scenario {
-    /// Reads a scenario.
+    /// Parses a scenario.
     ///
     /// # Errors
     /// [`ReadError`] with the line of the first error.
@@ -57,11 +57,11 @@ impl Scenario {
         let specs = specs.collect::<Result<Vec<_>, _>>()?;
         let mut devices = devices::named(specs).map_err(|error| at(first)(format!("{error} name=")))?;
         if devices.is_empty() {
-            return Err(at(0)("no devices; accepted: devices = [\"pvea-canopen@0x20\"]".to_owned()));
+            return Err(at(0)("no devices; add devices = [\"pvea-canopen@0x20\"]".to_owned()));
         }
         if !allow_clash {
             devices::refuse_clashes(&devices)
-                .map_err(|error| at(first)(format!("{error} with @ID, or allow_clash = true")))?;
+                .map_err(|error| at(first)(format!("{error} with @ID, or set allow_clash = true")))?;
         }
         let first = links.first().map_or(0, |link| link.span().start);
         let specs = links.into_iter().map(|spec| {
@@ -77,7 +77,7 @@ impl Scenario {
         });
         let bit_rate = devices::share_bit_rate(&mut devices, bit_rate.transpose()?);
         if steps.is_empty() {
-            return Err(at(0)("no steps; accepted: steps = [{ expect = \"720#00\" }]".to_owned()));
+            return Err(at(0)("no steps; add steps = [{ expect = \"720#00\" }]".to_owned()));
         }
         let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
         // Impossible steps are refused before anything runs.
@@ -90,7 +90,9 @@ impl Scenario {
         refuse_unwatched(&scenario.steps)?;
         let expects_frames = |step: &Step| matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
         if strict && !scenario.steps.iter().any(expects_frames) {
-            return Err(at(0)("strict: no step expects a frame; accepted: with expect = \"720#00\"".to_owned()));
+            return Err(at(0)(
+                "strict: no step expects a frame; add a step such as { expect = \"720#00\" }".to_owned(),
+            ));
         }
         Ok(scenario)
     }
@@ -107,7 +109,7 @@ impl Scenario {
         self.bit_rate
     }
 
-    /// Returns a simulation of the devices, not yet powered.
+    /// Creates a simulation of the unpowered devices.
     pub(super) fn simulation(&self, seed: u64) -> Simulation {
         let mut simulation = Simulation::new(self.bit_rate, seed);
         for (device, entry) in self.devices.iter().zip(&self.entries) {
@@ -121,9 +123,9 @@ impl Scenario {
     }
 }
 
-/// Refuses a prohibition after which no time passes: at most one instant of it would be checked.
+/// Refuses a `never` after which no time passes: at most one instant would be checked.
 fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
-    // The scenario goes on until all prohibitions with a duration end.
+    // The scenario continues until every `never` with a duration ends.
     if steps.iter().any(|step| step.never.as_ref().is_some_and(|never| never.span.is_some())) {
         return Ok(());
     }
@@ -132,9 +134,9 @@ fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
         return Ok(());
     };
     let reason = if place + 1 == steps.len() {
-        "never: the scenario ends with this step; accepted: for_ms, or steps after it"
+        "never: the scenario ends with this step; add for_ms, or a later step"
     } else {
-        "never: no time passes in the steps after it; accepted: for_ms, or a step that takes time after it"
+        "never: no time passes in the later steps; add for_ms, or a later step that takes time"
     };
     Err(ReadError { line: Some(step.line), reason: reason.to_owned() })
 }

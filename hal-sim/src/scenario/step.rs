@@ -10,7 +10,7 @@ const NO_TIME: Duration = Duration::from_ticks(0);
 /// A step.
 #[derive(Debug)]
 pub(super) struct Step {
-    /// The line of the file.
+    /// The line in the file.
     pub(super) line: usize,
     pub(super) note: Option<String>,
     pub(super) begin: Begin,
@@ -36,19 +36,19 @@ pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
     pub(super) within: Duration,
-    /// The period in which the frame repeats afterwards.
+    /// The period at which the frame has to repeat afterwards.
     pub(super) every: Option<Duration>,
 }
 
-/// A prohibition.
+/// A forbidden frame or state (`never`).
 #[derive(Debug)]
 pub(super) struct Never {
     pub(super) what: What,
-    /// Its duration; `None` up to the end.
+    /// The duration; `None` until the end of the scenario.
     pub(super) span: Option<Duration>,
 }
 
-/// Frames, or a state.
+/// Expected or forbidden frames, or a state.
 #[derive(Debug)]
 pub(super) enum What {
     Frames(Vec<Pattern>),
@@ -61,7 +61,7 @@ pub(super) struct Wanted {
     /// The name of the device.
     pub(super) device: String,
     pub(super) condition: StateCondition,
-    /// A separate condition for each key, with the key and its value as in the file.
+    /// Each key with its value as in the file, and a condition on that key alone.
     pub(super) keys: Vec<(String, String, StateCondition)>,
 }
 

@@ -10,31 +10,31 @@ use crate::state::Pattern;
 /// The claimed frames, up to the first deviation.
 #[derive(Default)]
 pub(super) struct Claims<'a> {
-    /// The number of the next event to look at.
+    /// The number of the next event to check.
     next: u64,
     again: Vec<Again<'a>>,
     deviation: Option<Deviation>,
 }
 
-/// A cyclic frame that is expected.
+/// An expected cyclic frame.
 struct Again<'a> {
     pattern: &'a Pattern,
     period: Duration,
     last: Instant,
 }
 
-/// A deviation from a strict scenario.
+/// A deviation in a strict scenario.
 pub(super) enum Deviation {
     /// A frame that no step expects.
     Unclaimed(Heard),
-    /// A cyclic frame that came too early, this long after the previous one.
+    /// A cyclic frame that came too early, with the time since the previous one.
     Early(Heard, Duration),
     /// A cyclic frame that did not come.
     Missing { pattern: Pattern, period: Duration, last: Instant },
 }
 
 impl<'a> Claims<'a> {
-    /// Matches the frames up to now, with the wanted ones first.
+    /// Matches the frames up to now: first with the wanted frames, then with the cyclic ones.
     pub(super) fn look(&mut self, now: Instant, history: &History, mut wanted: Option<&mut Frames<'_>>) {
         for heard in history.heard_since(self.next) {
             if self.deviation.is_some() || wanted.as_ref().is_some_and(|wanted| wanted.are_all_there()) {
@@ -52,7 +52,7 @@ impl<'a> Claims<'a> {
         self.find_missing(now);
     }
 
-    /// Matches a frame with an expected cyclic one; returns a deviation otherwise.
+    /// Matches a frame with an expected cyclic one; returns the deviation if there is no match.
     fn repeat(&mut self, heard: Heard) -> Option<Deviation> {
         let known = self.again.iter_mut().find(|again| again.pattern.matches(&heard.frame));
         let Some(again) = known else { return Some(Deviation::Unclaimed(heard)) };
@@ -69,7 +69,7 @@ impl<'a> Claims<'a> {
         }
     }
 
-    /// Expects the frame that has just come cyclically from now on.
+    /// Starts to expect the frame just received as a cyclic frame.
     pub(super) fn begin(&mut self, pattern: &'a Pattern, period: Duration, last: Instant) {
         self.again.push(Again { pattern, period, last });
     }

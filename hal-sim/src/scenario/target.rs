@@ -1,15 +1,15 @@
-//! The target of a scenario: a simulation, perhaps with an emulated board in it.
+//! The target of a scenario: a simulation, optionally with an emulated board.
 
 use protocol_core::time::Instant;
 
 use crate::simulation::{Command, Executed, Refusal, Simulation};
 
-/// The target of a scenario: a simulation in which a device can be something else, such as an emulated board.
+/// The target of a scenario: a simulation in which an emulated board can replace a device.
 pub trait Target {
     /// Returns the simulation: the bus, its history, and the devices whose state can be read.
     fn simulation(&self) -> &Simulation;
 
-    /// Returns the simulation, to be changed. Only [`go`](Self::go) may let time pass.
+    /// Returns the simulation for changes. Only [`go`](Self::go) may advance time.
     fn simulation_mut(&mut self) -> &mut Simulation;
 
     /// Advances time like [`Simulation::go`].

@@ -107,11 +107,11 @@ fn never_begins_when_what_is_done_is_done() {
 /// A prohibition is checked while time passes: without time nothing is checked.
 #[test]
 fn never_needs_time_in_which_something_could_come() {
-    let last = "never: the scenario ends with this step; accepted: for_ms, or steps after it";
+    let last = "never: the scenario ends with this step; add for_ms, or a later step";
     for step in [r#"{ never = "0A0" }"#, "{ never = { powered = false } }", r#"{ after_ms = 9, never = "0A0" }"#] {
         assert_eq!(refused(step), last);
     }
-    let after = "never: no time passes in the steps after it; accepted: for_ms, or a step that takes time after it";
+    let after = "never: no time passes in the later steps; add for_ms, or a later step that takes time";
     for never in [r#"never = "0A0""#, "never = { powered = false }"] {
         for timeless in [
             r#"{ note = "the end" }"#,
@@ -125,7 +125,7 @@ fn never_needs_time_in_which_something_could_come() {
         ] {
             assert_eq!(refused(&format!("{{ {never} }}, {timeless}")), after, "{timeless}");
         }
-        assert_eq!(refused(&format!("{{ {never}, for_ms = 0 }}")), "for_ms 0: accepted: 1 and more");
+        assert_eq!(refused(&format!("{{ {never}, for_ms = 0 }}")), "for_ms must be at least 1");
         passes(&format!("{{ {never} }}, {{ after_ms = 1 }}"));
         passes(&format!("{{ {never} }}, {{ never = {{ powered = false }}, for_ms = 1 }}"));
         passes(&format!("{{ never = {{ powered = false }}, for_ms = 1 }}, {{ {never} }}"));
@@ -140,7 +140,7 @@ fn never_needs_time_in_which_something_could_come() {
     }
     for t_us in [0, 1, 20_000_000] {
         let text = fails(&format!("{{ never = {{ t_us = {t_us} }}, for_ms = 10 }}"), 1);
-        assert!(text.contains("t_us was not in the checked time"), "{text}");
+        assert!(text.contains("t_us was outside the checked time"), "{text}");
     }
 }
 
@@ -149,7 +149,7 @@ fn never_needs_time_in_which_something_could_come() {
 fn a_number_that_is_none_says_what_is_accepted() {
     for (key, number) in [("after_ms", "-1"), ("at_ms", "1.5"), ("at_ms", "4294967296"), ("after_ms", "\"1\"")] {
         let reason = refused(&format!("{{ {key} = {number} }}"));
-        assert_eq!(reason, format!("{key} {number}: accepted: a whole number from 0 to 4294967295"));
+        assert_eq!(reason, format!("{key} {number} is not valid; accepted: a whole number from 0 to 4294967295"));
     }
 }
 
@@ -186,14 +186,14 @@ fn a_frame_that_must_not_come_is_shown_with_what_was_before() {
 fn one_frame_fulfils_one_expectation() {
     let read = r#"send = "620#4000 1000 0000 0000""#;
     let text = fails(&format!(r#"{{ {read}, expect = ["5A0#43..", "5A0#43.."], within_ms = 20 }}"#), 1);
-    assert!(text.contains("expect 2 frames, of which 1 came within 20 ms"), "{text}");
-    assert!(text.contains("came      5A0: 43 ..") && text.contains("expected  5A0: 43 .."), "{text}");
-    assert!(text.contains("seen      no frame of a device"), "{text}");
+    assert!(text.contains("expect 2 frames (1 received) within 20 ms"), "{text}");
+    assert!(text.contains("received  5A0: 43 ..") && text.contains("expected  5A0: 43 .."), "{text}");
+    assert!(text.contains("seen      no device frame"), "{text}");
     let text = fails(
         &format!(r#"{{ {read}, expect = "5A0#43..", within_ms = 20 }}, {{ expect = "5A0#43..", within_ms = 20 }}"#),
         1,
     );
-    assert!(text.contains("a matching frame came before the step, at "), "{text}");
+    assert!(text.contains("a matching frame was received before the step, at "), "{text}");
     passes(&format!(r#"{{ {read} }}, {{ {read}, expect = ["5A0#43..", "5A0#43.."] }}"#));
 }
 
@@ -203,7 +203,7 @@ fn frames_in_order_and_in_any_order() {
     passes(&format!(r#"{{ {reset}, expect = ["720#00", "0A0#.."] }}"#));
     passes(&format!(r#"{{ {reset}, expect = ["0A0#..", "720#00"], any_order = true }}"#));
     let text = fails(&format!(r#"{{ {reset}, expect = ["0A0#..", "720#00"], within_ms = 50 }}"#), 1);
-    assert!(text.contains("came      0A0: ..") && text.contains("expected  720: 00"), "{text}");
+    assert!(text.contains("received  0A0: ..") && text.contains("expected  720: 00"), "{text}");
 }
 
 /// The window of an expectation begins with its step: an answer to an earlier request does not count.
@@ -223,7 +223,7 @@ fn a_frame_from_before_the_step_fulfils_nothing() {
         r#"expect = ["5A0#4B41 6000 0900 0000", "5A0#4B41 6000 0800 0000"], any_order = true"#,
     ] {
         let text = fails(&twice(expected), 1);
-        assert!(text.contains("a matching frame came before the step, at "), "{text}");
+        assert!(text.contains("a matching frame was received before the step, at "), "{text}");
     }
     // The same for all other actions, and for a pause.
     let request = r#"{ send = "620#4000 1000 0000 0000" }, { send = "700#05" }, { send = "700#05" }"#;
@@ -237,7 +237,7 @@ fn a_frame_from_before_the_step_fulfils_nothing() {
         r#"at_ms = 100, expect = "5A0#43..""#,
     ] {
         let text = fails(&format!("{request}, {{ {step}, within_ms = 10 }}"), 1);
-        assert!(text.contains("a matching frame came before the step, at "), "{step}\n{text}");
+        assert!(text.contains("a matching frame was received before the step, at "), "{step}\n{text}");
     }
 }
 
@@ -262,7 +262,7 @@ fn a_wrong_byte_is_marked_and_every_failure_is_told() {
     assert!(lines[3].starts_with("    seen      5A0: 43 00 10 00 98 01 00 00  at "), "{text}");
     assert_eq!(lines[4].find("^^"), lines[3].find("98"), "{text}");
     assert!(text.contains("x.toml:5: expect 7E4: 44 .."), "{text}");
-    assert!(text.ends_with("nothing was on the bus since the previous failure\n"), "{text}");
+    assert!(text.ends_with("no bus traffic since the previous failure\n"), "{text}");
 }
 
 #[test]
@@ -292,7 +292,7 @@ fn a_disturbance_takes_the_sender_off_the_bus() {
     );
     // The scenario's own frames: one is withdrawn after a second.
     let text = fails(r#"{ disturb = { frames = 100000000, id = 0x220 } }, { send = "220#00" }"#, 1);
-    assert!(text.contains("send 220: 00: failed") && text.contains("not on the bus within 1 s"), "{text}");
+    assert!(text.contains("send 220: 00: failed") && text.contains("not sent within 1 s"), "{text}");
 }
 
 #[test]
@@ -308,7 +308,7 @@ fn cyclic_frames_begin_change_and_end() {
 #[test]
 fn a_step_that_begins_too_late_says_so() {
     let text = fails(r#"{ after_ms = 100 }, { at_ms = 50, note = "too early" }"#, 1);
-    assert!(text.contains("x.toml:4: at_ms = 50: failed at ") && text.contains("not over at 50.000 ms"), "{text}");
+    assert!(text.contains("x.toml:4: at_ms = 50: failed at ") && text.contains("still running at 50.000 ms"), "{text}");
 }
 
 #[test]
@@ -354,7 +354,7 @@ fn identifiers_of_steps() {
 #[test]
 fn a_frame_that_differs_in_its_length_alone_is_told_so() {
     let text = fails(r#"{ send = "000#0120" }, { send = "220#0300 0000", expect = "1A0#????" }"#, 1);
-    assert!(text.contains("differs only in its length: 4 bytes instead of 2 bytes; \"..\" at the end"), "{text}");
+    assert!(text.contains("differs only in its length: 4 bytes instead of 2 bytes; append \"..\""), "{text}");
     let text = fails(r#"{ send = "000#0120" }, { send = "220#0300 0000", expect = "1A0#FF??" }"#, 1);
     assert!(text.contains("seen      1A0: ") && !text.contains("length"), "{text}");
 }

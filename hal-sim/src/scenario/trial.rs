@@ -1,4 +1,4 @@
-//! The trial run of a scenario's steps: steps that cannot be executed are refused.
+//! The trial run of a scenario: refuses steps that cannot be executed.
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Protocol, Setup};
@@ -14,7 +14,7 @@ use crate::state::{
     self, BusChange, Disturb, FaultRequest, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition,
 };
 
-/// The word for null.
+/// The word for null in scenarios.
 const NONE: &str = "\"none\"";
 
 /// The trial run of the steps: devices and active cyclic frames.
@@ -31,17 +31,17 @@ impl Trial {
         Self { simulation, devices, strict, cyclic: Vec::new() }
     }
 
-    /// Checks a step, and applies its plant change to the trial.
+    /// Checks a step, and applies its plant change to the trial simulation.
     pub(super) fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
         let about_device = table.plant.is_some()
             || table.power.is_some()
             || matches!(table.expect, Some(Expected::State(_)))
             || matches!(table.never, Some(Expected::State(_)));
         if table.device.is_some() && !about_device {
-            return Err("device: accepted with plant, power, or a state".to_owned());
+            return Err("device is only valid together with plant, power, or a state".to_owned());
         }
         if table.expect.is_some() && table.never.is_some() {
-            return Err("expect and never in one step; accepted: a step for each".to_owned());
+            return Err("expect and never cannot be in the same step".to_owned());
         }
         refuse_two_acts(&table)?;
         let device = &self.device(table.device.as_deref(), about_device)?;
@@ -49,7 +49,7 @@ impl Trial {
             (None, None) => Begin::Now,
             (Some(at), None) => Begin::At(millis(at)),
             (None, Some(after)) => Begin::After(millis(after)),
-            (Some(_), Some(_)) => return Err("at_ms and after_ms: accepted: one of them in a step".to_owned()),
+            (Some(_), Some(_)) => return Err("at_ms and after_ms cannot be in the same step".to_owned()),
         };
         let mut expect = self.expect(device, table.expect, table.any_order, table.within_ms)?;
         let never = self.never(device, table.never, table.for_ms)?;
@@ -92,17 +92,17 @@ impl Trial {
     ) -> Result<Option<Expect>, String> {
         let Some(expected) = expected else {
             return match (within_ms, any_order) {
-                (Some(_), _) => Err("within_ms: accepted with expect".to_owned()),
-                (None, Some(_)) => Err("any_order: accepted with expect".to_owned()),
+                (Some(_), _) => Err("within_ms is only valid together with expect".to_owned()),
+                (None, Some(_)) => Err("any_order is only valid together with expect".to_owned()),
                 (None, None) => Ok(None),
             };
         };
         let what = self.what(device, expected).map_err(within("expect"))?;
         if any_order.is_some() && !matches!(&what, What::Frames(frames) if frames.len() > 1) {
-            return Err("any_order: accepted with several frames".to_owned());
+            return Err("any_order is only valid with two or more expected frames".to_owned());
         }
         if matches!(what, What::Frames(_)) && within_ms == Some(0) {
-            return Err("within_ms 0: a frame takes time; accepted: 1 and more, or a state".to_owned());
+            return Err("within_ms must be at least 1 when expect is a frame".to_owned());
         }
         let within = within_ms.map_or(PATIENCE, millis);
         Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within, every: None }))
@@ -116,7 +116,10 @@ impl Trial {
             _ => None,
         });
         let Some((expect, id)) = expect else {
-            return Err("every_ms: accepted with send; in a strict scenario also with one expected frame".to_owned());
+            return Err(
+                "every_ms is only valid together with send or, in a strict scenario, with a single expected frame"
+                    .to_owned(),
+            );
         };
         if !self.cyclic.contains(&id) {
             self.cyclic.push(id);
@@ -132,16 +135,17 @@ impl Trial {
         for_ms: Option<u32>,
     ) -> Result<Option<Never>, String> {
         match expected {
-            Some(_) if for_ms == Some(0) => Err("for_ms 0: accepted: 1 and more".to_owned()),
+            Some(_) if for_ms == Some(0) => Err("for_ms must be at least 1".to_owned()),
             Some(expected) => {
                 let what = self.what(device, expected).map_err(within("never"))?;
                 if self.strict && matches!(what, What::Frames(_)) {
-                    let accepted = "accepted: a state, or no strict = true";
-                    return Err(format!("never: a strict scenario forbids unexpected frames anyway; {accepted}"));
+                    let reason =
+                        "a strict scenario already forbids unexpected frames; use a state, or remove strict = true";
+                    return Err(format!("never: {reason}"));
                 }
                 Ok(Some(Never { what, span: for_ms.map(millis) }))
             }
-            None if for_ms.is_some() => Err("for_ms: accepted with never".to_owned()),
+            None if for_ms.is_some() => Err("for_ms is only valid together with never".to_owned()),
             None => Ok(None),
         }
     }
@@ -151,7 +155,7 @@ impl Trial {
         let names = || self.devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
         let found = match (name, self.devices.as_slice()) {
             (Some(name), devices) => {
-                devices.iter().find(|known| known.name == name).ok_or(format!("no '{name}' on the bus"))
+                devices.iter().find(|known| known.name == name).ok_or(format!("'{name}' is not on the bus"))
             }
             (None, [only]) => Ok(only),
             (None, [any, ..]) if !is_meant => Ok(any),
@@ -168,7 +172,7 @@ impl Trial {
         Ok(Command::Send(frame, period))
     }
 
-    /// Returns the identifier of the cyclic frame to stop, which has to be active; `None` stops all.
+    /// Returns the identifier of the active cyclic frame to stop; `None` stops all.
     fn stop(&mut self, which: &Identifier) -> Result<Option<Id>, String> {
         let Some(id) = stopped(which)? else {
             self.cyclic.clear();
@@ -186,7 +190,7 @@ impl Trial {
 
     fn plant(&mut self, device: &NamedDevice, change: toml::Table) -> Result<Command, String> {
         if change.is_empty() {
-            return Err("an empty change; accepted: any of its keys, as in { supply_mv = 8000 }".to_owned());
+            return Err("empty change; give at least one key, as in { supply_mv = 8000 }".to_owned());
         }
         let command = Command::Plant(device.name.clone(), file::table(change)?);
         self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
@@ -203,24 +207,24 @@ impl Trial {
         }
     }
 
-    /// Ends a fault, which has to exist.
+    /// Ends an existing fault.
     fn end(&mut self, name: String) -> Result<Command, String> {
         let command = Command::EndFaults(Some(name).filter(|name| name != "all"));
         self.simulation.execute(command.clone()).map_err(|refusal| format!("end: {refusal}"))?;
         Ok(command)
     }
 
-    /// Returns the pattern of a text, which a device on the bus has to be able to send.
+    /// Parses a pattern that a device on the bus must be able to send.
     fn frame_to_come(&self, text: &str) -> Result<Pattern, String> {
         let pattern: Pattern = text.parse()?;
         if pattern.is_remote() {
-            return Err(format!("'{text}': no device sends remote frames; accepted: data frames"));
+            return Err(format!("'{text}': no device sends remote frames; use a data frame"));
         }
         // Every kind can send 29-bit identifiers: valves answer UDS with them, and a COB-ID of an angle sensor can have
         // 29 bits.
         let is_canopen = |device: &NamedDevice| device.setup.kind.protocol() == Protocol::Canopen;
         if !pattern.is_extended() && !self.devices.iter().any(is_canopen) {
-            return Err(format!("'{text}': no device on the bus sends identifiers of 11 bits; accepted: 8 digits"));
+            return Err(format!("'{text}': no device on the bus sends 11-bit identifiers; use 8 digits"));
         }
         Ok(pattern)
     }
@@ -229,7 +233,7 @@ impl Trial {
         let state = match expected {
             Expected::Frame(frame) => return self.frame_to_come(&frame).map(|frame| What::Frames(vec![frame])),
             Expected::Frames(frames) if frames.is_empty() => {
-                return Err("no frames; accepted: [\"720#00\", \"0A0#..\"]".to_owned());
+                return Err("empty list; give at least one frame, as in [\"720#00\", \"0A0#..\"]".to_owned());
             }
             Expected::Frames(frames) => {
                 return frames
@@ -239,7 +243,7 @@ impl Trial {
                     .map(What::Frames);
             }
             Expected::State(state) if state.is_empty() => {
-                return Err("an empty state; accepted: any of its keys, as in { dsm = \"active\" }".to_owned());
+                return Err("empty state; give at least one key, as in { dsm = \"active\" }".to_owned());
             }
             Expected::State(state) => state,
         };
@@ -250,14 +254,16 @@ impl Trial {
             match alone {
                 Ok(alone) => Ok((key, value.to_string(), alone)),
                 Err(reason) if !reason.starts_with("invalid ") => Err(reason),
-                Err(_) => Err(format!("{key} {value}: accepted: {}", state::accepted(&key, *kind, name, NONE))),
+                Err(_) => {
+                    Err(format!("{key} {value} is not valid; accepted: {}", state::accepted(&key, *kind, name, NONE)))
+                }
             }
         });
         let keys = keys.collect::<Result<_, String>>()?;
         let condition: StateCondition = file::table(state)?;
         condition.check(name, *kind, NONE).map_err(|Invalid(reason)| reason)?;
         if condition.is_always_so(name, *kind) {
-            return Err(format!("every state of {name} fulfils this; accepted: values that it does not always have"));
+            return Err(format!("this condition is always true for {name}; use one that can be false"));
         }
         Ok(What::State(Wanted { device: name.clone(), condition, keys }))
     }
@@ -273,8 +279,8 @@ fn millis(ms: u32) -> Duration {
 
 fn power(change: toml::Table) -> Result<Power, String> {
     let change: PowerChange = file::table(change)?;
-    // The control interface has the JSON form of this message.
-    let accepted = "accepted: { on = true }, { on = false } or { reset = \"watchdog\" }";
+    // The original message has the JSON form.
+    let accepted = "must be { on = true }, { on = false } or { reset = \"watchdog\" }";
     change.power().map_err(|_| accepted.to_owned())
 }
 
@@ -290,7 +296,7 @@ fn disturbance(change: toml::Table) -> Result<Disturbance, String> {
 
 fn period(every_ms: Option<u32>) -> Result<Option<Duration>, String> {
     match every_ms {
-        Some(0) => Err("every_ms 0: accepted: 1 and more".to_owned()),
+        Some(0) => Err("every_ms must be at least 1".to_owned()),
         every_ms => Ok(every_ms.map(millis)),
     }
 }
@@ -308,17 +314,14 @@ fn refuse_two_acts(table: &StepTable) -> Result<(), String> {
     ];
     let mut given = acts.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key);
     match (given.next(), given.next()) {
-        (Some(one), Some(other)) => {
-            let keys = acts.map(|(key, _)| key).join(", ");
-            Err(format!("{one} and {other} in one step; accepted: one of {keys}"))
-        }
+        (Some(one), Some(other)) => Err(format!("{one} and {other} cannot be in the same step")),
         _ => Ok(()),
     }
 }
 
 fn one_frame(text: &str) -> Result<Frame, String> {
     let frame = text.parse::<Pattern>().map_err(within("send"))?.frame();
-    frame.ok_or_else(|| format!("send: '{text}' is not a single frame; accepted: all digits, as in \"220#0F00 0020\""))
+    frame.ok_or_else(|| format!("send: '{text}' is not a single frame; give all digits, as in \"220#0F00 0020\""))
 }
 
 /// Returns the identifier of the cyclic frame to stop; `None` for all.
@@ -327,7 +330,8 @@ fn stopped(which: &Identifier) -> Result<Option<Id>, String> {
         Identifier::Text(text) if text == "all" => Ok(None),
         _ => {
             let extended = which.needs_29_bits().then_some(true);
-            let refuse = |_| format!("stop: {which} is not an identifier; accepted: as in \"220\", or \"all\"");
+            let refuse =
+                |_| format!("stop: {which} is not an identifier; accepted: hex digits as in \"220\", or \"all\"");
             which.id(extended).map(Some).map_err(refuse)
         }
     }

@@ -18,7 +18,7 @@ pub struct BusState {
     pub bit_rate: u32,
     /// The load of the bus in the last second, in percent.
     pub load: u8,
-    /// The pending disturbance.
+    /// The pending disturbance of the bus.
     pub disturb: DisturbState,
     /// The devices that run at another bit rate than the bus, and those that did so for longer than a change takes.
     pub not_heard: Vec<NotHeard>,
@@ -37,7 +37,7 @@ pub struct NotHeard {
     pub reason: String,
 }
 
-/// The pending disturbance.
+/// The pending disturbance of the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct DisturbState {
     /// The number of attempts left to destroy.
@@ -50,7 +50,7 @@ pub struct DisturbState {
 }
 
 impl BusState {
-    /// Returns the present state of the bus; `rates` has the devices at another bit rate.
+    /// Returns the current state of the bus; `rates` contains the devices at another bit rate.
     pub(super) fn of(world: &World, rates: &RateWatch) -> Self {
         let disturbance = world.disturbance();
         let id = disturbance.id.filter(|_| disturbance.frames > 0).map(raw);

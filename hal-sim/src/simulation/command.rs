@@ -12,11 +12,11 @@ use crate::bus::{Disturbance, Fault, FaultError};
 use crate::state::{Condition, DeviceState, FaultRecord, PlantChange, Power};
 use crate::world::PlantError;
 
-/// A command to a simulation. It takes effect at the simulation's present instant.
+/// A command to a simulation, which takes effect at the current instant.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Command {
-    /// Changes the plant of the named device, completely or not at all. Returns [`Reply::Device`].
+    /// Changes the plant of the named device; applies all changes or none. Returns [`Reply::Device`].
     Plant(String, PlantChange),
     /// Switches the power of the named device. Returns [`Reply::Device`].
     Power(String, Power),
@@ -24,19 +24,19 @@ pub enum Command {
     BitRate(BitRate),
     /// Destroys the next frames; replaces an earlier disturbance. Returns [`Reply::Bus`].
     Disturb(Disturbance),
-    /// Adds a communication fault. One without a name is named by its kind and its identifier, with a number if that name
-    /// is taken. Returns [`Reply::Fault`].
+    /// Adds a communication fault. A fault without a name is named after its kind and identifier, with a number if that
+    /// name is taken. Returns [`Reply::Fault`].
     Fault(Fault),
     /// Ends the named communication fault, or all. Returns [`Reply::Faults`] with the ended ones.
     EndFaults(Option<String>),
-    /// Sends a frame; with a period, cyclically, in place of an earlier cyclic frame with that identifier. Returns
-    /// [`Reply::Sent`] when the first frame is on the bus; refused after a second without it.
+    /// Sends a frame once or, with a period, cyclically; replaces a cyclic frame with the same identifier. Returns
+    /// [`Reply::Sent`] once the first frame is sent; refused if that takes more than a second.
     Send(Frame, Option<Duration>),
     /// Stops the cyclic frames with an identifier, or all. Returns [`Reply::Stopped`].
     Stop(Option<Id>),
     /// Waits for a condition, with a time limit. Returns [`Reply::Device`] or [`Reply::Frame`].
     Wait(Condition, Duration),
-    /// Lets time pass. Returns [`Reply::Advanced`].
+    /// Advances time. Returns [`Reply::Advanced`].
     Advance(Duration),
 }
 
@@ -55,11 +55,11 @@ pub enum Reply {
     Faults(Vec<FaultRecord>),
     /// The frame was sent.
     Sent(Sent),
-    /// Cyclic frames were stopped.
+    /// The cyclic frames were stopped.
     Stopped(Stopped),
     /// The awaited frame.
     Frame(FrameRecord),
-    /// Time has passed.
+    /// Time was advanced.
     Advanced(Advanced),
 }
 
@@ -77,7 +77,7 @@ pub struct Stopped {
     pub stopped: usize,
 }
 
-/// The reply to passed time.
+/// The reply to an advance of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Advanced {
     /// The virtual time, in microseconds since the start.
@@ -103,7 +103,7 @@ pub enum Executed {
 #[non_exhaustive]
 pub enum Refusal {
     /// No device has this name.
-    #[error("no device '{name}'; there are: {known}")]
+    #[error("no device '{name}'; accepted: {known}")]
     UnknownDevice {
         /// The unknown name.
         name: String,
@@ -124,7 +124,7 @@ pub enum Refusal {
     /// A value is invalid.
     #[error("{0}")]
     Invalid(String),
-    /// The present state does not allow the command.
+    /// The current state does not allow the command.
     #[error("{0}")]
     Conflict(String),
     /// The condition did not hold within the time limit.
@@ -157,7 +157,7 @@ impl From<FaultError> for Refusal {
 }
 
 impl Command {
-    /// Returns whether the command completes only as time passes.
+    /// Returns whether the command needs virtual time to complete.
     #[must_use]
     pub const fn takes_time(&self) -> bool {
         matches!(self, Self::Send(..) | Self::Wait(..) | Self::Advance(_))

@@ -1,4 +1,4 @@
-//! The history of the bus: its last events, with the state to explain them.
+//! The history of the bus: the latest events, with the state that explains them.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
@@ -14,13 +14,13 @@ use crate::log::{ErrorClass, write_hex};
 use crate::trace::{Errors, Layout};
 use crate::world::{Event, EventKind, NodeId, World};
 
-/// The capacity of the history in frames and errors: a second of a fully loaded bus, minutes of a usual one.
+/// The capacity of the history in frames and errors: a second of a fully loaded bus, minutes of a typical one.
 pub const KEPT: usize = 4096;
 
-/// The most entries of an excerpt, repeated cyclic frames included.
+/// The maximum number of entries of an excerpt, including repeated cyclic frames.
 const SHOWN: usize = 256;
 
-/// The most lines of an excerpt.
+/// The maximum number of lines of an excerpt.
 const LINES: usize = 12;
 
 /// A frame that was on the bus.
@@ -82,21 +82,21 @@ pub struct Happened {
     /// The text of an error, or of the effect of a communication fault, that is reported to users; errors with their
     /// class.
     pub error: Option<(Option<ErrorClass>, String)>,
-    /// A device sent the frame.
+    /// Whether a device sent the frame.
     pub is_from_device: bool,
 }
 
-/// The last events of a bus, numbered from the start.
+/// The latest events of a bus, numbered from the start.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    /// The name of the controller that sends commanded frames.
+    /// The name of the controller that sends the frames of commands.
     own: String,
     /// The devices by name, with their places.
     places: HashMap<Arc<str>, (NodeId, usize)>,
     errors: Errors,
-    /// The explainer before the oldest recorded entry.
+    /// The explainer with its state before the oldest recorded entry.
     oldest: Explainer,
-    /// The explainer after the latest entry.
+    /// The explainer with its state after the latest entry.
     latest: Explainer,
     /// The number of the oldest recorded entry.
     first: u64,
@@ -120,7 +120,7 @@ enum Kept {
     Error(String),
 }
 
-/// A frame of any other sender than the commands'.
+/// A received frame: its sender is not the controller of commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
     /// The number of the event.
@@ -131,7 +131,7 @@ pub struct Heard {
     pub frame: Frame,
 }
 
-/// The last frames and errors with their explainer, so that another thread can explain them.
+/// The latest frames and errors with an explainer, so that another thread can explain them.
 #[derive(Clone, Debug)]
 pub struct Excerpt {
     entries: Vec<Entry>,
@@ -141,7 +141,7 @@ pub struct Excerpt {
 }
 
 impl Excerpt {
-    /// Returns the records, oldest first.
+    /// Explains the entries; returns the records, oldest first.
     #[must_use]
     pub fn records(mut self) -> Vec<TraceRecord> {
         let mut records = Vec::new();
@@ -164,7 +164,7 @@ impl History {
         }
     }
 
-    /// Sets the name of the controller that sends commanded frames.
+    /// Sets the name of the controller that sends the frames of commands.
     pub(super) fn set_own(&mut self, name: &str) {
         name.clone_into(&mut self.own);
     }
@@ -208,7 +208,7 @@ impl History {
         self.entries.push_back(entry);
     }
 
-    /// Returns the explainer of the event recorded last, with the node IDs before it: the frame may change them.
+    /// Returns the explainer for the latest event, with the node IDs before it, because the frame may change them.
     pub const fn explainer(&self) -> &Explainer {
         &self.latest
     }
@@ -219,7 +219,7 @@ impl History {
         self.first + self.entries.len() as u64
     }
 
-    /// Returns the last frames and errors, at most `limit`.
+    /// Returns the latest frames and errors, at most `limit`.
     #[must_use]
     pub fn last(&self, limit: usize) -> Excerpt {
         Excerpt {
@@ -229,7 +229,7 @@ impl History {
         }
     }
 
-    /// Returns the recorded frames of all senders but the commands', from the event with this number on.
+    /// Returns the recorded frames from the event with this number on, except those of commands.
     pub fn heard_since(&self, number: u64) -> impl Iterator<Item = Heard> {
         let skipped = self.place(number);
         let numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
@@ -244,7 +244,7 @@ impl History {
         usize::try_from(number.saturating_sub(self.first)).unwrap_or(usize::MAX).min(self.entries.len())
     }
 
-    /// Returns the meaning of a frame that a device sends now.
+    /// Returns the meaning of a frame as if a device sent it now.
     #[must_use]
     pub fn explain(&self, frame: &Frame) -> String {
         let mut explainer = self.latest.clone();
@@ -252,7 +252,7 @@ impl History {
         explainer.explain(frame, None)
     }
 
-    /// Returns the first errors of the bus that are still recorded, one line each, in the layout of the trace.
+    /// Returns the oldest recorded bus errors, one per line, in the layout of the trace.
     #[must_use]
     pub fn errors(&self) -> Vec<String> {
         let (mut layout, mut text) = (Layout::new(false, false), String::new());
@@ -263,7 +263,7 @@ impl History {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Returns the last events from one number up to another, one line each, in the layout of the trace.
+    /// Returns the last events in a range of numbers, one per line, in the layout of the trace.
     #[must_use]
     pub fn excerpt(&self, from: u64, until: u64) -> Vec<String> {
         let end = self.place(until);
@@ -332,7 +332,7 @@ impl Happened {
         self.error.as_ref().map(|(_, meaning)| BusTrouble::new(self.event.at, &self.event.who, meaning))
     }
 
-    /// Writes the event in the layout for people.
+    /// Writes the event in the human-readable layout.
     pub fn lay_out(&self, text: &mut String, layout: &mut Layout, explainer: &Explainer) {
         let Event { at, who, .. } = &self.event;
         match (self.event.frame(), &self.error) {
@@ -363,7 +363,7 @@ impl Passed {
     }
 }
 
-/// Returns the number of an identifier, and whether it has 29 bits.
+/// Returns an identifier as a number, and whether it has 29 bits.
 #[must_use]
 pub fn raw(id: Id) -> (u32, bool) {
     match id {

@@ -3,13 +3,13 @@
 //! ```text
 //! command    the commands and their replies
 //! sender     frames sent on command, once or cyclically
-//! waits      commands that wait: for a state, a frame, or time to pass
+//! waits      commands that wait for a state, a frame or a time
 //! history    the history of the bus
 //! bus        the state of the bus
 //! ```
 //!
-//! Calls of the control interface, steps of scenarios and console lines are parsed into a [`Command`];
-//! [`Simulation::execute`] alone executes it.
+//! Calls of the control interface, scenario steps and console lines are all parsed into a [`Command`], which
+//! [`Simulation::execute`] executes.
 
 mod bus;
 mod command;
@@ -39,12 +39,12 @@ use crate::world::{Event, NodeId, World};
 use sender::{Completed, Sender};
 use waits::{Awaited, Waits};
 
-/// A world with commands.
+/// A world with named devices that executes commands.
 ///
-/// Time passes event by event: [`go`](Self::go), then [`take_event`](Self::take_event) for the events, then
+/// Time advances event by event: [`go`](Self::go), then [`take_event`](Self::take_event) for the events, then
 /// [`poll`](Self::poll). [`run`](Self::run) and [`run_until`](Self::run_until) combine these.
 ///
-/// The clone of a simulation continues as the original would, with the same pending commands.
+/// A clone continues exactly as the original, with the same pending commands.
 #[derive(Clone)]
 pub struct Simulation {
     world: World,
@@ -53,17 +53,17 @@ pub struct Simulation {
     waits: Waits,
     rates: RateWatch,
     history: History,
-    /// The events not taken yet; the queue is kept for its capacity.
+    /// The events not taken yet; the queue is reused to keep its capacity.
     events: VecDeque<Event>,
     completed: Completed,
-    /// The number of commands so far that take time.
+    /// The number of commands so far that needed time.
     tickets: u64,
     /// The option that permits communication faults on this bus with real devices; `None` on any other bus.
     protected: Option<&'static str>,
 }
 
 impl Simulation {
-    /// Returns an empty simulation at instant 0.
+    /// Creates an empty simulation at instant 0.
     #[must_use]
     pub fn new(bit_rate: BitRate, seed: u64) -> Self {
         let mut world = World::new(bit_rate, seed);
@@ -96,7 +96,7 @@ impl Simulation {
         devices::link_in(&mut self.world, links);
     }
 
-    /// Adds the controller that sends commanded frames, with its name in traces.
+    /// Adds the controller that sends the frames of commands, with its name in traces.
     pub fn send_as(&mut self, name: &str) {
         self.sender = Some(Sender::new(name, &mut self.world));
         self.history.set_own(name);
@@ -121,7 +121,7 @@ impl Simulation {
         &self.world
     }
 
-    /// Returns the world, to be changed. Only [`go`](Self::go) may let time pass.
+    /// Returns the world for changes. Only [`go`](Self::go) may advance time.
     pub const fn world_mut(&mut self) -> &mut World {
         &mut self.world
     }
@@ -144,7 +144,7 @@ impl Simulation {
         &self.history
     }
 
-    /// Returns the watch over the devices' bit rates.
+    /// Returns the monitor of the device bit rates.
     pub const fn rates_mut(&mut self) -> &mut RateWatch {
         &mut self.rates
     }
@@ -183,7 +183,7 @@ impl Simulation {
         self.devices.iter().map(|(node, _)| self.world.name(*node)).collect::<Vec<_>>().join(", ")
     }
 
-    /// Executes a command at the present instant.
+    /// Executes a command at the current instant.
     ///
     /// # Errors
     /// [`Refusal`]; nothing has changed.
@@ -218,8 +218,9 @@ impl Simulation {
             Command::Send(frame, period) => {
                 let ticket = self.ticket();
                 let Self { sender, world, completed, .. } = self;
-                let sender =
-                    sender.as_mut().ok_or_else(|| Refusal::Conflict("the simulation has no sender".to_owned()))?;
+                let sender = sender
+                    .as_mut()
+                    .ok_or_else(|| Refusal::Conflict("this simulation cannot send frames".to_owned()))?;
                 sender.send(frame, period, ticket, world, completed)?;
                 self.poll();
                 return Ok(Executed::Pending(ticket));
@@ -303,7 +304,7 @@ impl Simulation {
         }
     }
 
-    /// Drops the caller's interest in a pending command. A frame is sent all the same.
+    /// Cancels the completion of a pending command; a queued frame is still sent.
     pub fn forget(&mut self, ticket: Ticket) {
         self.waits.forget(ticket);
         if let Some(sender) = &mut self.sender {
@@ -312,7 +313,7 @@ impl Simulation {
         self.completed.retain(|(known, _)| *known != ticket);
     }
 
-    /// Takes the commands completed since the last call.
+    /// Returns the commands completed since the last call.
     pub fn take_completed(&mut self) -> Vec<(Ticket, Result<Reply, Refusal>)> {
         std::mem::take(&mut self.completed)
     }
@@ -333,7 +334,7 @@ impl Simulation {
         false
     }
 
-    /// Takes the next event on the bus. [`History::explainer`] explains it until the next one is taken.
+    /// Returns the next bus event. [`History::explainer`] explains it until the next one is taken.
     pub fn take_event(&mut self) -> Option<Happened> {
         if self.events.is_empty() {
             self.events.extend(self.world.take_events());
@@ -349,7 +350,7 @@ impl Simulation {
         Some(happened)
     }
 
-    /// Processes due commands and waits; to be called after each [`go`](Self::go) and its events.
+    /// Processes due commands and waits. Call this after each [`go`](Self::go) and its events.
     pub fn poll(&mut self) {
         if let Some(sender) = &mut self.sender {
             sender.poll(&mut self.world, &mut self.completed);
@@ -370,14 +371,14 @@ impl Simulation {
         if self.waits.is_empty() { sender } else { sender.min(self.waits.due(&self.world)) }
     }
 
-    /// Returns the advance limit: how far time has to pass for the pending commands; `None` without any.
+    /// Returns the advance limit: the instant up to which pending commands may need time; `None` if none is pending.
     #[must_use]
     pub fn advance_limit(&self) -> Option<Instant> {
         let sender = self.sender.as_ref().and_then(|sender| sender.advance_limit(self.world.now()));
         self.waits.advance_limit().max(sender)
     }
 
-    /// Returns whether a command is pending, or a frame waits to be sent.
+    /// Returns whether a command or a frame is pending.
     #[must_use]
     pub fn is_busy(&self) -> bool {
         !self.waits.is_empty() || self.sender.as_ref().is_some_and(|sender| !sender.is_idle())
@@ -397,7 +398,9 @@ impl Simulation {
                 return self.completed.remove(place).1;
             }
             if self.now() == NEVER {
-                return Err(Refusal::Conflict("virtual time has ended".to_owned()));
+                return Err(Refusal::Conflict(
+                    "virtual time reached its limit before the command completed".to_owned(),
+                ));
             }
             self.go(NEVER);
             while self.take_event().is_some() {}

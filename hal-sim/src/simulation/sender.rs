@@ -1,4 +1,4 @@
-//! The sender: frames sent on command by a controller of their own, in sequence, once or cyclically.
+//! The sender: a separate controller that sends the frames of commands, once or cyclically.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -6,31 +6,31 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use super::command::{Refusal, Reply, Sent, Ticket};
 use crate::world::{ClientPortId, World};
 
-/// The time that a frame waits for the bus before it is withdrawn.
+/// The time after which an unsent frame is withdrawn.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// The refusal of a stopped cyclic frame.
+/// The error for a stopped cyclic frame.
 const STOPPED: &str = "the cyclic frame was stopped";
 
-/// The refusal of a frame that was not sent in time.
-const LATE: &str = "the frame was not on the bus within 1 s of virtual time: it was withdrawn";
+/// The error for a frame that was not sent in time.
+const LATE: &str = "the frame was not sent within 1 s of virtual time and was withdrawn";
 
-/// The capacity for waiting frames.
+/// The maximum number of pending frames.
 const WAITING: usize = 256;
 
-/// The capacity for cyclic frames.
+/// The maximum number of cyclic frames.
 const CYCLIC: usize = 64;
 
 /// The completed commands.
 pub(super) type Completed = Vec<(Ticket, Result<Reply, Refusal>)>;
 
-/// A controller with its frames.
+/// A controller with its pending and cyclic frames.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     port: ClientPortId,
     /// The frame in the controller.
     sending: Option<Outgoing>,
-    /// The frames behind it.
+    /// The frames pending behind that frame.
     waiting: Vec<Outgoing>,
     cyclic: Vec<Cyclic>,
 }
@@ -39,11 +39,11 @@ pub(super) struct Sender {
 #[derive(Clone, Debug)]
 struct Outgoing {
     frame: Frame,
-    /// The instant of its withdrawal.
+    /// The instant at which an unsent frame is withdrawn.
     deadline: Instant,
-    /// The command to complete; a cyclic frame completes it with its first sending.
+    /// The command that the frame completes; a cyclic frame completes it with its first transmission.
     ticket: Option<Ticket>,
-    /// The frame belongs to a cyclic one.
+    /// Whether the frame belongs to a cyclic one.
     is_cyclic: bool,
 }
 
@@ -56,12 +56,12 @@ struct Cyclic {
 }
 
 impl Sender {
-    /// Adds the controller to the bus, with its name in traces.
+    /// Creates a sender and adds its controller to the bus, with a name for traces.
     pub(super) fn new(name: &str, world: &mut World) -> Self {
         Self { port: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
-    /// Sends a frame; with a period cyclically, in place of an earlier cyclic frame with the same identifier.
+    /// Sends a frame once or, with a period, cyclically; replaces a cyclic frame with the same identifier.
     pub(super) fn send(
         &mut self,
         frame: Frame,
@@ -71,7 +71,7 @@ impl Sender {
         completed: &mut Completed,
     ) -> Result<(), Refusal> {
         if self.waiting.len() >= WAITING {
-            return Err(Refusal::TooMany("too many frames wait for the bus"));
+            return Err(Refusal::TooMany("too many pending frames"));
         }
         if let Some(period) = period {
             self.stop(Some(frame.id()), world, completed);
@@ -97,7 +97,7 @@ impl Sender {
         }
         if let Some(outgoing) = self.sending.as_mut().filter(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame)) {
             if world.is_sending(self.port) {
-                // A frame on the wire completes. If it is destroyed, it is not repeated.
+                // A frame on the wire completes; a destroyed frame is not retried.
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
@@ -164,7 +164,7 @@ impl Sender {
         self.sending = Some(outgoing);
     }
 
-    /// Drops the caller's interest in a frame, which is sent all the same.
+    /// Cancels the completion of a command; the frame is still sent.
     pub(super) fn forget(&mut self, ticket: Ticket) {
         for outgoing in self.sending.iter_mut().chain(&mut self.waiting) {
             outgoing.ticket.take_if(|known| *known == ticket);
@@ -178,13 +178,13 @@ impl Sender {
         deadlines.chain(repeats).filter(|due| *due > now).min().unwrap_or(NEVER)
     }
 
-    /// Returns the latest deadline of a command; `None` without one. A frame on the wire has no deadline.
+    /// Returns the latest deadline of the commands, if any. A frame on the wire has no deadline.
     pub(super) fn advance_limit(&self, now: Instant) -> Option<Instant> {
         let awaited = self.sending.iter().chain(&self.waiting).filter(|outgoing| outgoing.ticket.is_some());
         awaited.map(|outgoing| if outgoing.deadline > now { outgoing.deadline } else { NEVER }).max()
     }
 
-    /// Returns whether no frame waits to be sent.
+    /// Returns whether no frame is pending.
     pub(super) const fn is_idle(&self) -> bool {
         self.sending.is_none() && self.waiting.is_empty() && self.cyclic.is_empty()
     }

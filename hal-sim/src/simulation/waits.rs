@@ -1,4 +1,4 @@
-//! Commands that wait: for a state, for a frame, or for time to pass.
+//! Commands that wait for a state, a frame or a time.
 
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
@@ -20,23 +20,23 @@ struct Wait {
     ticket: Ticket,
 }
 
-/// The subject of a wait.
+/// The awaited condition.
 #[derive(Clone, Debug)]
 pub(super) enum Awaited {
     State(StateWatch),
-    /// A frame, and the last other frame with that identifier.
+    /// A frame; with the last non-matching frame of the same identifier.
     Frame(Pattern, Option<Frame>),
-    /// The passing of time.
+    /// An advance of time.
     Time,
 }
 
 impl Waits {
-    /// Begins to wait.
+    /// Adds a wait.
     pub(super) fn begin(&mut self, what: Awaited, until: Instant, ticket: Ticket) {
         self.0.push(Wait { what, until, ticket });
     }
 
-    /// Completes the waits whose condition holds now, and those that time out: all events of the last instant count.
+    /// Completes the waits whose condition holds now, and those that time out. All events of the last instant count.
     pub(super) fn poll(&mut self, world: &mut World, completed: &mut Completed) {
         if self.0.is_empty() {
             return;
@@ -77,7 +77,7 @@ impl Waits {
         });
     }
 
-    /// Drops a wait.
+    /// Removes a wait.
     pub(super) fn forget(&mut self, ticket: Ticket) {
         self.0.retain(|wait| wait.ticket != ticket);
     }
@@ -91,7 +91,7 @@ impl Waits {
         self.0.iter().map(due).min().unwrap_or(NEVER)
     }
 
-    /// Returns the latest time-out; `None` without a wait.
+    /// Returns the latest time-out; `None` if there is no wait.
     pub(super) fn advance_limit(&self) -> Option<Instant> {
         self.0.iter().map(|wait| wait.until).max()
     }
@@ -105,10 +105,10 @@ impl Waits {
 /// Returns the message about a missing frame, with the last other frame of its identifier.
 fn missing(pattern: &Pattern, other: Option<&Frame>) -> String {
     let Some(other) = other else {
-        return format!("the frame {pattern} did not come, and no other frame with its identifier");
+        return format!("the frame {pattern} was not received, nor any other frame with its identifier");
     };
     let length = pattern.difference_in_length(other).map_or_else(String::new, |length| format!(", which {length}"));
-    format!("the frame {pattern} did not come; the last one with its identifier was {other}{length}")
+    format!("the frame {pattern} was not received; the last frame with its identifier was {other}{length}")
 }
 
 fn timed_out(error: String, state: Option<crate::state::DeviceState>, world: &World) -> Refusal {

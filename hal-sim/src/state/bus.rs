@@ -43,7 +43,7 @@ impl BusChange {
     pub fn bit_rate(self) -> Result<BitRate, Invalid> {
         BitRate::from_bits_per_second(self.bit_rate).ok_or_else(|| {
             let rates: Vec<String> = BitRate::ALL.iter().map(|rate| rate.bits_per_second().to_string()).collect();
-            Invalid(format!("bit_rate {}: accepted: {}", self.bit_rate, rates.join(", ")))
+            Invalid(format!("bit_rate {} is not valid; accepted: {}", self.bit_rate, rates.join(", ")))
         })
     }
 }
@@ -61,7 +61,7 @@ impl Disturb {
     /// Returns the disturbance.
     pub fn disturbance(self) -> Result<Disturbance, Invalid> {
         if self.id.is_none() && self.extended == Some(true) {
-            return Err(Invalid("extended without an id".to_owned()));
+            return Err(Invalid("extended is only valid together with id".to_owned()));
         }
         let id = self.id.map(|id| id.id(self.extended)).transpose()?;
         Ok(Disturbance { frames: self.frames, id })

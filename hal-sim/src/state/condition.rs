@@ -21,7 +21,7 @@ pub enum Condition {
     Frame(Pattern),
 }
 
-/// Any subset of a device state: scalars are equal.
+/// Any subset of a device state; scalars have to be equal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StateCondition {
@@ -43,7 +43,7 @@ pub struct StateCondition {
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<BitsPerSecond>)]
     pub bit_rate: Option<Option<u32>>,
-    /// Whether it has power.
+    /// Whether the device has power.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub powered: Option<bool>,
     /// The NMT state.
@@ -74,7 +74,7 @@ pub struct StateCondition {
     #[serde(default, deserialize_with = "present_object", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<LedCondition>)]
     pub led: Option<Option<LedCondition>>,
-    /// The names of the active faults, exactly.
+    /// The exact set of active faults, by name.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub faults: Option<Vec<String>>,
 }
@@ -83,9 +83,9 @@ pub struct StateCondition {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged, expecting = "accepted: -16384 to 16384, \"float\", or {\"min\", \"max\"}")]
 pub enum SetPointCondition {
-    /// Equal.
+    /// An exact value.
     Equal(SetPointValue),
-    /// Within limits: no float.
+    /// Within limits; float never matches.
     #[serde(deserialize_with = "object")]
     Within(Limits),
 }
@@ -94,9 +94,9 @@ pub enum SetPointCondition {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged, expecting = "accepted: -16384 to 16384, or {\"min\", \"max\"}")]
 pub enum PositionCondition {
-    /// Equal.
+    /// An exact value.
     Equal(i16),
-    /// Within limits.
+    /// A value within limits.
     #[serde(deserialize_with = "object")]
     Within(Limits),
 }
@@ -133,10 +133,10 @@ fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> R
 }
 
 impl StateCondition {
-    /// Refuses a condition that a device of this kind and name never fulfils. `none` is the word for null.
+    /// Refuses a condition that can never hold for a device of this kind and name. `none` is the word for null.
     ///
     /// # Errors
-    /// A line with the key and its possible values.
+    /// A message with the key and its possible values.
     pub fn check(&self, name: &str, kind: Kind, none: &str) -> Result<(), Invalid> {
         let known = kind.fault_names();
         if let Some(fault) = self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {
@@ -145,7 +145,7 @@ impl StateCondition {
         possible::check(&self.keys(), kind, name, none).map_err(Invalid)
     }
 
-    /// Returns whether a device of this kind and name always fulfils the condition.
+    /// Returns whether the condition always holds for a device of this kind and name.
     pub fn is_always_so(&self, name: &str, kind: Kind) -> bool {
         possible::is_always_so(&self.keys(), kind, name)
     }
@@ -158,7 +158,7 @@ impl StateCondition {
         }
     }
 
-    /// Returns whether a state fulfils the condition.
+    /// Returns whether the condition holds for a state.
     pub fn holds(&self, state: &DeviceState) -> bool {
         is(self.t_us.as_ref(), &state.t_us)
             && is(self.name.as_ref(), &state.name)
@@ -176,7 +176,7 @@ impl StateCondition {
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
     }
 
-    /// Returns the wanted positions, if a state misses the condition only by its position; otherwise `None`.
+    /// Returns the wanted positions if only the position of a state violates the condition; otherwise `None`.
     pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())

@@ -129,7 +129,7 @@ pub enum FloatWord {
 pub struct Led {
     /// The colour.
     pub color: Color,
-    /// Whether it flashes, at 1.5 Hz.
+    /// Whether the LED flashes, at 1.5 Hz.
     pub flashing: bool,
 }
 
@@ -152,7 +152,7 @@ pub enum Color {
 pub struct Fault {
     /// The name.
     pub fault: &'static str,
-    /// Whether it is active.
+    /// Whether the fault is active.
     pub active: bool,
     /// The occurrence counter; on CANopen the shared counter of both spool faults; of an angle sensor the number of
     /// entries in 0x1003. Null without power.
@@ -161,7 +161,7 @@ pub struct Fault {
 }
 
 impl DeviceState {
-    /// Returns the state of a device of this kind now.
+    /// Returns the current state of a device of this kind.
     pub fn of(node: NodeId, kind: Kind, world: &mut World) -> Self {
         let view = world.view(node);
         let is_valve = matches!(kind, Kind::Pve(_));

@@ -1,4 +1,4 @@
-//! Deserializers that distinguish missing, null and given values, and objects from lists.
+//! Deserialisers that distinguish missing, null and given values, and accept objects but not lists.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,28 +7,28 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// Reads a value that may be missing but not null.
+/// Deserialises a value that may be missing but not null.
 ///
 /// # Errors
-/// The errors of the value.
+/// The errors of the value's own deserialiser.
 pub fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     T::deserialize(value).map(Some)
 }
 
-/// Reads a value that may be null; null differs from a missing member.
+/// Deserialises a value that may be null; null differs from a missing member.
 pub(crate) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
     Option::deserialize(value).map(Some)
 }
 
-/// Reads a JSON object and refuses a list, from which derived deserializers would take the fields in order.
+/// Deserialises a JSON object; refuses a list, which derived deserialisers would accept as the fields in order.
 pub(crate) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<T, D::Error> {
     Object::deserialize(value).map(|Object(value)| value)
 }
 
-/// Reads an object that may be missing but not null.
+/// Deserialises an object that may be missing but not null.
 ///
 /// # Errors
-/// The errors of the value.
+/// The errors of the value's own deserialiser.
 pub fn given_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     object(value).map(Some)
 }

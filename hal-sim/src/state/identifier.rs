@@ -1,4 +1,4 @@
-//! CAN identifiers as users write them: a number, or hexadecimal text.
+//! CAN identifiers in user input: a number, or a hex string.
 
 use protocol_core::frame::{ExtendedId, Id, StandardId};
 use serde::Deserialize;
@@ -10,19 +10,19 @@ use utoipa::{PartialSchema, ToSchema};
 use super::Invalid;
 use super::schema::IDENTIFIER;
 
-/// An identifier: a number, or a text in hex with or without `0x`, as in `"220"`.
+/// An identifier: a number, or a hex string with or without `0x`, as in `"220"`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(untagged)]
 pub enum Identifier {
     /// A number.
     Number(u32),
-    /// A text in hex; with eight digits it has 29 bits.
+    /// A hex string; eight digits make a 29-bit identifier.
     Text(String),
 }
 
 impl Identifier {
-    /// Returns the identifier of 11 or 29 bits. Without `extended`, a text of eight digits has 29 bits, as in a candump
-    /// log, and all others 11.
+    /// Returns the 11-bit or 29-bit identifier. Without `extended`, a string of eight digits has 29 bits, as in a
+    /// candump log, and any other value 11.
     ///
     /// # Errors
     /// [`Invalid`] for a value that is not an identifier of that size.
@@ -42,10 +42,10 @@ impl Identifier {
         };
         id.ok_or_else(|| {
             let accepted = match extended {
-                Some(true) => "0 to 536870911, or a text in hex as in \"0CFE3027\"",
-                _ => "0 to 2047, or a text in hex as in \"220\"; of 29 bits with \"extended\": true or eight digits",
+                Some(true) => "0 to 536870911, or a hex string as in \"0CFE3027\"",
+                _ => "0 to 2047, or a hex string as in \"220\"; 29-bit identifiers need \"extended\": true or eight digits",
             };
-            Invalid(format!("id {self}: accepted: {accepted}"))
+            Invalid(format!("id {self} is not valid; accepted: {accepted}"))
         })
     }
 
@@ -90,8 +90,7 @@ impl PartialSchema for Identifier {
         let number =
             Object::builder().schema_type(Type::Integer).minimum(Some(0)).maximum(Some(ExtendedId::MAX.as_raw()));
         let text = Object::builder().schema_type(Type::String).pattern(Some(IDENTIFIER)).examples([json!("220")]);
-        let description =
-            "An identifier: a number, or a text in hex with or without 0x. A text of eight digits has 29 bits.";
+        let description = "An identifier: a number, or a hex string with or without 0x. A string of eight digits is a 29-bit identifier.";
         AnyOf::builder().item(number).item(text).description(Some(description)).into()
     }
 }
@@ -127,11 +126,11 @@ mod tests {
     fn another_identifier_is_refused_with_what_is_accepted() {
         for given in ["2048", "\"800\"", "\"\"", "\"0x\"", "\"22G\"", "\"+22\"", "\"2 2\"", "\"000000220\"", "\"é\""] {
             let reason = id(given, None).expect_err(given);
-            assert!(reason.starts_with(&format!("id {given}: accepted: 0 to 2047, ")), "{reason}");
+            assert!(reason.starts_with(&format!("id {given} is not valid; accepted: 0 to 2047, ")), "{reason}");
         }
         for given in ["536870912", "\"20000000\"", "\"0x\""] {
             let reason = id(given, Some(true)).expect_err(given);
-            assert!(reason.starts_with(&format!("id {given}: accepted: 0 to 536870911, ")), "{reason}");
+            assert!(reason.starts_with(&format!("id {given} is not valid; accepted: 0 to 536870911, ")), "{reason}");
         }
         id("\"00000220\"", Some(false)).expect_err("it has 29 bits");
     }

@@ -9,7 +9,7 @@
 //! possible   the values that each key of a state can have, by kind
 //! identifier CAN identifiers            pattern patterns of frames
 //! schema     the accepted values, as JSON schemas, and their validation
-//! given      missing, null and given values
+//! given      deserialisers for missing, null and given values
 //! ```
 
 mod bus;
@@ -38,7 +38,7 @@ pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
 pub use watch::StateWatch;
 
-/// A value that is not accepted: one line that says what is.
+/// An invalid value: a message in one line with the accepted values.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(pub String);

@@ -9,8 +9,7 @@ use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
 use super::Invalid;
 
 /// The accepted form of a frame.
-const ACCEPTED: &str =
-    "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 digits up to 7FF, or 8 up to 1FFFFFFF; up to 8 bytes";
+const ACCEPTED: &str = "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 digits up to 7FF, or 8 digits up to 1FFFFFFF; up to 8 bytes";
 
 /// Hex digits with wildcards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +20,7 @@ struct Digits {
 }
 
 /// The accepted form of the data alone.
-const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit and .. at the end for any further bytes";
+const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit, and .. at the end for any further bytes";
 
 /// A regular expression for the data of a frame: bytes, or a remote frame.
 pub const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";
@@ -41,7 +40,7 @@ pub struct Pattern {
 enum Content {
     /// Data frames with any data.
     Any,
-    /// Data frames with these bytes, and perhaps further ones.
+    /// Data frames with these bytes, optionally followed by further ones.
     Data(Vec<Digits>, More),
     /// Remote frames with this length.
     Remote(u8),
@@ -55,7 +54,7 @@ enum More {
 }
 
 impl Digits {
-    /// Returns the digits of a text: at most eight hex digits or `?`.
+    /// Parses digits: at most eight hex digits or `?`.
     fn parse(text: &str) -> Option<Self> {
         text.chars().try_fold(Self { value: 0, mask: 0 }, |Self { value, mask }, digit| match digit {
             '?' => Some(Self { value: value << 4, mask: mask << 4 }),
@@ -93,10 +92,10 @@ impl FromStr for Pattern {
         let (is_extended, max) = match id.len() {
             3 => (false, u32::from(StandardId::MAX.as_raw())),
             8 => (true, ExtendedId::MAX.as_raw()),
-            _ => return refuse("not an identifier"),
+            _ => return refuse("invalid identifier"),
         };
         let Some(digits) = Digits::parse(id).filter(|digits| digits.value <= max) else {
-            return refuse("not an identifier");
+            return refuse("invalid identifier");
         };
         let content = match content.map(parse_content) {
             None => Content::Any,
@@ -115,14 +114,14 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
             [digit @ b'0'..=b'8'] => Some(digit - b'0'),
             _ => None,
         };
-        return length.map(Content::Remote).ok_or("not a length of a remote frame");
+        return length.map(Content::Remote).ok_or("invalid length of a remote frame");
     }
     let (bytes, more) = text.strip_suffix("..").map_or((&*text, More::No), |bytes| (bytes, More::Any));
     if !bytes.is_ascii() || !bytes.len().is_multiple_of(2) {
-        return Err("not whole bytes");
+        return Err("an incomplete byte");
     }
     let pairs = (0..bytes.len()).step_by(2).map(|place| Digits::parse(&bytes[place..place + 2]));
-    let bytes = pairs.collect::<Option<Vec<Digits>>>().ok_or("not hex digits")?;
+    let bytes = pairs.collect::<Option<Vec<Digits>>>().ok_or("invalid hex digits")?;
     match (bytes.len(), more) {
         (0, More::Any) => Ok(Content::Any),
         (0..=MAX_LEN, _) => Ok(Content::Data(bytes, more)),
@@ -131,10 +130,10 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
 }
 
 impl Pattern {
-    /// Returns the pattern of an identifier with the data of a text; without a text, any data.
+    /// Creates the pattern of an identifier, with the data of a text or any data.
     ///
     /// # Errors
-    /// [`Invalid`] for a text that is not data.
+    /// [`Invalid`] for a text that is not valid data.
     pub fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
         let (is_extended, value, mask) = match id {
             Id::Standard(id) => (false, id.as_raw().into(), 0xFFF),
@@ -190,7 +189,7 @@ impl Pattern {
         }
     }
 
-    /// Returns the difference in words if only the length does not match; otherwise `None`.
+    /// Describes the difference if only the length does not match; otherwise `None`.
     pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
         let (wanted, is_least) = match &self.content {
             Content::Data(bytes, more) if !frame.is_remote() => (bytes.len(), *more == More::Any),
@@ -208,17 +207,13 @@ impl Pattern {
         let is_other = if is_least { found < wanted } else { found != wanted };
         let bytes = |count: usize| if count == 1 { "1 byte".to_owned() } else { format!("{count} bytes") };
         (self.has_id_of(frame) && is_equal && is_other).then(|| {
-            let tip = if found > wanted && !frame.is_remote() {
-                "; \"..\" at the end stands for any further bytes"
-            } else {
-                ""
-            };
+            let tip = if found > wanted && !frame.is_remote() { "; append \"..\" to accept further bytes" } else { "" };
             let wanted = format!("{}{}", bytes(wanted), if is_least { " or more" } else { "" });
             format!("differs only in its length: {} instead of {wanted}{tip}", bytes(found))
         })
     }
 
-    /// Returns the identifier if the pattern has no wildcard in it.
+    /// Returns the identifier if it has no wildcard.
     pub fn identifier(&self) -> Option<Id> {
         let digits = if self.is_extended { 8 } else { 3 };
         if !self.id.are_exact(digits) {
@@ -302,22 +297,22 @@ mod tests {
     #[test]
     fn what_is_no_frame() {
         for (text, why) in [
-            ("", "not an identifier"),
-            ("1A#00", "not an identifier"),
-            ("1A00#00", "not an identifier"),
-            ("800#00", "not an identifier"),
-            ("20000000#00", "not an identifier"),
-            ("+A0#00", "not an identifier"),
-            ("1A0#0", "not whole bytes"),
-            ("1A0#0x10", "not hex digits"),
-            ("1A0#é", "not whole bytes"),
-            ("1A0#00..00", "not hex digits"),
+            ("", "invalid identifier"),
+            ("1A#00", "invalid identifier"),
+            ("1A00#00", "invalid identifier"),
+            ("800#00", "invalid identifier"),
+            ("20000000#00", "invalid identifier"),
+            ("+A0#00", "invalid identifier"),
+            ("1A0#0", "an incomplete byte"),
+            ("1A0#0x10", "invalid hex digits"),
+            ("1A0#é", "an incomplete byte"),
+            ("1A0#00..00", "invalid hex digits"),
             ("1A0#000102030405060708", "more than 8 bytes"),
-            ("1A0#R9", "not a length"),
+            ("1A0#R9", "invalid length"),
         ] {
             let error = text.parse::<Pattern>().expect_err(text);
             assert!(error.contains(why) && error.contains("accepted: IDENTIFIER#DATA"), "{text}: {error}");
-            assert!(error.contains("3 digits up to 7FF, or 8 up to 1FFFFFFF"), "{error}");
+            assert!(error.contains("3 digits up to 7FF, or 8 digits up to 1FFFFFFF"), "{error}");
         }
         for text in ["1A0", "1A0#..", "1A0#0?", "1A?#00"] {
             assert_eq!(pattern(text).frame(), None, "{text}");

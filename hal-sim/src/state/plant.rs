@@ -68,9 +68,9 @@ pub struct Spool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(untagged)]
 pub enum SpoolChange {
-    /// The word alone.
+    /// A word alone.
     Word(SpoolFaultName),
-    /// The object.
+    /// An object.
     #[serde(deserialize_with = "object")]
     Object(Spool),
 }
@@ -79,7 +79,7 @@ pub enum SpoolChange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpoolFaultName {
-    /// Healthy. The state has null instead.
+    /// Healthy; a state has null instead.
     Ok,
     /// Does not move.
     Stuck,
@@ -142,7 +142,7 @@ pub struct PlantChange {
 }
 
 impl PlantState {
-    /// Returns the present plant of a device.
+    /// Returns the current plant of a device.
     pub fn of(node: NodeId, world: &World) -> Self {
         let inputs = world.inputs(node);
         let (internal_fault, bus_off) = (inputs.internal_fault, world.is_bus_off_forced(node));
@@ -173,7 +173,7 @@ impl PlantState {
         })
     }
 
-    /// Returns the plant without the angle, which changes by itself.
+    /// Returns the plant without the angle, which changes continuously.
     pub fn at_rest(&self) -> Self {
         match self {
             Self::Encoder(plant) => Self::Encoder(EncoderPlant { angle_cdeg: 0, ..plant.clone() }),
@@ -183,7 +183,7 @@ impl PlantState {
 }
 
 impl PlantChange {
-    /// Makes the change, completely or not at all.
+    /// Applies all changes or none.
     ///
     /// # Errors
     /// [`PlantError`] for the first refused change; nothing has changed.
@@ -197,7 +197,7 @@ impl PlantChange {
         Ok(())
     }
 
-    /// Returns the single changes, except for that of the memory.
+    /// Returns the individual changes except the memory's.
     pub fn plants(&self) -> Vec<Plant> {
         let Self { supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, .. } = *self;
         let plants = [

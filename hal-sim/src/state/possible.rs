@@ -1,5 +1,5 @@
 //! The possible values of each key of a device's state, by kind, with and without power (SPEC 1, 2, 4.3, 5, 9). A
-//! condition on other values never holds.
+//! condition on other values can never hold.
 
 use std::ops::RangeInclusive;
 
@@ -51,7 +51,7 @@ pub(crate) enum Values {
     Sets(Vec<&'static str>),
 }
 
-/// How many of the possible values fulfil a condition.
+/// The share of the possible values that fulfil a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Share {
     None,
@@ -74,7 +74,7 @@ pub(crate) fn table(kind: Kind, name: &str, powered: bool) -> Table {
         ("t_us", vec![Values::Numbers(0..=i64::MAX)]),
         ("name", one(name)),
         ("kind", one(kind.name())),
-        // A device is without one when it left the factory blank, or lost its address.
+        // A device has no node ID when it left the factory blank, or has lost its address.
         ("node_id", shown(true, [numbers(first.into()..=last.into()), null()].concat())),
         ("bit_rate", shown(true, bit_rates(kind))),
         ("powered", one(powered)),
@@ -111,11 +111,10 @@ fn bit_rates(kind: Kind) -> Vec<Values> {
     rates.into_iter().map(|rate| Values::Numbers(rate..=rate)).collect()
 }
 
-/// Refuses keys whose values a device of this kind and name never has, or never has together. `none` is the word for
-/// null.
+/// Refuses values that a device of this kind and name never has, or never has together. `none` is the word for null.
 ///
 /// # Errors
-/// A line with the key, its value, and its possible values.
+/// A message with the key, its value, and its possible values.
 pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &str) -> Result<(), String> {
     let [on, off] = [true, false].map(|powered| table(kind, name, powered));
     let (mut needs_on, mut needs_off) = (None, None);
@@ -126,12 +125,12 @@ pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &st
         }
         if value.as_object().is_some_and(serde_json::Map::is_empty) {
             let accepted = if key == "led" { "color, flashing" } else { "min, max" };
-            return Err(format!("{key}: the condition is empty; accepted: {accepted}, or both"));
+            return Err(format!("{key}: the condition is empty; give {accepted}, or both"));
         }
         match (share(&on, key, value), share(&off, key, value)) {
             (Share::None, Share::None) => {
                 let (value, accepted) = (word(value, none), accepted(key, kind, name, none));
-                return Err(format!("{key} {value}: never on {name}; accepted: {accepted}"));
+                return Err(format!("{key} is never {value} on {name}; accepted: {accepted}"));
             }
             (Share::None, _) => needs_off = needs_off.or(Some(key)),
             (_, Share::None) => needs_on = needs_on.or(Some(key)),
@@ -140,19 +139,19 @@ pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &st
     }
     match (needs_on, needs_off) {
         (Some(on), Some(off)) => {
-            Err(format!("{on} and {off}: never together on {name}: {off} occurs only without power"))
+            Err(format!("{on} and {off} never hold together on {name}: {off} occurs only without power"))
         }
         _ => Ok(()),
     }
 }
 
-/// Returns whether every state of a device of this kind and name has these values.
+/// Returns whether all states of a device of this kind and name have these values.
 pub(super) fn is_always_so(wanted: &[(String, Json)], kind: Kind, name: &str) -> bool {
     let tables = [true, false].map(|powered| table(kind, name, powered));
     wanted.iter().all(|(key, value)| tables.iter().all(|table| share(table, key, value) == Share::All))
 }
 
-/// Returns the possible values of a key in words, for a device of this kind and name. `none` is the word for null.
+/// Lists the possible values of a key, for a device of this kind and name. `none` is the word for null.
 pub fn accepted(key: &str, kind: Kind, name: &str, none: &str) -> String {
     let mut accepted: Vec<Values> = Vec::new();
     for powered in [true, false] {
@@ -199,7 +198,7 @@ impl Values {
         }
     }
 
-    /// Returns whether these values include all of some others.
+    /// Returns whether these values include all the others.
     fn include(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Numbers(range), Self::Numbers(other)) => {
@@ -242,7 +241,7 @@ fn is_part(wanted: &Json, value: &Json) -> bool {
     }
 }
 
-/// Returns a value in words: an LED without its keys, and a word for null.
+/// Formats a value: an LED without its keys, and a word for null.
 fn word(value: &Json, none: &str) -> String {
     match value {
         Json::Null => none.to_owned(),

@@ -11,11 +11,11 @@ use crate::world::{NodeId, World};
 /// A change of a device's power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Power {
-    /// Cuts the power at this instant.
+    /// Cuts the power immediately.
     Off,
-    /// Switches the power on; the device boots, unless it is on.
+    /// Switches the power on and boots the device; no effect if it is already on.
     On,
-    /// Resets the processor as its watchdog does.
+    /// Resets the processor like the watchdog.
     Watchdog,
 }
 
@@ -40,19 +40,21 @@ pub enum ResetCause {
 }
 
 impl PowerChange {
-    /// Returns the change.
+    /// Returns the change if exactly one member is given.
     pub fn power(self) -> Result<Power, Invalid> {
         match (self.on, self.reset) {
             (Some(false), None) => Ok(Power::Off),
             (Some(true), None) => Ok(Power::On),
             (None, Some(ResetCause::Watchdog)) => Ok(Power::Watchdog),
-            _ => Err(Invalid("accepted: {\"on\": true}, {\"on\": false} or {\"reset\": \"watchdog\"}".to_owned())),
+            _ => {
+                Err(Invalid("the body must be {\"on\": true}, {\"on\": false} or {\"reset\": \"watchdog\"}".to_owned()))
+            }
         }
     }
 }
 
 impl Power {
-    /// Switches a device now. The error: why a device without power cannot be reset.
+    /// Applies the change to a device now; the error is the reason why an unpowered device cannot be reset.
     pub fn switch(self, node: NodeId, world: &mut World) -> Result<(), &'static str> {
         match self {
             Self::Off => world.power(node, false),

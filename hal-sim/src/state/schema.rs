@@ -1,5 +1,5 @@
-//! The JSON schemas of all input, and the validation by them: the descriptions of the interfaces and the accepted input
-//! agree.
+//! The JSON schemas of all input, and the validation against them, so that the published descriptions and the accepted
+//! input agree.
 
 use std::any::TypeId;
 use std::collections::BTreeMap;
@@ -37,14 +37,14 @@ pub enum Place {
 /// A value that a schema does not accept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// The path to the refused member.
+    /// The path to the invalid member.
     pub path: Vec<Place>,
     /// The reason, with the name of the member and its accepted values.
     pub reason: String,
 }
 
 impl Schemas {
-    /// Returns the schema of an input type with all referenced schemas. It is built once.
+    /// Returns the schema of an input type with all referenced schemas; each type's schemas are built once.
     pub fn of<T: ToSchema + 'static>() -> &'static Self {
         static MADE: Mutex<BTreeMap<TypeId, &'static Schemas>> = Mutex::new(BTreeMap::new());
         MADE.lock().unwrap_or_else(PoisonError::into_inner).entry(TypeId::of::<T>()).or_insert_with(|| {
@@ -72,7 +72,7 @@ impl Schemas {
         &self.0
     }
 
-    /// Returns the value of a text for the member of a schema: a number or a Boolean where the schema accepts one.
+    /// Converts a text to the value of a schema member: a number or a Boolean where the schema accepts one.
     pub fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
         let kind = self.0.get(name).and_then(|schema| schema["properties"][key]["type"].as_str());
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
@@ -88,7 +88,7 @@ impl Schemas {
     /// Checks a value against the named schema. `null` is the word for null in the reason.
     ///
     /// # Errors
-    /// The first refused member.
+    /// The first invalid member.
     pub fn check(&self, name: &str, value: &Value, null: &str) -> Result<(), Mismatch> {
         let Some(schema) = self.0.get(name) else { return Ok(()) };
         match (Checker { schemas: self, null }.mismatch(schema, value, &mut Vec::new())) {
@@ -123,7 +123,7 @@ fn without_null(name: &str, schema: &mut Value) {
     }
 }
 
-/// Removes the formats of integers from a schema: its limits are exact.
+/// Removes integer formats from a schema, because its limits are exact.
 pub fn without_formats(schema: &mut Value) {
     match schema {
         Value::Object(members) => {
@@ -137,11 +137,11 @@ pub fn without_formats(schema: &mut Value) {
     }
 }
 
-/// Adds the constraints that attributes cannot express: dependencies between members, and the tables of the core.
+/// Adds the constraints that attributes cannot express: dependencies between members, and limits from the core.
 fn restrict(name: &str, schema: &mut Value) {
     let members = schema.get("properties").and_then(Value::as_object);
     if members.is_some_and(|members| members.contains_key("id") && members.contains_key("extended")) {
-        // Eleven bits; 29 bits by `extended`; and 29 bits by a text of eight digits.
+        // 11 bits; 29 bits by `extended`; 29 bits by a string of eight digits.
         schema["anyOf"] = json!([
             {
                 "properties": {
@@ -197,7 +197,7 @@ fn restrict(name: &str, schema: &mut Value) {
 /// A regular expression for 11-bit identifiers.
 const STANDARD: &str = "^(0[xX])?0{0,4}[0-7]?[0-9A-Fa-f]{1,2}$";
 
-/// A regular expression for texts with 29 bits by their length.
+/// A regular expression for strings whose length implies 29 bits.
 const EIGHT_DIGITS: &str = "^(0[xX])?[01][0-9A-Fa-f]{7}$";
 
 /// A regular expression for all identifiers.
@@ -206,7 +206,7 @@ pub const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$";
 /// The accepted forms of a step's expectation.
 const EXPECTED: &str = "a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }";
 
-/// The validation of a value, with its schema.
+/// Validates a value against its schema.
 struct Checker<'a> {
     schemas: &'a Schemas,
     null: &'a str,
@@ -228,7 +228,7 @@ impl<'a> Checker<'a> {
             || choices(schema).is_some_and(|choices| choices.iter().any(|choice| self.has_members(choice)))
     }
 
-    /// Returns the first refused member.
+    /// Returns the first invalid member.
     fn mismatch(&self, schema: &'a Value, value: &Value, path: &mut Vec<Place>) -> Option<Mismatch> {
         let schema = self.resolved(schema);
         if let Some(choices) = choices(schema) {
@@ -236,7 +236,7 @@ impl<'a> Checker<'a> {
             if !choices.iter().all(|choice| fails(&choice)) {
                 return None;
             }
-            // The error of an object is inside it.
+            // The error of an object lies in a member.
             let same = choices.iter().find(|choice| value.is_object() && self.has_members(choice));
             return match (same, choices.as_slice()) {
                 (Some(only), _) | (None, [only]) => self.mismatch(only, value, path),
@@ -302,7 +302,7 @@ impl<'a> Checker<'a> {
             _ => {
                 let place = if place.is_empty() { "the body" } else { &place };
                 let found = if value.is_null() { self.null.to_owned() } else { value.to_string() };
-                format!("{place} {found}: accepted: {accepted}")
+                format!("{place} {found} is not valid; accepted: {accepted}")
             }
         };
         Mismatch { path: path.to_vec(), reason }
@@ -317,7 +317,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns the accepted values in words.
+    /// Describes the accepted values.
     fn accepted(&self, schema: &'a Value) -> String {
         let schema = self.resolved(schema);
         if self.is_expected(schema) {
@@ -362,8 +362,8 @@ impl<'a> Checker<'a> {
             "number" => format!("a number from {} to {}", schema["minimum"], schema["maximum"]),
             "boolean" => "true or false".to_owned(),
             "string" => match schema["examples"][0].as_str() {
-                Some(example) => format!("a text in hex as in \"{example}\""),
-                None => "a text".to_owned(),
+                Some(example) => format!("a hex string as in \"{example}\""),
+                None => "a string".to_owned(),
             },
             "array" => "a list".to_owned(),
             "null" => self.null.to_owned(),
@@ -410,7 +410,7 @@ fn is_within(schema: &Value, value: &Value) -> bool {
         && whole(&schema["maximum"]).is_none_or(|max| number <= max)
 }
 
-/// Returns a value with whole numbers as integers: in JSON, 8.0 and 8 are the same number.
+/// Converts whole numbers in a value to integers: in JSON, 8.0 and 8 are the same number.
 pub fn with_whole_numbers(value: Value) -> Value {
     /// All whole numbers up to this limit have an exact representation.
     const EXACT: f64 = (1_u64 << 53) as f64;
@@ -438,14 +438,14 @@ fn prefix(place: &str) -> String {
     if place.is_empty() { String::new() } else { format!("{place}: ") }
 }
 
-/// Returns a question about the most similar known word, if one is similar.
+/// Returns a "did you mean" hint with the most similar known word, if any.
 fn meant(word: &str, known: &[&str]) -> String {
     let near = known.iter().map(|known| (strsim::jaro_winkler(word, known), known));
     let near = near.filter(|(likeness, _)| *likeness > 0.75).max_by(|one, other| one.0.total_cmp(&other.0));
     near.map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"))
 }
 
-/// Returns choices as a list in words.
+/// Joins choices to a list in English.
 fn list(choices: Vec<String>) -> String {
     match choices.as_slice() {
         [] => String::new(),

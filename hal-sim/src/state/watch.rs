@@ -1,4 +1,4 @@
-//! A condition on a device's state, checked at every instant at which it can begin to hold.
+//! A condition on a device state, checked at every instant at which it can become true.
 
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
@@ -9,23 +9,23 @@ use crate::world::{NodeId, World};
 /// The look-ahead for positions; a linked shaft is searched step by step.
 const FORESIGHT: Duration = Duration::from_secs(1);
 
-/// A condition on the state of a device, to be checked after every event of the world and when it is due.
+/// A condition on a device state. Check it after every event of the world, and at its due time.
 #[derive(Clone, Debug)]
 pub struct StateWatch {
     node: NodeId,
     kind: Kind,
     condition: Box<StateCondition>,
-    /// The instant from which the position can be a wanted one without an event.
+    /// The earliest instant at which the position can match without an event.
     moves_there: Instant,
 }
 
 impl StateWatch {
-    /// Begins to watch a device of this kind.
+    /// Creates a watch on a device of this kind.
     pub const fn new((node, kind): (NodeId, Kind), condition: Box<StateCondition>) -> Self {
         Self { node, kind, condition, moves_there: NEVER }
     }
 
-    /// Returns the present state of the device, and whether the condition holds.
+    /// Returns the current state of the device, and whether the condition holds.
     pub fn look(&mut self, world: &mut World) -> (DeviceState, bool) {
         let state = DeviceState::of(self.node, self.kind, world);
         let holds = self.condition.holds(&state);
@@ -34,7 +34,7 @@ impl StateWatch {
         (state, holds)
     }
 
-    /// Returns the next instant at which the condition can hold without an event; `until` if none is earlier.
+    /// Returns the next instant at which the condition can become true without an event, at most `until`.
     pub fn due(&self, until: Instant, world: &World) -> Instant {
         let asked = self.condition.t_us.map_or(NEVER, Instant::from_micros);
         let limit = if asked > world.now() { asked.min(until) } else { until };

@@ -49,8 +49,8 @@ impl Errors {
             }
             EventKind::Fault { fault, frame, effect } => Some((None, explain_fault(fault, frame, effect, &event.who))),
             EventKind::FramesDropped { count } => {
-                let frames = if *count == 1 { "a frame" } else { "frames" };
-                let text = format!("{}: dropped {frames} that waited for the bus (×{count})", event.who);
+                let frames = if *count == 1 { "frame" } else { "frames" };
+                let text = format!("{}: dropped {count} pending {frames}", event.who);
                 Some((Some(ErrorClass::TransmitOverflow), text))
             }
         }
@@ -81,9 +81,10 @@ impl Errors {
         };
         let before = before.map_or_else(String::new, |(mode, begin)| {
             let micros = since(event.at, begin).as_micros();
-            format!(", {} for {}.{:03} ms", name(mode), micros / 1000, micros % 1000)
+            format!(", was {} for {}.{:03} ms", name(mode), micros / 1000, micros % 1000)
         });
-        (class, format!("{}: {} after error frames ×{}{before}", event.who, name(to), self.count))
+        let frames = if self.count == 1 { "frame" } else { "frames" };
+        (class, format!("{}: {}{before} ({} error {frames} so far)", event.who, name(to), self.count))
     }
 }
 

@@ -37,7 +37,7 @@ fn told(events: impl IntoIterator<Item = Event>) -> Vec<String> {
 #[test]
 fn of_a_frame_that_nobody_takes_only_the_first_error_frame_is_told() {
     let events = (0..5000).map(|number| failed(number * 200, GATEWAY, "123: 01"));
-    assert_eq!(told(events), ["BusError error frame: bit error in 123: 01 of the gateway"]);
+    assert_eq!(told(events), ["BusError error frame: bit error in 123: 01 from the gateway"]);
 }
 
 #[test]
@@ -54,12 +54,12 @@ fn each_change_of_a_mode_is_told_with_what_led_to_it() {
     assert_eq!(
         told(events),
         [
-            "BusError error frame: bit error in 123: 01 of the gateway",
-            "ErrorPassive the gateway: error-passive after error frames ×16",
-            "BusOff the gateway: bus-off after error frames ×32, error-passive for 3.400 ms",
-            "Restarted the gateway: error-active after error frames ×32, bus-off for 5.600 ms",
-            "ErrorPassive valve: error-passive after error frames ×32",
-            "ErrorActive valve: error-active after error frames ×32, error-passive for 2.000 ms",
+            "BusError error frame: bit error in 123: 01 from the gateway",
+            "ErrorPassive the gateway: error-passive (16 error frames so far)",
+            "BusOff the gateway: bus-off, was error-passive for 3.400 ms (32 error frames so far)",
+            "Restarted the gateway: error-active, was bus-off for 5.600 ms (32 error frames so far)",
+            "ErrorPassive valve: error-passive (32 error frames so far)",
+            "ErrorActive valve: error-active, was error-passive for 2.000 ms (32 error frames so far)",
         ]
     );
 }
@@ -79,5 +79,5 @@ fn an_error_frame_of_something_else_is_told_again() {
 #[test]
 fn dropped_frames_are_told() {
     let event = event(0, VALVE, EventKind::FramesDropped { count: 3 });
-    assert_eq!(told([event]), ["TransmitOverflow valve: dropped frames that waited for the bus (×3)"]);
+    assert_eq!(told([event]), ["TransmitOverflow valve: dropped 3 pending frames"]);
 }

@@ -157,9 +157,10 @@ impl Layout {
         let mut told: Vec<(Instant, Frame, String)> = Vec::new();
         for (key, latest) in &mut self.latest {
             if latest.again > 0 && which((key, latest)) {
-                let times = if latest.again == 1 { "once".to_owned() } else { format!("{} times", latest.again) };
+                let times =
+                    if latest.again == 1 { "once more".to_owned() } else { format!("{} more times", latest.again) };
                 let period = (latest.period_us() + 500) / 1000;
-                told.push((latest.at, latest.frame, format!("{times} more, every {period} ms")));
+                told.push((latest.at, latest.frame, format!("{times}, every {period} ms")));
                 (latest.again, latest.told) = (0, latest.at);
             }
         }

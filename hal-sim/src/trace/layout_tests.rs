@@ -78,7 +78,7 @@ fn repeats_of_a_cyclic_frame_are_counted_until_it_changes() {
         lines(None, &frames).lines().map(|line| line[15..].trim()).collect::<Vec<_>>(),
         [
             "->  220: 0F 00 00 20              valve: it says what it means to say",
-            "220: 0F 00 00 20              11 times more, every 100 ms",
+            "220: 0F 00 00 20              11 more times, every 100 ms",
             "->  220: 0F 00 00 C0              valve: it says what it means to say",
         ]
     );
@@ -88,7 +88,7 @@ fn repeats_of_a_cyclic_frame_are_counted_until_it_changes() {
 fn a_cycle_that_goes_on_is_told_every_five_seconds() {
     let frames: Vec<_> = (0..101).map(|n| (n * 100, "valve", "720: 05")).collect();
     let text = lines(None, &frames);
-    assert_eq!(text.matches("50 times more, every 100 ms").count(), 2, "{text}");
+    assert_eq!(text.matches("50 more times, every 100 ms").count(), 2, "{text}");
     assert_eq!(text.lines().count(), 3, "{text}");
 }
 

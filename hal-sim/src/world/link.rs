@@ -35,16 +35,16 @@ impl Default for Link {
 #[non_exhaustive]
 pub enum LinkError {
     /// The first device is not a valve.
-    #[error("not a valve")]
+    #[error("the first device is not a valve")]
     NoValve,
     /// The second device is not an angle sensor.
-    #[error("not an angle sensor")]
+    #[error("the second device is not an angle sensor")]
     NoSensor,
     /// The sensor's shaft already follows a valve.
-    #[error("the sensor is linked already")]
+    #[error("the sensor is already linked")]
     Linked,
     /// The end stops are in the wrong order, or the upper one is not less than one turn.
-    #[error("invalid end stops; accepted: 0 to 35999 in 1/100 degree, the lower one first")]
+    #[error("end stops must be 0 to 35999 in 1/100 degree, the lower one first")]
     Stops,
 }
 

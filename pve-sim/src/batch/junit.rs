@@ -7,7 +7,7 @@ use hal_sim::scenario::Outcome;
 /// The name of the test suite.
 const SUITE: &str = "pve-sim scenario";
 
-/// Returns the report of scenarios, by file. It has no wall-clock times: two runs are identical.
+/// Returns the JUnit report, one test case per file, without wall-clock times: equal runs give equal reports.
 pub(super) fn report(files: &[String], outcomes: &[Outcome]) -> String {
     let mut suite = TestSuite::new(SUITE);
     for (file, outcome) in files.iter().zip(outcomes) {
@@ -20,7 +20,7 @@ pub(super) fn report(files: &[String], outcomes: &[Outcome]) -> String {
     report.to_string().unwrap_or_default()
 }
 
-/// Returns all failures of a scenario as one: a test case has only one.
+/// Returns all failures of a scenario as a single one, because a test case has room for only one.
 fn status(file: &str, outcome: &Outcome) -> TestCaseStatus {
     if outcome.is_success() {
         return TestCaseStatus::success();

@@ -1,4 +1,4 @@
-//! Scenarios of a command line: read, run on all cores, reported in order.
+//! Reads the scenarios of a command line, runs them on all cores and reports them in order.
 
 mod junit;
 
@@ -19,18 +19,18 @@ use crate::use_case::UseCase;
 pub struct Options {
     /// The files, in the order of the report.
     pub files: Vec<PathBuf>,
-    /// The file of the results for CI, if any.
+    /// The JUnit file for CI, if any.
     pub junit: Option<PathBuf>,
-    /// The seed of everything random.
+    /// The seed of all random values.
     pub seed: u64,
-    /// The trace of each scenario is printed, too.
+    /// Whether the trace of each scenario is printed.
     pub verbose: bool,
 }
 
 /// The reason why scenarios did not run, or their results were not saved.
 #[derive(Debug, thiserror::Error)]
 pub enum BatchError {
-    /// Files that cannot be read: a line each. No scenario was run.
+    /// Unreadable files, with a line for each. No scenario was run.
     #[error("{}", .0.join("\n"))]
     Unreadable(Vec<String>),
     /// The file of `--junit` cannot be written.
@@ -106,7 +106,7 @@ fn parse<'a>(file: &'a Path, text: &str) -> Result<Named<'a>, String> {
     Ok(Named { file, scenario })
 }
 
-/// Runs scenarios on one thread per core, and passes on their outcomes in order.
+/// Runs scenarios on one thread per core, and returns their outcomes in order.
 fn over_the_cores(scenarios: &[Named<'_>], options: &Options, mut tell: impl FnMut(Outcome)) {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(scenarios.len());
     let (next, (sender, receiver)) = (&AtomicUsize::new(0), mpsc::channel());

@@ -1,4 +1,4 @@
-//! The command line of `pve-sim`: parsing, and one-line refusals.
+//! The command line of `pve-sim`: parsing, and error messages in one line.
 
 mod options;
 mod recordings;
@@ -65,14 +65,14 @@ Examples:
   pve-sim dbc pvea-isobus > pvea.dbc
 
 Exit codes:
-  0  success; run ends so by SIGINT, SIGTERM, SIGHUP, or without
-     a reader of stdout, after all devices have stored their memory
+  0  success; run also exits with 0 on SIGINT, SIGTERM, SIGHUP, or when
+     stdout is closed, after all devices have stored their memory
   1  run: a port in use, a missing interface, a state file of
-     another kind, a file that cannot be opened, written or replaced
+     another kind of device, a file that cannot be opened, written or replaced
      scenario: a failed expectation; use-case, replay: a difference
      decode, replay: a line that cannot be parsed
      set, status: a refusal, or a simulator that cannot be reached
-  2  wrong usage, or a scenario that cannot be read";
+  2  a usage error, or a scenario that cannot be read";
 
 /// Wrong usage: one line with the error and the accepted form.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -101,35 +101,36 @@ struct Cli {
 enum Command {
     /// Runs devices on a bus (the default command)
     Run(Box<RunArgs>),
-    /// Plays the manuals' use cases, an ISOBUS valve or an angle sensor in virtual time and explains each frame; exit 1
-    /// if a frame differs
+    /// Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each
+    /// frame; exit 1 if a frame differs
     UseCase {
-        /// The use case, or all; without it, the titles are listed
+        /// The use case, or all; if omitted, the titles are listed
         #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
     /// Runs scenario files in virtual time: devices, actions and expectations; exit 1 if an expectation fails, 2 before
     /// anything runs if a file cannot be read
     Scenario(ScenarioArgs),
-    /// Explains a recorded log line by line, as the trace does; exit 1 if a line cannot be parsed
+    /// Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed
     Decode(DecodeArgs),
-    /// Replays a recorded log against simulated devices, from their power-up and in virtual time: compares their frames
-    /// with the log, and sends them all others; exit 1 on differences
+    /// Replays a recorded log against simulated devices, from their power-up, in virtual time: compares their frames
+    /// with the log and sends them all other frames; exit 1 on differences
     Replay(ReplayArgs),
     /// Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the
     /// change or cannot be reached
     Set(SetArgs),
-    /// Prints the states of the devices in a running simulator; exit 1 if it has no such device or cannot be reached
+    /// Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the
+    /// simulator cannot be reached
     Status(StatusArgs),
-    /// Prints the EDS of a CANopen kind, from its object dictionary
+    /// Prints the EDS of a CANopen kind, generated from its object dictionary
     Eds {
-        /// The kind
+        /// The kind of device
         #[arg(value_name = "pvea-canopen|pveo-canopen|hat1000|hat3000", value_parser = eds)]
         sheet: Description,
     },
     /// Prints the DBC of an ISOBUS kind, with its messages at each address
     Dbc {
-        /// The kind
+        /// The kind of device
         #[arg(value_name = "pvea-isobus|pveo-isobus", value_parser = dbc)]
         database: Description,
     },
@@ -157,8 +158,8 @@ fn dbc(word: &str) -> Result<Description, String> {
 
 type Describe = fn(Kind) -> Option<String>;
 
-/// Returns the description of the named kind. For a kind with only the other description, the refusal names that
-/// command.
+/// Returns the EDS or DBC of the named kind. For a kind that has only the other description, the error names the
+/// command for it.
 fn description(
     word: &str,
     (command, describe): (&str, Describe),
@@ -172,10 +173,10 @@ fn description(
     })
 }
 
-/// Returns the names and titles of the use cases, a line each.
+/// Returns the names and titles of the use cases, one per line.
 fn titles() -> String {
     let lines = use_case::ALL.iter().map(|case| format!("{:<8}{}\n", case.name, case.title()));
-    lines.chain(["all     all of them, in this order\n".to_owned()]).collect()
+    lines.chain(["all     all use cases, in this order\n".to_owned()]).collect()
 }
 
 /// The use cases named on the command line.
@@ -187,16 +188,16 @@ fn use_cases(word: &str) -> Result<UseCases, String> {
     let cases: Vec<UseCase> = use_case::ALL.iter().filter(is_meant).copied().collect();
     if cases.is_empty() {
         let known: Vec<&str> = use_case::ALL.iter().map(|case| case.name).collect();
-        return Err(format!("no such use case; accepted: {}, all", known.join(", ")));
+        return Err(format!("unknown use case; accepted: {}, all", known.join(", ")));
     }
     Ok(UseCases(cases))
 }
 
-/// Parses the arguments, the program's name first. Removes a CR at the end of an argument, which comes from a script
-/// with Windows line ends.
+/// Parses the arguments, the program name first. Removes a trailing CR from each argument, as left by a script with
+/// Windows line endings.
 ///
 /// # Errors
-/// [`UsageError`] for arguments that are not accepted.
+/// [`UsageError`] for invalid arguments.
 pub fn parse<I, T>(args: I) -> Result<Request, UsageError>
 where
     I: IntoIterator<Item = T>,
@@ -239,7 +240,7 @@ fn without_cr(argument: OsString) -> OsString {
     }
 }
 
-/// Returns clap's message in one line: without the usage, with its tip, and with the accepted forms that clap omits.
+/// Returns clap's error in one line: without the usage, with the tip, and with the accepted values that clap omits.
 fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
@@ -265,7 +266,7 @@ fn names(names: Vec<String>) -> String {
     format!("; accepted: {}", names.join(", "))
 }
 
-/// Returns the options of `run` in the help.
+/// Returns the options of `run` that the help shows.
 fn option_names() -> Vec<String> {
     let mut command = Cli::command();
     command.build();

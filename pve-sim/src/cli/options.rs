@@ -20,7 +20,7 @@ pub(super) const DEFAULT_SEED: u64 = 1;
 /// The default address of the control interface.
 pub(super) const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
 
-/// The default device.
+/// The kind of the default device.
 const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 
 /// The arguments of `run`.
@@ -37,13 +37,13 @@ pub struct RunArgs {
     ///   hat3000       angle sensor on CANopen
     ///
     /// ID, decimal or 0x, is
-    ///   on CANopen the node ID, 1–127, by default 0x20, for an angle sensor 1
+    ///   on CANopen the node ID, 1–127, by default 0x20 for a valve and 1 for an angle sensor
     ///   on ISOBUS the address, 0x80–0x8F, by default 0x80
     ///
     /// The keys:
     ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
-    ///   serial=N   decimal or 0x; by default the next free one; part of the NAME on ISOBUS
-    ///   bit-rate=N by default that of the bus; for a valve on CANopen 125k, 250k or 500k, on
+    ///   serial=N   decimal or 0x; by default the next free number; part of the NAME on ISOBUS
+    ///   bit-rate=N by default the rate of the bus; for a valve on CANopen 125k, 250k or 500k, on
     ///              ISOBUS only 250k; for an angle sensor any rate of --bit-rate
     ///   stroke-ms=N, return-ms=N
     ///              valves only, 10–5000 ms: the time of the spool from neutral to full stroke,
@@ -56,11 +56,11 @@ pub struct RunArgs {
     ///              valves only: off below this supply; by default never
     ///   blank      CANopen only: no node ID, waits for LSS
     ///
-    /// With --state, an existing memory decides; ID, serial and bit-rate fill a new one only.
+    /// With --state, an existing memory takes precedence over ID, serial and bit-rate.
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
     device: Vec<DeviceSpec>,
 
-    /// Let the shaft of SENSOR follow the spool of VALVE, as on a boom moved by it; repeatable
+    /// Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable
     ///
     /// VALVE and SENSOR are names of devices. The keys:
     ///   rate=N  1/100 degree per second at full stroke, signed, by default 3000
@@ -77,10 +77,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, help_heading = "Devices")]
     state: Option<PathBuf>,
 
-    /// The address of the bus; repeatable, all for one bus [default: socketcand://127.0.0.1:29536/pve0]
+    /// The URL of the bus; repeatable, all URLs share one bus [default: socketcand://127.0.0.1:29536/pve0]
     ///
     /// URL is one of
-    ///   socketcand://HOST:PORT/NAME  served over TCP, port 0 takes a free one
+    ///   socketcand://HOST:PORT/NAME  served over TCP, port 0 selects a free one
     ///   slcan://HOST:PORT            a serial-line adapter, over TCP
     ///   slcan+pty:PATH               the same on a pseudo-terminal, with a link at PATH; Unix
     ///   socketcan:IFACE              a Linux interface
@@ -103,8 +103,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 
-    /// The speed of virtual time: a factor of wall time above 0; or step: time advances only by the control interface,
-    /// and frames of clients wait for that
+    /// The speed of virtual time: a factor of wall time, above 0; or step: only the control interface advances time,
+    /// and client frames wait until it does
     #[arg(long, value_name = "FACTOR|step", value_parser = speed, default_value = "1", help_heading = "Time")]
     speed: Speed,
 
@@ -116,16 +116,16 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     log: Option<PathBuf>,
 
-    /// Overwrite a non-empty file of --log
+    /// Overwrite the --log file if it is not empty
     #[arg(long, requires = "log", help_heading = "Output")]
     log_overwrite: bool,
 
-    /// Send error frames to clients: the first one, and each change of an error mode
+    /// Send error frames to clients: the first one, and one per change of an error mode
     #[arg(long, help_heading = "Output")]
     error_frames: bool,
 
-    /// Colour in the trace: auto, by the terminal and NO_COLOR; always, which lays the trace out as on a terminal even
-    /// in a pipe; never
+    /// Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a
+    /// pipe) or never
     #[arg(long, value_name = "WHEN", default_value = "auto", hide_possible_values = true, help_heading = "Output")]
     color: ColorChoice,
 
@@ -133,16 +133,16 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Output")]
     verbose: bool,
 
-    /// The address of the control interface, port 0 takes a free one [default: 127.0.0.1:8408]
+    /// The address of the control interface, port 0 selects a free one [default: 127.0.0.1:8408]
     #[arg(long, value_name = "ADDR:PORT", value_parser = http, conflicts_with = "no_http", help_heading = "Control")]
     http: Option<SocketAddr>,
 
-    /// Serve no control interface
+    /// Disable the control interface
     #[arg(long, help_heading = "Control")]
     no_http: bool,
 
-    /// Allow an address of --http that other machines can reach, which gives them full control; and let a udp-multicast
-    /// bus reach them
+    /// Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a
+    /// udp-multicast bus to reach them
     #[arg(long, help_heading = "Control")]
     allow_remote: bool,
 }
@@ -154,12 +154,12 @@ impl TryFrom<RunArgs> for RunOptions {
         let http = (!args.no_http).then(|| args.http.unwrap_or(DEFAULT_HTTP));
         if let Some(address) = http.filter(|address| !address.ip().is_loopback() && !args.allow_remote) {
             return Err(UsageError(format!(
-                "--http {address}: other machines could reach it; accepted: a loopback address, as in {DEFAULT_HTTP}, or \
-                 --allow-remote"
+                "--http {address}: other machines could reach this address; use a loopback address, as in {DEFAULT_HTTP}, \
+                 or add --allow-remote"
             )));
         }
         if http.is_none() && args.speed == Speed::Step {
-            return Err(UsageError("--speed step: the control interface advances time; omit --no-http".to_owned()));
+            return Err(UsageError("--speed step needs the control interface; remove --no-http".to_owned()));
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
         let devices = on_one_bus(specs, args.allow_clash)?;
@@ -186,29 +186,29 @@ impl TryFrom<RunArgs> for RunOptions {
     }
 }
 
-/// Returns the devices of one bus, with unique names and serial numbers, and unique node IDs unless they may clash.
+/// Returns the devices of one bus with unique names and serial numbers, and with unique node IDs unless `may_clash`.
 pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<NamedDevice>, UsageError> {
     let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
     if !may_clash {
         devices::refuse_clashes(&devices)
-            .map_err(|error| UsageError(format!("--device: {error} with @ID, or --allow-clash")))?;
+            .map_err(|error| UsageError(format!("--device: {error} with @ID, or use --allow-clash")))?;
     }
     Ok(devices)
 }
 
-/// Returns the links between these devices.
+/// Validates the links between these devices.
 pub(super) fn between(devices: &[NamedDevice], links: Vec<LinkSpec>) -> Result<Vec<NamedLink>, UsageError> {
     devices::links(devices, links).map_err(|error| UsageError(format!("--link: {error}")))
 }
 
-/// Checks the buses: a kernel interface runs in wall time only, and a shared bus is joined once.
+/// Checks the buses: a kernel interface needs wall time, and a shared bus must not be joined twice.
 fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate() {
         if bus.address().is_real_time() && speed != Speed::Factor(1.0) {
-            return Err(UsageError(format!("--speed {speed} with --bus {bus}: an interface runs at --speed 1 only")));
+            return Err(UsageError(format!("--speed {speed} with --bus {bus}: this interface needs --speed 1")));
         }
         if bus.address().is_shared() && buses.iter().take(position).any(|other| other == bus) {
-            return Err(UsageError(format!("--bus {bus} is given twice; accepted: once")));
+            return Err(UsageError(format!("duplicate --bus {bus}")));
         }
     }
     Ok(())
@@ -222,7 +222,7 @@ fn bit_rate(text: &str) -> Result<BitRate, String> {
 }
 
 pub(super) fn seed(text: &str) -> Result<u64, String> {
-    text.parse().map_err(|_| format!("accepted: a whole number, 0–{}", u64::MAX))
+    text.parse().map_err(|_| format!("must be a whole number, 0–{}", u64::MAX))
 }
 
 fn speed(text: &str) -> Result<Speed, String> {
@@ -230,9 +230,9 @@ fn speed(text: &str) -> Result<Speed, String> {
         return Ok(Speed::Step);
     }
     let factor = text.parse::<f64>().ok().filter(|factor| factor.is_finite() && *factor > 0.0);
-    factor.map(Speed::Factor).ok_or_else(|| "accepted: a number above 0, as in 1, 0.5 or 100, or step".to_owned())
+    factor.map(Speed::Factor).ok_or_else(|| "must be a number above 0, as in 1, 0.5 or 100, or step".to_owned())
 }
 
 fn http(text: &str) -> Result<SocketAddr, String> {
-    text.parse().map_err(|_| format!("accepted: ADDR:PORT, as in {DEFAULT_HTTP}, port 0 takes a free one"))
+    text.parse().map_err(|_| format!("must be ADDR:PORT, as in {DEFAULT_HTTP}; port 0 selects a free one"))
 }

@@ -11,7 +11,7 @@ use hal_sim::decode::DecodeOptions;
 use hal_sim::devices::{self, DeviceSpec, LinkSpec};
 use hal_sim::replay::ReplayOptions;
 
-/// The default tolerance of `replay`, in milliseconds: the longest time between the starts of two devices on one
+/// The default tolerance of `replay`, in milliseconds: the largest start-up difference between two devices on one
 /// supply.
 const TOLERANCE_MS: u32 = 5;
 
@@ -22,7 +22,7 @@ pub(super) struct DecodeArgs {
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: PathBuf,
 
-    /// A device known to be on the bus, as for run; repeatable. Without it, the frames reveal the devices
+    /// A device known to be on the bus, as for run; repeatable. Without it, devices are detected by their frames
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]")]
     device: Vec<DeviceSpec>,
 }
@@ -34,15 +34,15 @@ pub(super) struct ReplayArgs {
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: PathBuf,
 
-    /// A simulated device in the place of one in the recording, as for run; repeatable
+    /// A simulated device that replaces one in the recording, as for run; repeatable
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", required = true)]
     device: Vec<DeviceSpec>,
 
-    /// Let the shaft of SENSOR follow the spool of VALVE, as for run; repeatable
+    /// Make the shaft of SENSOR follow the spool of VALVE, as for run; repeatable
     #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]")]
     link: Vec<LinkSpec>,
 
-    /// The tolerance of the times of frames, in milliseconds; a position may differ by the movement within it
+    /// The tolerance of frame times, in milliseconds; a position may differ by the movement within that time
     #[arg(long, value_name = "N", default_value_t = TOLERANCE_MS, value_parser = clap::value_parser!(u32).range(..=60_000))]
     tolerance_ms: u32,
 
@@ -55,7 +55,7 @@ impl TryFrom<DecodeArgs> for DecodeOptions {
     type Error = UsageError;
 
     fn try_from(args: DecodeArgs) -> Result<Self, UsageError> {
-        // No device sends here, so equal node IDs do not clash.
+        // `decode` simulates no device, so equal node IDs do not clash.
         Ok(Self { file: args.file, devices: on_one_bus(args.device, true)? })
     }
 }
@@ -65,7 +65,7 @@ impl TryFrom<ReplayArgs> for ReplayOptions {
 
     fn try_from(args: ReplayArgs) -> Result<Self, UsageError> {
         if args.file == Path::new("-") {
-            return Err(UsageError("replay: stdin cannot be read more than once; accepted: a file".to_owned()));
+            return Err(UsageError("replay: stdin cannot be read more than once; use a file".to_owned()));
         }
         let mut devices = on_one_bus(args.device, false)?;
         devices::share_bit_rate(&mut devices, None);

@@ -18,7 +18,7 @@ pub(super) struct SetArgs {
     device: String,
 
     /// A plant word and its value, as on the console or in PATCH /devices/NAME/plant: supply_mv=8000 spool=stuck
-    /// lever=off; several words change at the same instant, or none of them
+    /// lever=off; several words change at the same instant, or none changes
     #[arg(value_name = "WORD=VALUE", required = true)]
     words: Vec<PlantWord>,
 
@@ -56,7 +56,7 @@ impl TryFrom<SetArgs> for SetOptions {
         let words = args.words;
         for (place, PlantWord { name, .. }) in words.iter().enumerate() {
             if words.iter().take(place).any(|earlier| earlier.name == *name) {
-                return Err(UsageError(format!("set: {name} is given twice; accepted: once")));
+                return Err(UsageError(format!("set: duplicate word {name}")));
             }
         }
         Ok(Self { http: args.simulator.http, device: args.device, words })
@@ -69,9 +69,9 @@ impl From<StatusArgs> for StatusOptions {
     }
 }
 
-/// Parses the address of a simulator. A simulator at all addresses is reached by loopback.
+/// Parses the address of a simulator. An unspecified address (0.0.0.0) becomes loopback.
 fn address(text: &str) -> Result<SocketAddr, String> {
     let address: Option<SocketAddr> = text.parse().ok();
     let address = address.filter(|address| address.port() != 0).map(joinable);
-    address.ok_or_else(|| format!("accepted: ADDR:PORT, as in {DEFAULT_HTTP}"))
+    address.ok_or_else(|| format!("must be ADDR:PORT, as in {DEFAULT_HTTP}"))
 }

@@ -24,7 +24,7 @@ pub(super) struct ScenarioArgs {
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED)]
     seed: u64,
 
-    /// Print the traces, with the notes of the steps
+    /// Print the traces, with the step notes
     #[arg(long)]
     verbose: bool,
 
@@ -40,10 +40,10 @@ impl TryFrom<ScenarioArgs> for Request {
         if args.schema {
             return Ok(Self::Print(scenario::schema()));
         }
-        // The results would overwrite a scenario after --junit.
+        // `--junit` without its file would take a scenario as the file, and overwrite it.
         if let Some(path) = args.junit.as_ref().filter(|path| path.extension().is_some_and(|end| end == "toml")) {
             return Err(UsageError(format!(
-                "--junit {}: that is a scenario; accepted: a file for the results, as in results.xml",
+                "--junit {}: this is a scenario; use a file for the results, as in results.xml",
                 path.display()
             )));
         }

@@ -1,4 +1,4 @@
-//! Descriptions of the command line: completions for shells, and the manual page.
+//! Shell completions and the manual page.
 
 use clap::{Command, CommandFactory};
 use clap_complete::Shell;
@@ -11,7 +11,7 @@ use super::Cli;
 pub(super) fn completions(shell: Shell) -> String {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "pve-sim", &mut script);
-    // clap_complete (up to 4.6.11) writes a hyphenated program name in two ways, so that bash would complete no
+    // clap_complete (up to 4.6.11) spells a hyphenated program name in two ways; bash would then complete no
     // option of a command.
     text(script).replace("pve__subcmd__sim", "pve__sim")
 }
@@ -32,7 +32,7 @@ pub(super) fn manual_page() -> String {
     text(roff)
 }
 
-/// Returns the section of the commands: clap's own would refer to a page for each command.
+/// Returns the COMMANDS section; the section that clap generates refers to one page per command.
 fn commands() -> Roff {
     let mut command = Cli::command();
     command.build();
@@ -51,7 +51,7 @@ fn about(command: &Command) -> String {
     command.get_about().map(ToString::to_string).unwrap_or_default()
 }
 
-/// Returns clap's output, which is UTF-8.
+/// Returns the UTF-8 output of clap as text.
 fn text(bytes: Vec<u8>) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }

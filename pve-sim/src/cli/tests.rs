@@ -163,7 +163,7 @@ fn default_serial_numbers_are_the_next_free_ones() {
 fn one_node_id_for_two_devices_only_when_it_is_meant() {
     assert_eq!(
         refused("--device pvea-canopen --device pveo-canopen@32"),
-        "--device: pvea-canopen and pveo-canopen both have node ID 0x20; give each its own with @ID, or --allow-clash"
+        "--device: pvea-canopen and pveo-canopen both have node ID 0x20; give each its own with @ID, or use --allow-clash"
     );
     assert_eq!(run("--device pvea-canopen --device pveo-canopen --allow-clash").devices.len(), 2);
     assert_eq!(run("--device pvea-canopen,blank --device pveo-canopen,blank").devices.len(), 2);
@@ -186,7 +186,7 @@ fn isobus_kinds_beside_canopen_ones() {
     );
     assert_eq!(
         refused("--device pvea-isobus --device pveo-isobus"),
-        "--device: pvea-isobus and pveo-isobus both have address 0x80; give each its own with @ID, or --allow-clash"
+        "--device: pvea-isobus and pveo-isobus both have address 0x80; give each its own with @ID, or use --allow-clash"
     );
     assert_eq!(run("--device pvea-isobus --device pveo-isobus --allow-clash").devices.len(), 2);
 }
@@ -215,16 +215,16 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-canopen@+5", "'+5' is not a valid node ID"),
         ("--device pvea-canopen@0x", "'0x' is not a valid node ID"),
         ("--device pvea-canopen@300", "'300' is not a valid node ID"),
-        ("--device pvea-canopen@5,blank", "a blank device has no node ID; accepted: @ID or blank, not both"),
+        ("--device pvea-canopen@5,blank", "a blank device has no node ID; use either @ID or blank"),
         ("--device pvea-isobus@0x7F", "'0x7F' is not a valid address of pvea-isobus; accepted: 128–143, or 0x80–0x8F"),
         ("--device pveo-isobus@144", "'144' is not a valid address of pveo-isobus; accepted: 128–143, or 0x80–0x8F"),
         (
             "--device pvea-isobus,blank",
-            "a pvea-isobus always has an address; accepted: @ID, or neither for the default",
+            "a pvea-isobus always has an address; give @ID, or omit 'blank' for the default",
         ),
         ("--device pveo-isobus@0x81,blank", "a pveo-isobus always has an address"),
         ("--device pvea-canopen,blank=1", "'blank' takes no value"),
-        ("--device pvea-canopen,blank,blank", "'blank' is given twice"),
+        ("--device pvea-canopen,blank,blank", "duplicate key 'blank'"),
         (
             "--device pvea-canopen,colour=red",
             "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, blank",
@@ -237,7 +237,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-isobus,return-ms=5001", "'5001' is not a valid spool time; accepted: 10–5000, in milliseconds"),
         ("--device pvea-canopen,stroke-ms=0.3", "'0.3' is not a valid spool time"),
         ("--device pvea-canopen,stroke-ms", "'stroke-ms' needs a value"),
-        ("--device pvea-canopen,stroke-ms=300,stroke-ms=300", "'stroke-ms' is given twice"),
+        ("--device pvea-canopen,stroke-ms=300,stroke-ms=300", "duplicate key 'stroke-ms'"),
         ("--device hat1000,stroke-ms=300", "'stroke-ms' applies to a valve's spool; a hat1000 has none"),
         ("--device hat3000,return-ms", "'return-ms' applies to a valve's spool; a hat3000 has none"),
         ("--device pvea-canopen,name", "'name' needs a value, as in name=…"),
@@ -250,7 +250,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "'-1' is not a valid serial number; accepted: 0–4294967295, or 0x0–0xFFFFFFFF",
         ),
         ("--device pvea-canopen,serial=0x100000000", "'0x100000000' is not a valid serial number"),
-        ("--device pvea-canopen@1,name=a --device pvea-canopen@2,name=a", "the name 'a' is given twice"),
+        ("--device pvea-canopen@1,name=a --device pvea-canopen@2,name=a", "duplicate device name 'a'"),
         ("--device hat1000@0", "'0' is not a valid node ID of hat1000; accepted: 1–127, or 0x01–0x7F"),
         ("--device hat1000,bit-rate", "'bit-rate' needs a value, as in bit-rate=…"),
         (
@@ -260,28 +260,28 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-isobus,bit-rate=500k", "'500k' is not a valid bit rate of pvea-isobus; accepted: 250000"),
         (
             "--device hat1000 --device hat3000",
-            "hat1000 and hat3000 both have node ID 0x01; give each its own with @ID, or --allow-clash",
+            "hat1000 and hat3000 both have node ID 0x01; give each its own with @ID, or use --allow-clash",
         ),
         ("--link pvea-canopen", "'pvea-canopen' is not a link; accepted: VALVE=SENSOR"),
         ("--link a=b,speed=1", "unknown key 'speed'; accepted: rate=, min=, max="),
-        ("--link a=b,min=1,min=2", "'min' is given twice"),
-        ("--link a=b,rate=fast", "'fast' is not a valid rate; accepted: -3600000–3600000, in 1/100 degree a second"),
+        ("--link a=b,min=1,min=2", "duplicate key 'min'"),
+        ("--link a=b,rate=fast", "'fast' is not a valid rate; accepted: -3600000–3600000, in 1/100 degree per second"),
         ("--link a=b,max=36000", "'36000' is not a valid end stop; accepted: 0–35999, in 1/100 degree"),
-        ("--link a=b,min=9000", "min=9000 is not below max=9000"),
+        ("--link a=b,min=9000", "min=9000 must be below max=9000"),
         ("--link boom=hat1000", "--link: no valve 'boom' on the bus; accepted: pvea-canopen"),
         ("--link pvea-canopen=pvea-canopen", "no angle sensor 'pvea-canopen' on the bus; add one"),
         (
             "--device pvea-canopen --device pveo-canopen@2 --device hat1000 --link pvea-canopen=hat1000 \
              --link pveo-canopen=hat1000",
-            "--link: hat1000 is linked twice; accepted: one valve per sensor",
+            "--link: hat1000 is linked twice; a sensor follows one valve only",
         ),
         ("--device", "a value is required for '--device <KIND[@ID][,KEY=VALUE…]>' but none was supplied"),
-        ("--bus can0", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
+        ("--bus can0", "not a supported bus; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1:29536", "the bus has no name; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1/pve0", "the port is missing"),
         ("--bus slcan://127.0.0.1", "the port is missing; accepted: slcan://HOST:PORT"),
         ("--bus slcan://:7", "'' is not a valid host; accepted: slcan://HOST:PORT"),
-        ("--bus slcan://localhost:7/pve0", "'7/pve0' is not a valid port; accepted: 0–65535, 0 takes a free one"),
+        ("--bus slcan://localhost:7/pve0", "'7/pve0' is not a valid port; accepted: 0–65535, 0 selects a free one"),
         (
             "--bus udp-multicast://",
             "'' is not a multicast group with a port; accepted: udp-multicast://GROUP:PORT, as in",
@@ -290,13 +290,13 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--bus udp-multicast://239.74.163.2:0", "is not a multicast group with a port"),
         (
             "--bus udp-multicast://239.74.163.2:43113 --bus udp-multicast://239.74.163.2",
-            "--bus udp-multicast://239.74.163.2:43113 is given twice; accepted: once",
+            "duplicate --bus udp-multicast://239.74.163.2:43113",
         ),
         ("--bus socketcand://:29536/pve0", "'' is not a valid host"),
         ("--bus socketcand://::1:29536/pve0", "'::1' is not a valid host"),
         (
             "--bus socketcand://127.0.0.1:65536/pve0",
-            "'65536' is not a valid port; accepted: 0–65535, 0 takes a free one",
+            "'65536' is not a valid port; accepted: 0–65535, 0 selects a free one",
         ),
         ("--bus socketcand://127.0.0.1:0/a>b", "'a>b' is not a valid bus name; accepted: 1–32 letters, digits"),
         (
@@ -305,18 +305,18 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ),
         ("--bit-rate fast", "not a bit rate of CiA 301"),
         ("--bit-rate 99999999k", "not a bit rate of CiA 301"),
-        ("--speed 0", "accepted: a number above 0, as in 1, 0.5 or 100"),
-        ("--speed=-1", "accepted: a number above 0"),
-        ("--speed inf", "accepted: a number above 0"),
-        ("--speed NaN", "accepted: a number above 0"),
-        ("--speed steps", "accepted: a number above 0, as in 1, 0.5 or 100, or step"),
-        ("--speed step --no-http", "--speed step: the control interface advances time; omit --no-http"),
+        ("--speed 0", "must be a number above 0, as in 1, 0.5 or 100"),
+        ("--speed=-1", "must be a number above 0"),
+        ("--speed inf", "must be a number above 0"),
+        ("--speed NaN", "must be a number above 0"),
+        ("--speed steps", "must be a number above 0, as in 1, 0.5 or 100, or step"),
+        ("--speed step --no-http", "--speed step needs the control interface; remove --no-http"),
         ("--speed 1 --speed 2", "'--speed <FACTOR|step>' cannot be used multiple times"),
-        ("--http 8408", "accepted: ADDR:PORT, as in 127.0.0.1:8408, port 0 takes a free one"),
+        ("--http 8408", "must be ADDR:PORT, as in 127.0.0.1:8408; port 0 selects a free one"),
         ("--http 127.0.0.1:0 --no-http", "cannot be used with '--no-http'"),
-        ("--http 0.0.0.0:8408", "--http 0.0.0.0:8408: other machines could reach it; accepted: a loopback address"),
-        ("--http [2001:db8::1]:8408", "or --allow-remote"),
-        ("--device pvea-canopen,name=http", "'http' is reserved for the control interface; accepted: another name"),
+        ("--http 0.0.0.0:8408", "--http 0.0.0.0:8408: other machines could reach this address; use a loopback address"),
+        ("--http [2001:db8::1]:8408", "or add --allow-remote"),
+        ("--device pvea-canopen,name=http", "'http' is reserved for the control interface; use another name"),
         ("--device pvea-canopen,name=con", "'con' is reserved as a file name on Windows"),
         ("--device pvea-canopen,name=lpt1", "'lpt1' is reserved as a file name on Windows"),
         ("--log-overwrite", "the following required arguments were not provided: --log <FILE>"),
@@ -342,8 +342,8 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("dbc hat1000", "<pvea-isobus|pveo-isobus>': this kind has no DBC: pve-sim eds hat1000"),
         ("dbc", "<pvea-isobus|pveo-isobus>"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
-        ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
-        ("--seed x", "accepted: a whole number, 0–18446744073709551615"),
+        ("use-case 7", "unknown use case; accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
+        ("--seed x", "must be a whole number, 0–18446744073709551615"),
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
         (
             "runn",
@@ -411,13 +411,10 @@ fn interfaces_of_the_kernel() {
     let buses: Vec<_> = options.buses.iter().map(ToString::to_string).collect();
     assert_eq!(buses, ["socketcan:vcan0", "socketcand://127.0.0.1:0/pve0", "socketcan:can1"]);
     for (line, expected) in [
-        (
-            "--bus socketcan:vcan0 --speed 2",
-            "--speed 2 with --bus socketcan:vcan0: an interface runs at --speed 1 only",
-        ),
-        ("--bus socketcan:a --speed step", "--speed step with --bus socketcan:a: an interface runs at --speed 1 only"),
+        ("--bus socketcan:vcan0 --speed 2", "--speed 2 with --bus socketcan:vcan0: this interface needs --speed 1"),
+        ("--bus socketcan:a --speed step", "--speed step with --bus socketcan:a: this interface needs --speed 1"),
         ("--bus socketcan:a --bus socketcan:b --speed 0.5", "--speed 0.5 with --bus socketcan:a"),
-        ("--bus socketcan:vcan0 --bus socketcan:vcan0", "--bus socketcan:vcan0 is given twice"),
+        ("--bus socketcan:vcan0 --bus socketcan:vcan0", "duplicate --bus socketcan:vcan0"),
         ("--bus socketcan:", "'' is not a valid interface name; accepted: 1–15 characters, as in vcan0"),
         ("--bus socketcan:a/b", "'a/b' is not a valid interface name"),
         ("--bus socketcan:sixteen-letters0", "'sixteen-letters0' is not a valid interface name"),
@@ -455,7 +452,7 @@ fn a_path_for_a_terminal() {
     assert_eq!(run("--bus slcan+pty:/tmp/pve0").buses[0].to_string(), "slcan+pty:/tmp/pve0");
     assert!(
         refused("--bus slcan+pty:")
-            .contains("'' is not a valid path for a link; accepted: slcan+pty:PATH, without blanks")
+            .contains("'' is not a valid path for a link; accepted: slcan+pty:PATH, without spaces")
     );
 }
 
@@ -463,6 +460,7 @@ fn a_path_for_a_terminal() {
 #[test]
 fn terminals_are_on_unix() {
     assert!(
-        refused("--bus slcan+pty:/tmp/pve0").contains("slcan+pty:PATH exists on Unix only; accepted: socketcand://")
+        refused("--bus slcan+pty:/tmp/pve0")
+            .contains("slcan+pty:PATH is available on Unix only; accepted: socketcand://")
     );
 }

@@ -1,4 +1,4 @@
-//! The event stream of the control interface: frames, errors and device changes for its followers.
+//! The event stream of the control interface: sends frames, errors and device changes to followers, its clients.
 
 use std::sync::{Arc, OnceLock};
 
@@ -13,13 +13,13 @@ use hal_sim::simulation::{BusTrouble, Happened, Passed, Refusal, Simulation};
 use hal_sim::state::{DeviceState, PlantState};
 use hal_sim::world::{NodeId, World};
 
-/// The capacity of a follower's queue: about a second of a fully loaded bus. A slower follower loses the oldest events.
+/// The queue capacity of a follower: about a second of a fully loaded bus. A slower follower loses the oldest events.
 const WAITING: usize = 4096;
 
-/// The most followers.
+/// The maximum number of followers.
 pub(crate) const FOLLOWERS: usize = 64;
 
-/// The interval of positions while they change, in wall time.
+/// The wall-time interval between reports of a changing position.
 const SAMPLE: Duration = Duration::from_millis(20);
 
 /// An event, serialised once for all followers.
@@ -33,7 +33,7 @@ pub(crate) struct ControlEvent {
 enum What {
     /// A frame on the bus, with its meaning.
     Frame(Passed, String),
-    /// An error of the bus.
+    /// A bus error.
     Error(BusTrouble),
     /// A changed device.
     Device(DeviceState),
@@ -59,30 +59,30 @@ impl ControlEvent {
     }
 }
 
-/// Returns a value as JSON. All numbers and texts of this interface have a JSON form.
+/// Serialises a value as JSON, which cannot fail for the types of this interface.
 pub(crate) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// A subscription to events from an instant on.
+/// A subscription to the events after an instant.
 #[derive(Debug)]
 pub struct Subscription {
-    /// The devices at that instant.
+    /// The device states at that instant.
     pub(crate) states: Vec<DeviceState>,
     pub(crate) events: broadcast::Receiver<Arc<ControlEvent>>,
-    /// The handle of the follower, which counts until it is dropped.
+    /// The follower counts as connected until this handle is dropped.
     pub(crate) follower: Follower,
 }
 
-/// The handle of a follower.
+/// A handle that counts one follower.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Follower(Arc<()>);
 
-/// The sender of events to followers.
+/// Sends events to the followers.
 #[derive(Debug)]
 pub(crate) struct Events {
     channel: broadcast::Sender<Arc<ControlEvent>>,
-    /// The handle of this end.
+    /// The handle of the sender, from which the handles of followers are cloned.
     follower: Follower,
     /// The last reported state of each device.
     told: Vec<(NodeId, Kind, Told)>,
@@ -100,7 +100,7 @@ struct Told {
 }
 
 impl Events {
-    /// Starts without followers; `speed` is that of virtual time.
+    /// Creates an event stream without followers; `speed` is the factor of virtual time.
     pub(crate) fn new(speed: f64, simulation: &mut Simulation) -> Self {
         let devices = simulation.devices().to_vec();
         let world = simulation.world_mut();
@@ -118,9 +118,9 @@ impl Events {
     /// Adds a follower.
     pub(crate) fn subscribe(&mut self, simulation: &mut Simulation) -> Result<Subscription, Refusal> {
         if self.followers() >= FOLLOWERS {
-            return Err(Refusal::TooMany("too many clients follow the events"));
+            return Err(Refusal::TooMany("too many clients of the event stream"));
         }
-        // Earlier followers get pending changes first; without followers, the states are reset.
+        // Existing followers receive pending changes first; without followers, the reported states are reset.
         self.poll(simulation);
         if !self.is_followed() {
             let world = simulation.world_mut();
@@ -142,7 +142,7 @@ impl Events {
         Arc::strong_count(&self.follower.0) - 1
     }
 
-    /// Sends an event on the bus, explained by `explainer`.
+    /// Sends a bus event with the meaning that `explainer` returns.
     pub(crate) fn show(&self, happened: &Happened, explainer: &Explainer) {
         if !self.is_followed() {
             return;
@@ -155,7 +155,7 @@ impl Events {
         }
     }
 
-    /// Sends the changed devices; positions only at sample times.
+    /// Sends the states of changed devices; a changed position is sent at sample times only.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         if !self.is_followed() {
             return;
@@ -192,7 +192,7 @@ impl Told {
         Self { view: world.view(node), plant: PlantState::of(node, world) }
     }
 
-    /// Returns the state without the values that change by themselves.
+    /// Returns the state without the values that change continuously, such as the position.
     fn at_rest(&self) -> Self {
         let view = self.view.clone().map(|view| View { position: 0, ..view });
         Self { view, plant: self.plant.at_rest() }

@@ -1,4 +1,4 @@
-//! The messages of the control interface to the world, and their answers.
+//! The messages from the control interface to the world, and the return path of the answers.
 
 use protocol_core::time::Duration;
 use serde::Serialize;
@@ -9,8 +9,8 @@ use super::events::Subscription;
 use hal_sim::simulation::{BusState, Command, Excerpt, Refusal, Reply};
 use hal_sim::state::{DeviceState, FaultRecord};
 
-/// A message to the world. It takes effect at the virtual instant of its arrival, and its answer describes a single
-/// instant.
+/// A message to the world. The message takes effect at the virtual instant of its arrival, and the answer describes
+/// a single instant.
 #[derive(Debug)]
 pub enum Message {
     /// Executes a command; answers with its reply.
@@ -27,9 +27,9 @@ pub enum Message {
     Time(Answer<Time>),
     /// Advances stepped virtual time.
     Advance(Duration, Answer<Time>),
-    /// Reads the last frames, up to a number.
+    /// Reads the latest frames, up to this number.
     Trace(usize, Answer<Excerpt>),
-    /// Subscribes to events from now on.
+    /// Subscribes to all future events.
     Subscribe(Answer<Subscription>),
 }
 
@@ -46,17 +46,17 @@ pub struct Time {
     pub speed: SpeedValue,
 }
 
-/// A speed of virtual time.
+/// The speed of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum SpeedValue {
-    /// A factor against wall time.
+    /// A factor of wall time.
     Factor(f64),
-    /// Time advances only on command.
+    /// Time advances only by `POST /time`.
     Step(StepWord),
 }
 
-/// The word for stepped time.
+/// The word for stepped time in JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StepWord {

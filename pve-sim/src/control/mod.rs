@@ -1,5 +1,5 @@
-//! The control interface at the world's end: it executes messages, and watches the world for waiting and following
-//! clients.
+//! The world's side of the control interface: executes messages, and monitors the world for clients that wait or
+//! follow the events.
 //!
 //! ```text
 //! message     messages to the world, and their answers
@@ -8,7 +8,7 @@
 //! ```
 //!
 //! The world executes each message at the virtual instant of its arrival, and an answer describes a single instant.
-//! Only the server touches the world, and it never waits for a client.
+//! Only the server accesses the world, and the server never waits for a client.
 
 pub(crate) mod events;
 pub(crate) mod message;

@@ -1,4 +1,4 @@
-//! The control server: the world's end of the control interface.
+//! The control server, which executes the messages of the control interface.
 
 use std::collections::VecDeque;
 
@@ -9,14 +9,14 @@ use hal_sim::devices::CONTROL;
 use hal_sim::simulation::{Command, Executed, Happened, Refusal, Reply, Simulation, Ticket};
 use protocol_core::time::Instant;
 
-/// The control server: it hands commands to the simulation, and replies to their callers.
+/// The control server: passes commands to the simulation and replies to the callers.
 #[derive(Debug)]
 pub(crate) struct ControlServer {
     speed: Speed,
     events: Events,
     /// The pending commands.
     pending: Vec<(Ticket, Caller)>,
-    /// The queued commands that take time, for stepped time: executed one after the other.
+    /// The queue of commands that take time; stepped time executes them one after the other.
     queue: VecDeque<(Command, Caller)>,
 }
 
@@ -39,12 +39,12 @@ impl ControlServer {
         Self { speed, events, pending: Vec::new(), queue: VecDeque::new() }
     }
 
-    /// Executes a message at the world's instant.
+    /// Executes a message at the current instant of the world.
     pub(crate) fn execute(&mut self, message: Message, simulation: &mut Simulation) {
         match message {
             Message::Execute(command, answer) => self.take(command, Caller::Reply(answer), simulation),
             Message::Advance(_, answer) if self.speed != Speed::Step => answer
-                .send(Err(Refusal::Conflict("time advances by itself; accepted with --speed step only".to_owned()))),
+                .send(Err(Refusal::Conflict("time advances automatically; this call needs --speed step".to_owned()))),
             Message::Advance(span, answer) => self.take(Command::Advance(span), Caller::Time(answer), simulation),
             Message::Devices(answer) => answer.send(Ok(simulation.states())),
             Message::Device(name, answer) => answer.send(simulation.state(&name)),
@@ -57,10 +57,10 @@ impl ControlServer {
         self.poll(simulation);
     }
 
-    /// Begins a command at once; with stepped time, a command that takes time waits for its turn.
+    /// Executes a command immediately; with stepped time, queues a command that takes time.
     fn take(&mut self, command: Command, caller: Caller, simulation: &mut Simulation) {
         if self.speed == Speed::Step && command.takes_time() {
-            // The limit of waiting calls bounds the rest of the queue.
+            // The limit on waiting calls bounds the remaining queue.
             self.queue.retain(|(_, caller)| !caller.is_gone());
             self.queue.push_back((command, caller));
         } else {
@@ -77,12 +77,12 @@ impl ControlServer {
         self.poll(simulation);
     }
 
-    /// Sends an event to the followers. To be called for each event in order, before [`poll`](Self::poll).
+    /// Sends an event to the followers. Call this for each event in order, before [`poll`](Self::poll).
     pub(crate) fn show(&self, happened: &Happened, simulation: &Simulation) {
         self.events.show(happened, simulation.history().explainer());
     }
 
-    /// Replies to completed commands; to be called after every step of the simulation.
+    /// Replies to the callers of completed commands. Call this after every step of the simulation.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         for (gone, _) in self.pending.extract_if(.., |(_, caller)| caller.is_gone()) {
             simulation.forget(gone);
@@ -103,7 +103,7 @@ impl ControlServer {
         }
     }
 
-    /// Returns the next due time of the event stream.
+    /// Returns the time of the next position sample of the event stream.
     pub(crate) fn due(&self) -> Instant {
         self.events.due()
     }
@@ -113,7 +113,7 @@ impl ControlServer {
         self.events.is_followed()
     }
 
-    /// Returns the advance limit of stepped time for the current command; `None` without one.
+    /// Returns the advance limit of stepped time for the current command; `None` if no command is pending.
     pub(crate) fn advance_limit(&mut self, simulation: &mut Simulation) -> Option<Instant> {
         loop {
             self.poll(simulation);
@@ -121,7 +121,7 @@ impl ControlServer {
                 return simulation.advance_limit();
             }
             let (command, caller) = self.queue.pop_front()?;
-            // A client that is gone loses its turn.
+            // The command of a disconnected client is skipped.
             if !caller.is_gone() {
                 self.begin(command, caller, simulation);
             }

@@ -1,4 +1,4 @@
-//! The interface of gateways: a URL scheme, the address in such a URL, and the gateway opened there.
+//! The traits of gateways: the URL scheme, the address in a URL, and the open gateway.
 
 use std::fmt::{Debug, Display};
 use std::io;
@@ -9,15 +9,15 @@ use tokio::sync::Semaphore;
 
 use crate::inbox::WorldSender;
 
-/// The name of a bus whose URL has none.
+/// The name of a bus whose URL contains no name.
 const UNNAMED: &str = "pve0";
 
 /// A URL scheme of `--bus`.
 #[derive(Debug)]
 pub struct Scheme {
-    /// The prefix of its URLs, unique among the schemes.
+    /// The URL prefix, unique among the schemes.
     pub prefix: &'static str,
-    /// The form of its URLs, for messages.
+    /// The URL form shown in messages.
     pub form: &'static str,
     /// The parser of the text after the prefix.
     pub parse: Parse,
@@ -26,25 +26,26 @@ pub struct Scheme {
 /// The parser of a URL.
 #[derive(Debug)]
 pub enum Parse {
-    /// A function; its error has the reason and the accepted form.
+    /// A parser function; its error states the reason and the accepted form.
     With(fn(&str) -> Result<Arc<dyn Address>, String>),
-    /// A refusal on this system; the error names the systems that support the scheme.
+    /// The scheme is not supported on this system; the error names the systems that support it.
     OnlyOn(&'static str),
 }
 
-/// The address of a bus. It prints as its URL.
+/// The address of a bus; `Display` prints the URL.
 pub trait Address: Debug + Display + Send + Sync {
     /// Returns the name of the bus in traces and logs.
     fn name(&self) -> &str {
         UNNAMED
     }
 
-    /// Returns whether the peers run in wall time only.
+    /// Returns whether the bus can run in wall time only.
     fn is_real_time(&self) -> bool {
         false
     }
 
-    /// Returns whether the address is a bus shared with others. Joined twice, it would circulate each frame forever.
+    /// Returns whether the address is a bus shared with other programs. If it were joined twice, each frame would
+    /// circulate forever.
     fn is_shared(&self) -> bool {
         false
     }
@@ -54,31 +55,31 @@ pub trait Address: Debug + Display + Send + Sync {
         false
     }
 
-    /// Opens the gateway. Needs a Tokio runtime.
+    /// Opens the gateway; requires a Tokio runtime.
     fn open(&self, access: Access) -> Opening<'_>;
 }
 
-/// The opening of a gateway.
+/// The future that opens a gateway.
 pub type Opening<'a> = Pin<Box<dyn Future<Output = Result<Box<dyn Gateway>, OpenError>> + Send + 'a>>;
 
 /// The visibility of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Access {
-    /// Beacons announce it.
+    /// Whether beacons announce the bus.
     pub beacon: bool,
-    /// Frames pass between this machine and others, where the URL does not decide.
+    /// Whether frames pass between this machine and others, unless the URL decides.
     pub remote: bool,
 }
 
-/// An open gateway without clients. Dropping it closes it.
+/// An open gateway that does not serve clients yet; drop closes the gateway.
 pub trait Gateway: Send {
-    /// Returns the URL at which the bus is reachable, with the port that was bound.
+    /// Returns the URL of the bus with the bound port.
     fn url(&self) -> String;
 
     /// Returns an example command for joining.
     fn hint(&self) -> String;
 
-    /// Serves clients on the caller's runtime until that ends. Each client of a server takes one of the places.
+    /// Serves clients until the caller's runtime ends. Each client of a server occupies one of the places.
     fn start(self: Box<Self>, world: WorldSender, places: Arc<Semaphore>);
 }
 
@@ -88,7 +89,7 @@ pub trait Gateway: Send {
 pub struct OpenError(String);
 
 impl OpenError {
-    /// Returns an error with this text.
+    /// Creates an error with this text.
     pub fn new(reason: impl Into<String>) -> Self {
         Self(reason.into())
     }

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use super::address::{Address, Parse, Scheme};
 use super::{slcan, socketcan, socketcand, udp_multicast};
 
-/// All gateways, one line each.
+/// The schemes of all gateways.
 const SCHEMES: [&Scheme; 5] =
     [&socketcand::SCHEME, &socketcan::SCHEME, &slcan::TCP, &slcan::PTY, &udp_multicast::SCHEME];
 
-/// The URL of a bus. URLs are equal when they print the same.
+/// The URL of a bus. URLs are equal if they print equally.
 #[derive(Clone, Debug)]
 pub struct BusUrl(Arc<dyn Address>);
 
@@ -52,14 +52,16 @@ impl FromStr for BusUrl {
             let Some(rest) = text.strip_prefix(scheme.prefix) else { continue };
             return match scheme.parse {
                 Parse::With(parse) => parse(rest).map(Self),
-                Parse::OnlyOn(systems) => Err(format!("{} exists on {systems} only; {}", scheme.form, accepted())),
+                Parse::OnlyOn(systems) => {
+                    Err(format!("{} is available on {systems} only; {}", scheme.form, accepted()))
+                }
             };
         }
-        Err(format!("not a bus that can be served; {}", accepted()))
+        Err(format!("not a supported bus; {}", accepted()))
     }
 }
 
-/// Returns the schemes of this system.
+/// Returns the schemes supported on this system.
 fn accepted() -> String {
     let here = SCHEMES.iter().filter(|scheme| matches!(scheme.parse, Parse::With(_)));
     let forms: Vec<&str> = here.map(|scheme| scheme.form).collect();

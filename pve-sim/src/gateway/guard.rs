@@ -1,9 +1,9 @@
-//! The guard of gateways over TCP: no web page drives the bus.
+//! The guard of gateways over TCP: prevents web pages from sending to the bus.
 //!
 //! A page can make its browser connect to any port of this machine, and chooses the body of the request. The browser
-//! writes the first bytes: a request line begins with a method and a blank (RFC 9112 3; `fetch` accepts any token as
-//! the method, even `t1230`), TLS begins with 0x16, STUN over TCP (WebRTC) with 0x00. A connection whose first bytes no
-//! client of the protocol would send is closed before any of it takes effect.
+//! writes the first bytes: a request line begins with a method and a space (RFC 9112 3; `fetch` accepts any token as
+//! the method, even `t1230`), TLS begins with 0x16, STUN over TCP (WebRTC) with 0x00. The guard closes a connection
+//! whose first bytes cannot come from a client of the protocol, before any byte takes effect.
 
 use std::io;
 use std::pin::Pin;
@@ -18,19 +18,19 @@ use crate::inbox::{ToWorld, WorldSender};
 /// The verdict on the first bytes of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Verdict {
-    /// The bytes can begin both a message of the protocol and a browser's request.
+    /// Undecided: both a message of the protocol and a browser's request can begin like this.
     #[default]
     Undecided,
-    /// The bytes begin a message of the protocol only.
+    /// Only a message of the protocol can begin like this.
     Client,
-    /// The bytes begin no message of the protocol.
+    /// No message of the protocol begins like this.
     Foreign,
 }
 
-/// The judge of one byte; all earlier bytes were undecided.
+/// Judges one byte; all earlier bytes were undecided.
 pub type Judge = fn(u8) -> Verdict;
 
-/// A reader that fails permanently at the first foreign byte, and drops the read that has it.
+/// A reader that fails permanently at the first foreign byte, and discards the read that contains it.
 #[derive(Debug)]
 pub(super) struct Guarded<R> {
     reader: R,
@@ -40,7 +40,7 @@ pub(super) struct Guarded<R> {
 }
 
 impl<R> Guarded<R> {
-    /// Returns a reader with a judge, and the warning of its bus.
+    /// Creates a reader with a judge and the warning of the bus.
     pub(super) fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
         Self { reader, judge, verdict: Verdict::Undecided, warning }
     }
@@ -76,7 +76,7 @@ pub struct ForeignWarning {
 }
 
 impl ForeignWarning {
-    /// Returns the warning of the bus at this URL.
+    /// Creates the warning for the bus at this URL.
     #[must_use]
     pub const fn new(url: String, world: WorldSender) -> Self {
         Self { url, world, has_told: AtomicBool::new(false) }
@@ -85,7 +85,7 @@ impl ForeignWarning {
     fn tell(&self) {
         if !self.has_told.swap(true, Ordering::Relaxed) {
             self.world.tell(ToWorld::Warn(format!(
-                "{}: closed a connection that does not speak this protocol, perhaps a web page's; further ones are \
+                "{}: closed a connection that does not use this protocol, perhaps from a web page; further ones are \
                  closed without a warning",
                 self.url
             )));

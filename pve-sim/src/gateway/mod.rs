@@ -1,4 +1,4 @@
-//! Gateways: clients of the bus outside of the world.
+//! Gateways: connect clients outside the simulator to the bus.
 //!
 //! ```text
 //! bus_url      the URLs of --bus, with a line for every gateway

@@ -10,25 +10,25 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 use super::guard::Judge;
 use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Permits, Reply, ToClient, ToWorld, WorldSender};
 
-/// The protocol of one client: the handling of its requests, and the form of answers and frames.
+/// The protocol of one client: handles requests, and encodes answers and frames.
 pub trait Dialogue: Send {
-    /// The judge of the first bytes of a connection over TCP.
+    /// Judges the first bytes of a TCP connection.
     const JUDGE: Judge;
 
-    /// The answer to a client over TCP for which no place is free.
+    /// The answer to a TCP client when all places are taken.
     const NO_PLACE: &'static str;
 
-    /// The greeting of a client.
+    /// Returns the greeting that a new client receives.
     const GREETING: Option<&'static str>;
 
-    /// Returns whether the client has ever opened the bus; otherwise its session times out.
+    /// Returns whether the client has opened the bus at least once; otherwise the session times out.
     fn is_opened(&self) -> bool;
 
-    /// Executes the requests that end within these bytes.
+    /// Executes the requests that these bytes complete.
     fn hear(&mut self, bytes: &[u8], client: &Client) -> impl Future<Output = ()> + Send;
 
-    /// Returns the writer of messages: it appends each message in the client's protocol, and returns the pause after
-    /// it.
+    /// Returns the message writer: a function that appends a message in the client's protocol, and returns the pause
+    /// after it.
     fn emitter(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<Self>;
 }
 
@@ -41,7 +41,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Sends a message of this client to the world, once the client has a permit.
+    /// Sends a message of this client to the world as soon as a permit is available.
     pub(super) async fn tell(&self, message: ToWorld) {
         self.permits.spend().await;
         self.world.tell(message);
@@ -51,22 +51,22 @@ impl Client {
 /// The time limits of a client.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// The time to open the bus; `None`: unlimited.
+    /// The time limit for opening the bus; `None` is unlimited.
     pub(super) patience: Option<Duration>,
-    /// The time to read its last answers after its end of stream.
+    /// The time limit for reading the last answers after the client's end of stream.
     pub(super) farewell: Duration,
 }
 
 /// The reason for the end of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// The client is gone.
+    /// The client has disconnected.
     Left,
     /// The client did not read its messages in time.
     Dismissed,
 }
 
-/// Serves one client until it leaves, fails, or is dismissed because it does not keep up.
+/// Serves one client until it disconnects, fails, or is disconnected because it reads too slowly.
 pub(super) async fn serve(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
@@ -83,8 +83,8 @@ pub(super) async fn serve(
         () = client.permits.dismissed() => End::Dismissed,
         () = async {
             tokio::select! {
-                // After its end of stream, a client still gets its answers: the queue ends when the world has removed
-                // the client.
+                // After its end of stream, a client still receives pending answers: the queue ends when the world has
+                // removed the client.
                 () = &mut listen => drop(timeout(limits.farewell, write).await),
                 // A client that stopped reading may still have sent requests.
                 written = &mut write => if written.is_err() { listen.await },
@@ -95,7 +95,7 @@ pub(super) async fn serve(
     end
 }
 
-/// Reads from the client until its end of stream, or until it exceeds the time to open the bus.
+/// Reads from the client until its end of stream, or until the time limit for opening the bus expires.
 async fn listen<D: Dialogue>(
     mut reader: impl AsyncRead + Unpin,
     mut dialogue: D,
@@ -121,7 +121,7 @@ async fn listen<D: Dialogue>(
     client.world.tell(ToWorld::Leave(client.id));
 }
 
-/// Writes the queue, in as few writes as possible, until the world removes the client or the client is gone.
+/// Writes the queue in as few writes as possible until the world removes the client or the client disconnects.
 async fn write(
     mut writer: impl AsyncWrite + Unpin,
     mut queue: Receiver<ToClient>,

@@ -1,4 +1,4 @@
-//! Gateways over TCP: the listening address, the listening socket, and the single way in for accepted clients.
+//! Gateways over TCP: the listening address, the listening socket, and the admission of clients.
 
 use std::fmt;
 use std::io;
@@ -22,16 +22,16 @@ use crate::inbox::WorldSender;
 /// The delay after a failed accept, such as without a free descriptor.
 const RETRY: Duration = Duration::from_millis(50);
 
-/// The time that a client waits for a place: another client's leaving may still be on its way to the world.
+/// The time that a client waits for a place: the world may not have processed the disconnection of another client yet.
 const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
 
-/// The most clients of a listener that wait for a place; others are refused at once.
+/// The maximum number of clients that wait for a place; further clients are refused immediately.
 pub(crate) const WAITING: usize = 8;
 
-/// The time to open the bus: places are few.
+/// The time limit for opening the bus, because places are few.
 pub(super) const HANDSHAKE: Duration = Duration::from_secs(60);
 
-/// The time to read the last answers after the client's end of stream.
+/// The time limit for reading the last answers after the client's end of stream.
 pub(super) const FAREWELL: Duration = Duration::from_secs(10);
 
 /// An address to listen at.
@@ -39,26 +39,27 @@ pub(super) const FAREWELL: Duration = Duration::from_secs(10);
 pub(super) struct Endpoint {
     /// A name, an IPv4 address, or an IPv6 address in brackets.
     pub(super) host: String,
-    /// The TCP port; 0 takes a free one.
+    /// The TCP port; 0 selects a free one.
     pub(super) port: u16,
 }
 
 impl Endpoint {
-    /// Reads `HOST:PORT`, a part of a URL of this form.
+    /// Parses `HOST:PORT`; `form` is the URL form for the error.
     ///
     /// # Errors
-    /// The error, and the accepted form.
+    /// The reason, with the accepted form.
     pub(super) fn parse(text: &str, form: &str) -> Result<Self, String> {
         let (host, port) = text.rsplit_once(':').ok_or_else(|| format!("the port is missing; accepted: {form}"))?;
         if host.is_empty() || (host.contains(':') && !(host.starts_with('[') && host.ends_with(']'))) {
             return Err(format!("'{host}' is not a valid host; accepted: {form}"));
         }
-        let port =
-            port.parse().map_err(|_| format!("'{port}' is not a valid port; accepted: 0–65535, 0 takes a free one"))?;
+        let port = port
+            .parse()
+            .map_err(|_| format!("'{port}' is not a valid port; accepted: 0–65535, 0 selects a free one"))?;
         Ok(Self { host: host.to_owned(), port })
     }
 
-    /// Binds the address. `url` writes the URL with another endpoint, for the remedy when the port is in use.
+    /// Binds the address. `url` formats the URL with another endpoint, for the remedy when the port is in use.
     ///
     /// # Errors
     /// When the host cannot be resolved, or the port is in use.
@@ -67,7 +68,7 @@ impl Endpoint {
             Ok(listener) => Ok(Listener { address: listener.local_addr()?, listener }),
             Err(error) if error.kind() == io::ErrorKind::AddrInUse => {
                 let free = url(&Self { port: 0, ..self.clone() });
-                Err(OpenError::new(format!("{error}; does another pve-sim run? --bus {free} takes a free port")))
+                Err(OpenError::new(format!("{error}; is another pve-sim running? --bus {free} selects a free port")))
             }
             Err(error) => Err(error.into()),
         }
@@ -89,7 +90,7 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// Serves clients forever, each with a dialogue and a place of its own. A client without a place is told so and
+    /// Serves clients forever, each with its own dialogue and place. A client without a place receives an error and is
     /// disconnected. The first foreign connection is reported to the user; `url` names the bus in that report.
     pub(super) async fn run<D: Dialogue + 'static>(
         self,
@@ -120,8 +121,8 @@ impl Listener {
     }
 }
 
-/// Serves a client over TCP that has a place, until it leaves or is dismissed. A connection that does not begin like a
-/// client's is closed before any of it takes effect.
+/// Serves a TCP client that has a place, until it disconnects or is dismissed. A connection that does not begin like a
+/// client of the protocol is closed before any byte takes effect.
 pub async fn enter<D: Dialogue>(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
@@ -133,7 +134,7 @@ pub async fn enter<D: Dialogue>(
     serve(Guarded::new(reader, D::JUDGE, warning), writer, world, limits, dialogue).await
 }
 
-/// Returns a free place; if there is none, waits for one unless too many clients wait already.
+/// Returns a free place; if all are taken, waits for one unless too many clients already wait.
 async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemaphorePermit> {
     if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
         return Some(place);
@@ -143,14 +144,14 @@ async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemap
 }
 
 fn halves(stream: TcpStream) -> (Prompt, OwnedWriteHalf) {
-    // Without TCP_NODELAY, frames would wait for the acknowledgement of earlier ones. If the socket refuses it, the
-    // client is only served later.
+    // Without TCP_NODELAY, frames would wait for the acknowledgement of earlier ones. If the socket refuses the option,
+    // the client is merely served later.
     let _ = stream.set_nodelay(true);
     let (reader, writer) = stream.into_split();
     (Prompt(reader), writer)
 }
 
-/// A connection whose reads are acknowledged at once: a client without TCP_NODELAY holds its next frame back until
+/// A connection that acknowledges each read immediately: a client without TCP_NODELAY holds back its next frame until
 /// then. Linux resets the option, so it is set again after each read.
 pub(super) struct Prompt(OwnedReadHalf);
 
@@ -185,7 +186,7 @@ mod tests {
         let taken = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let endpoint = Endpoint::parse(&taken.local_addr().expect("its address").to_string(), "").expect("an endpoint");
         let told = endpoint.bind(way_out).await.expect_err("it is taken").to_string();
-        assert!(told.ends_with("does another pve-sim run? --bus slcan://127.0.0.1:0 takes a free port"), "{told}");
+        assert!(told.ends_with("is another pve-sim running? --bus slcan://127.0.0.1:0 selects a free port"), "{told}");
         let elsewhere = Endpoint::parse("192.0.2.1:0", "").expect("an endpoint");
         let told = elsewhere.bind(way_out).await.expect_err("no address of this machine").to_string();
         assert!(!told.contains("--bus"), "{told}");

@@ -1,4 +1,4 @@
-//! The connections of clients, limited in number: a new one replaces the one that has been idle for longest.
+//! The client connections, limited in number: a new connection replaces the one that has been idle longest.
 
 use std::io;
 use std::net::SocketAddr;
@@ -11,7 +11,7 @@ use std::time::Instant;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::{Notify, Semaphore, SemaphorePermit};
 
-/// A connection.
+/// A client connection.
 #[derive(Debug)]
 pub(super) struct Connection {
     /// The local address of the connection.
@@ -42,12 +42,12 @@ impl Connection {
         Asking(self)
     }
 
-    /// Returns a permit to wait for virtual time; `None` when all are taken.
+    /// Returns a permit to wait for virtual time; `None` if all are taken.
     pub(super) fn wait(&self) -> Option<SemaphorePermit<'_>> {
         self.waits.try_acquire().ok()
     }
 
-    /// Waits until the connection is dismissed.
+    /// Waits until the connection has to close.
     pub(super) async fn dismissed(&self) {
         self.dismissed.notified().await;
     }
@@ -79,14 +79,14 @@ pub(super) struct Connections {
 }
 
 impl Connections {
-    /// Returns a set with a capacity. Calls that wait for virtual time may take half of it: their connections are never
-    /// dismissed, and others must be served, too.
+    /// Creates a set of this capacity. Calls that wait for virtual time may occupy half of it: their connections are
+    /// never closed, and other clients must still be served.
     pub(super) fn new(places: usize) -> Self {
         let waits = Arc::new(Semaphore::new((places / 2).max(1)));
         Self { places, waits, all: Mutex::default() }
     }
 
-    /// Admits a new connection, if need be in place of the longest idle one; `None` when all have pending requests.
+    /// Admits a new connection; a full set closes the connection idle longest. `None` if all have pending requests.
     pub(super) fn admit(&self, local: SocketAddr) -> Option<Arc<Connection>> {
         let mut all = self.lock();
         if all.len() >= self.places {

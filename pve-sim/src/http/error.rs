@@ -1,4 +1,4 @@
-//! Refusals as JSON, and the readers of requests.
+//! Error responses as JSON, and the extractors of request bodies, queries and names.
 
 use std::time::Duration;
 
@@ -18,14 +18,14 @@ use hal_sim::simulation::Refusal;
 use hal_sim::state::Invalid;
 use hal_sim::state::schema::{Schemas, with_whole_numbers};
 
-/// The reason why a request was refused; nothing has changed.
+/// The JSON body of an error response; the request has changed nothing.
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct Error {
     /// The reason.
     pub(super) error: String,
 }
 
-/// A refusal with its status.
+/// A refused request, with its status.
 #[derive(Debug)]
 pub(super) enum Failure {
     /// Refused before it reached the world.
@@ -35,19 +35,19 @@ pub(super) enum Failure {
 }
 
 impl Failure {
-    /// Returns the refusal of an invalid value.
+    /// Creates the error for an invalid value.
     pub(super) fn bad_request(error: impl Into<String>) -> Self {
         Self::Request(StatusCode::BAD_REQUEST, error.into())
     }
 
-    /// Returns the refusal of a simulator that is ending.
+    /// Creates the error of a simulator that is shutting down.
     pub(super) fn ending() -> Self {
-        Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator is ending".to_owned())
+        Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator is shutting down".to_owned())
     }
 
-    /// Returns the refusal of a waiting call beyond the limit.
+    /// Creates the error for a waiting call beyond the limit.
     pub(super) fn crowded() -> Self {
-        let error = "too many calls wait for virtual time; try again later".to_owned();
+        let error = "too many calls are waiting for virtual time; try again later".to_owned();
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, error)
     }
 }
@@ -87,7 +87,7 @@ const fn status(refusal: &Refusal) -> StatusCode {
     }
 }
 
-/// The time to send the body of a request.
+/// The time limit for receiving the body of a request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The body of a request, as JSON.
@@ -125,13 +125,13 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> fo
 /// The beginning of the message about a duplicate member.
 const TWICE: &str = "duplicate field `";
 
-/// Returns the refusal of an invalid JSON body, or one with a duplicate member, without the framework's own words.
+/// Creates the error for invalid JSON or a duplicate member, without the framework's own wording.
 fn not_json(error: &dyn std::error::Error) -> Failure {
     let first = std::iter::successors(Some(error), |error| error.source()).last();
     let reason = first.map_or_else(String::new, ToString::to_string);
     let twice = reason.strip_prefix(TWICE).and_then(|rest| rest.split_once('`'));
     Failure::bad_request(match twice {
-        Some((member, _)) => format!("{member} is given twice; accepted: once"),
+        Some((member, _)) => format!("duplicate member {member}"),
         None => format!("the body is not JSON: {reason}"),
     })
 }
@@ -151,7 +151,7 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequestParts<
         for (key, text) in pairs {
             let value = schemas.value_of(&T::name(), &key, &text);
             if query.insert(key.clone(), value).is_some() {
-                return Err(Failure::bad_request(format!("{key} is given twice; accepted: once")));
+                return Err(Failure::bad_request(format!("duplicate parameter {key}")));
             }
         }
         let query = Value::Object(query);

@@ -1,5 +1,5 @@
-//! The guard of the control interface: it refuses requests for a host name that another site has bound to this address
-//! (DNS rebinding), and requests of other sites' pages.
+//! The guard of the control interface: refuses requests for a host name that another site has bound to this address
+//! (DNS rebinding), and requests from pages of other sites.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -16,46 +16,46 @@ use super::error::Failure;
 
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
-/// Passes or refuses a request.
+const FOREIGN: &str = "requests from pages of other sites are refused";
+
+/// Passes an allowed request on, and answers any other with 403.
 pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, request: Request, next: Next) -> Response {
     match check(&request, connection.local()) {
         Ok(()) => next.run(request).await,
-        Err(refusal) => Failure::Request(StatusCode::FORBIDDEN, refusal.to_owned()).into_response(),
+        Err(refusal) => Failure::Request(StatusCode::FORBIDDEN, refusal).into_response(),
     }
 }
 
-fn check(request: &Request, local: SocketAddr) -> Result<(), &'static str> {
+fn check(request: &Request, local: SocketAddr) -> Result<(), String> {
     let headers = request.headers();
-    let host = only(headers, &header::HOST)?.ok_or("a request without Host is refused")?;
+    let host = only(headers, &header::HOST)?.ok_or("the Host header is missing")?;
     let target = request.uri().authority().map(Authority::as_str);
     if !is_own(host, local.ip()) || target.is_some_and(|target| !is_own(target, local.ip())) {
-        return Err("the Host is neither loopback nor the address of this server");
+        return Err("the Host is neither loopback nor the address of this server".to_owned());
     }
     if let Some(origin) = only(headers, &header::ORIGIN)?
         && origin.strip_prefix("http://") != Some(host)
     {
-        return Err("requests of other sites' pages are refused");
+        return Err(FOREIGN.to_owned());
     }
     match only(headers, &FETCH_SITE)? {
-        Some("cross-site" | "same-site") if !request.method().is_safe() => {
-            Err("requests of other sites' pages are refused")
-        }
+        Some("cross-site" | "same-site") if !request.method().is_safe() => Err(FOREIGN.to_owned()),
         _ => Ok(()),
     }
 }
 
 /// Returns the value of a header, which must not be duplicated.
-fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>, &'static str> {
+fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>, String> {
     let mut values = headers.get_all(name).iter();
     match (values.next(), values.next()) {
         (None, _) => Ok(None),
-        (Some(value), None) => value.to_str().map(Some).map_err(|_| "a header is not text"),
-        (Some(_), Some(_)) => Err("a header is duplicated"),
+        (Some(value), None) => value.to_str().map(Some).map_err(|_| format!("header {name} is not printable ASCII")),
+        (Some(_), Some(_)) => Err(format!("duplicate header {name}")),
     }
 }
 
-/// Returns whether a host, with or without a port, is loopback or the local address of the connection. Anything else in
-/// it is refused, such as a user or the zone of an address.
+/// Returns whether a host, with or without a port, is loopback or the local address of the connection. False for a host
+/// with other parts, such as a user or an address zone.
 fn is_own(host: &str, local: IpAddr) -> bool {
     let name = match host.rsplit_once(':') {
         // A colon inside an IPv6 address.

@@ -21,12 +21,12 @@ use crate::inbox::WorldSender;
 /// The delay after a failed accept, such as without a free descriptor.
 const RETRY: Duration = Duration::from_millis(50);
 
-/// The time to send the head of a request.
+/// The time limit for receiving the head of a request.
 const HEAD: Duration = Duration::from_secs(60);
 
-/// The answer to a connection without a place, because all others have pending requests.
+/// The response to a new connection while all others have pending requests.
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
-                      {\"error\":\"too many connections wait for answers; try again later\"}";
+                      {\"error\":\"too many connections are waiting for responses; try again later\"}";
 
 /// A control interface at an address.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Binds the address; port 0 takes a free one.
+    /// Binds the address; port 0 selects a free one.
     pub(crate) fn bind(address: SocketAddr) -> io::Result<Self> {
         let listener = std::net::TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
@@ -47,8 +47,8 @@ impl Server {
         self.listener.local_addr()
     }
 
-    /// Serves clients for the rest of the process, up to a number of connections, on a thread of its own, so that no
-    /// client of the bus ever waits for them.
+    /// Serves up to a number of connections until the process ends, on a separate thread, so that bus clients never
+    /// wait for them.
     pub(crate) fn start(self, world: WorldSender, places: usize) -> io::Result<()> {
         let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
         let listener = {
@@ -85,7 +85,7 @@ async fn accept(listener: TcpListener, router: Router, places: usize) {
     }
 }
 
-/// Serves one client over a stream accepted at an address, until it leaves.
+/// Serves one client over a stream accepted at an address, until the client disconnects.
 pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAddr, world: WorldSender) {
     if let Some(connection) = Connections::new(1).admit(local) {
         converse(stream, router(world), connection).await;

@@ -6,17 +6,17 @@ use tokio::sync::{Notify, Semaphore, SemaphorePermit, mpsc};
 
 use super::ToClient;
 
-/// The capacity of a client's queue: more than a second of a fully loaded bus at 500 kbit/s, in addition to the
-/// system's buffers.
+/// The queue capacity of a client: more than a second of a fully loaded bus at 500 kbit/s, in addition to the buffers
+/// of the system.
 pub const QUEUE: usize = 8192;
 
-/// The most messages of one client that wait for the world and the bus; beyond that its socket is not read.
+/// The maximum number of a client's messages pending for the world and the bus; beyond it, its socket is not read.
 pub const PERMITS: usize = 1024;
 
-/// The most messages to a client in one write.
+/// The maximum number of messages to a client in one write.
 pub(crate) const BATCH: usize = 256;
 
-/// The world's end of one client.
+/// The world's end of the queue to one client.
 #[derive(Clone, Debug)]
 pub struct ClientQueue {
     queue: mpsc::Sender<ToClient>,
@@ -39,7 +39,7 @@ pub struct Permits {
     free: Arc<Semaphore>,
 }
 
-/// The permit to send one message to the world, which is returned on drop.
+/// The permit to send one message to the world; drop returns the permit.
 #[derive(Debug)]
 pub struct Permit<'a>(Option<SemaphorePermit<'a>>);
 
@@ -52,7 +52,7 @@ impl Permit<'_> {
     }
 }
 
-/// The client did not keep up, and is being disconnected.
+/// The client read too slowly and is being disconnected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overrun;
 
@@ -72,7 +72,7 @@ impl ClientQueue {
     pub fn post(&self, message: ToClient) -> Result<(), Overrun> {
         match self.queue.try_send(message) {
             Ok(()) => Ok(()),
-            // The session has ended by itself, and reports that on its own.
+            // The session has already ended, and reports that separately.
             Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
             Err(mpsc::error::TrySendError::Full(_)) => {
                 self.permits.dismissed.notify_one();
@@ -81,7 +81,7 @@ impl ClientQueue {
         }
     }
 
-    /// Returns permits for processed messages: replied to, or sent on the bus.
+    /// Returns permits for processed messages, which were answered or sent on the bus.
     pub fn refund(&self, messages: usize) {
         self.permits.free.add_permits(messages);
     }
@@ -93,7 +93,7 @@ impl Permits {
         self.permit().await.spend();
     }
 
-    /// Waits for a permit, for a gateway that has other work at the same time.
+    /// Waits for a permit without spending it, for a gateway that does other work meanwhile.
     pub async fn permit(&self) -> Permit<'_> {
         Permit(self.free.acquire().await.ok())
     }

@@ -27,7 +27,7 @@ use tokio::sync::oneshot;
 use crate::control::Message;
 use hal_sim::log::{ErrorClass, Timestamp};
 
-/// The number of a client, unique in the process.
+/// The client number, unique in the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientId(u64);
 
@@ -43,17 +43,17 @@ impl ClientId {
 /// A message to the world. Messages of one client take effect in order.
 #[derive(Debug)]
 pub enum ToWorld {
-    /// The client joins, without frames yet.
+    /// The client joins, but receives no frames yet.
     Join(ClientId, ClientQueue),
-    /// The client gets all frames from now on, after this reply.
+    /// The client receives this reply and all later frames.
     Listen(ClientId, Reply),
     /// The client sends a frame.
     Send(ClientId, Frame),
-    /// The client gets no more frames, after this reply.
+    /// The client receives this reply and no further frames.
     Unlisten(ClientId, Reply),
-    /// The client gets this reply once all earlier messages have taken effect.
+    /// The client receives this reply once all earlier messages have taken effect.
     Reply(ClientId, Reply),
-    /// The client is gone; its frames are still sent, but not retried.
+    /// The client has disconnected; its pending frames are still sent, but not retried.
     Leave(ClientId),
     /// A client asks for the bit rate of the bus.
     AskBitRate(oneshot::Sender<BitRate>),
@@ -61,7 +61,7 @@ pub enum ToWorld {
     Warn(String),
     /// A call of the control interface.
     Control(Message),
-    /// A line that the user typed. The sender is dropped when the line has taken effect.
+    /// A line that the user typed; the sender is dropped once the line has taken effect.
     Typed(String, oneshot::Sender<()>),
     /// The simulator ends: see [`WorldSender::end`].
     End,
@@ -74,11 +74,11 @@ pub enum ToClient {
     Frame(Timestamp, Frame),
     /// An error frame, or a change of a controller's error mode.
     Error(Timestamp, ErrorClass),
-    /// A reply in the client's own protocol.
+    /// A reply in the client's protocol.
     Reply(Reply),
 }
 
-/// A reply in the client's own protocol, which only its gateway understands.
+/// A reply in the client's protocol, opaque to the world.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reply {
     /// The bytes for the client.

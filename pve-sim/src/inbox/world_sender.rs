@@ -7,14 +7,14 @@ use std::time::Instant as WallInstant;
 
 use super::{ClientEnd, ClientId, ClientQueue, Reply, ToWorld};
 
-/// The clients' end of the channel: for gateways, and for the end of the simulator.
+/// The sending end of the channel, for clients and for the shutdown of the simulator.
 #[derive(Clone, Debug)]
 pub struct WorldSender {
     messages: Sender<Arrival>,
     ending: Arc<AtomicBool>,
 }
 
-/// The world's end of the channel.
+/// The receiving end of the channel, for the world.
 #[derive(Debug)]
 pub struct Inbox {
     /// Messages in the order of their arrival.
@@ -32,7 +32,7 @@ pub struct Arrival {
 }
 
 impl WorldSender {
-    /// Returns both ends.
+    /// Creates a channel; returns both ends.
     #[must_use]
     pub fn new() -> (Self, Inbox) {
         let (sender, messages) = channel();
@@ -40,7 +40,7 @@ impl WorldSender {
         (Self { messages: sender, ending: Arc::clone(&ending) }, Inbox { messages, ending })
     }
 
-    /// Sends a message that arrives now. A world that has ended drops it: the simulator ends, too.
+    /// Sends a message, with the current time as its arrival. A world that has ended drops the message.
     pub fn tell(&self, message: ToWorld) {
         let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
     }
@@ -55,7 +55,7 @@ impl WorldSender {
         (id, client_end)
     }
 
-    /// Ends the simulator, ahead of messages that still wait for the world.
+    /// Ends the simulator before the world processes its pending messages.
     pub fn end(&self) {
         self.ending.store(true, Ordering::Release);
         // Wakes up a waiting world.
@@ -64,7 +64,7 @@ impl WorldSender {
 }
 
 impl Inbox {
-    /// Returns whether the simulator is ending.
+    /// Returns whether the simulator is shutting down.
     #[must_use]
     pub fn is_ending(&self) -> bool {
         self.ending.load(Ordering::Acquire)

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! mod    requests, answers and failures
-//! words  typed plant words, as JSON
-//! table  device states for people
+//! words  plant words of the command line, as JSON
+//! table  device states as a readable table
 //! ```
 
 mod table;
@@ -20,7 +20,7 @@ use ureq::{Agent, Body, http};
 
 pub use words::PlantWord;
 
-/// The time limit of an answer. The simulator answers these requests at once, at any speed.
+/// The time limit of a response. The simulator answers these requests immediately at any speed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The options of `set`.
@@ -48,14 +48,14 @@ pub struct StatusOptions {
 /// A failed request.
 #[derive(Debug, thiserror::Error)]
 pub enum RemoteError {
-    /// The simulator refused the request; its own words.
+    /// The simulator refused the request, with this message.
     #[error("{0}")]
     Refused(String),
     /// The address cannot be reached.
     #[error("no simulator at {0}: {1}; {REMEDY}")]
     Unreachable(SocketAddr, std::io::Error),
     /// The address accepts connections but does not answer in time.
-    #[error("no answer from {0} within {1:?}; {REMEDY}")]
+    #[error("no response from {0} within {1:?}; {REMEDY}")]
     Silent(SocketAddr, Duration),
     /// Another program answers at the address.
     #[error("{0} is not the control interface of pve-sim: {1}; {REMEDY}")]
@@ -64,7 +64,7 @@ pub enum RemoteError {
 
 const REMEDY: &str = "start pve-sim, or give the address from its ready line as --http ADDR:PORT";
 
-/// Changes plant words of a device, completely or not at all.
+/// Changes plant words of a device; applies all of them or none.
 ///
 /// # Errors
 /// [`RemoteError`]; nothing has changed if the simulator refused it.
@@ -151,7 +151,7 @@ struct Refusal {
     error: String,
 }
 
-/// Returns the part of a path that names a device, with any characters escaped.
+/// Returns the path segment that names a device, percent-encoded.
 fn in_path(name: &str) -> String {
     format!("/{}", utf8_percent_encode(name, NON_ALPHANUMERIC))
 }

@@ -6,7 +6,7 @@ use hal_sim::text::in_one_line;
 use serde::Deserialize;
 use serde_json::Value;
 
-/// A device state, as far as the table shows it.
+/// The members of a device state that the table shows.
 #[derive(Debug, Deserialize)]
 struct Shown {
     name: String,
@@ -48,10 +48,10 @@ type Row = [String; COLUMNS];
 
 const HEAD: [&str; COLUMNS] = ["name", "kind", "node_id", "state", "set_point", "position", "led", "faults"];
 
-/// The cell of a member that the kind, or an unpowered device, does not have.
+/// The cell of a member that does not exist for the kind or for an unpowered device.
 const ABSENT: &str = "-";
 
-/// Returns the table of an answer of the control interface, with a line for each device.
+/// Returns a response of the control interface as a table, with a line for each device.
 ///
 /// # Errors
 /// When the JSON is not that of device states.

@@ -1,4 +1,4 @@
-//! Typed plant words, as the JSON of the control interface.
+//! Converts plant words of the command line to the JSON of the control interface.
 
 use std::str::FromStr;
 
@@ -6,7 +6,7 @@ use hal_sim::world::Plant;
 use protocol_core::device::plant;
 use serde_json::Value;
 
-/// A typed plant word with its value: `supply_mv=8000`. The simulator validates both.
+/// A plant word with its value, as in `supply_mv=8000`. The simulator validates both.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlantWord {
     /// The word.
@@ -21,13 +21,13 @@ impl FromStr for PlantWord {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once('=') {
             Some((name, value)) if !name.is_empty() => Ok(Self { name: name.to_owned(), value: value.to_owned() }),
-            _ => Err("accepted: WORD=VALUE, as in supply_mv=8000".to_owned()),
+            _ => Err("must be WORD=VALUE, as in supply_mv=8000".to_owned()),
         }
     }
 }
 
 impl PlantWord {
-    /// Returns the value as JSON: a console value keeps its meaning; any other value is parsed as JSON, or becomes a
+    /// Returns the value as JSON: a console value keeps its meaning; any other value is parsed as JSON, or else is a
     /// string.
     pub(super) fn json(&self) -> Value {
         match Plant::parse(&self.name, &self.value) {
@@ -37,7 +37,7 @@ impl PlantWord {
     }
 }
 
-/// Returns the JSON of a change. The console's words for a switch and for a released lever have other forms in JSON.
+/// Returns the JSON of a change. JSON has other forms for the console's on, off and released lever.
 fn of_console(change: Plant) -> Value {
     match change {
         Plant::Lever(None) => Value::Null,

@@ -14,27 +14,27 @@ use hal_sim::bus::FaultEffect;
 use hal_sim::log::{ErrorClass, Timestamp};
 use hal_sim::world::{ClientPortId, Event, EventKind, World};
 
-/// The name of the clients' controller in traces. No device's name has a blank.
+/// The name of the clients' controller in traces. No device name contains a space.
 const NAME: &str = "the gateway";
 
-/// The most waiting frames of clients that have left: half a second of a bus at 250 kbit/s.
+/// The maximum number of pending frames of disconnected clients: half a second of a bus at 250 kbit/s.
 pub(super) const LEFT_BEHIND: usize = 1024;
 
 /// The connected clients of all gateways.
 pub(super) struct Clients {
     clients: BTreeMap<ClientId, Client>,
-    /// Whether clients get error frames.
+    /// Whether clients receive error frames.
     error_frames: bool,
-    /// The clients' controller. It discards received frames: clients get them from the events, which have frames and
-    /// error frames in order.
+    /// The clients' controller. It discards received frames: clients receive them from the events, which have frames
+    /// and error frames in order.
     port: ClientPortId,
     /// The sender of the frame in the controller.
     sending: Option<ClientId>,
-    /// The frames behind it, also of clients that have left. No queue is empty.
+    /// The queued frames per client, including disconnected clients. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
-    /// The number of waiting frames whose clients have left.
+    /// The number of pending frames of disconnected clients.
     left_behind: usize,
-    /// The number of such frames that were dropped.
+    /// The number of dropped frames of disconnected clients.
     dropped: usize,
     /// The number of frames so far.
     count: u64,
@@ -49,7 +49,7 @@ struct Client {
     listening: bool,
 }
 
-/// A waiting frame with its number.
+/// A pending frame with its number.
 struct Waiting {
     frame: Frame,
     number: u64,
@@ -73,7 +73,7 @@ impl Clients {
         }
     }
 
-    /// Executes a message of a client. The error: the client was dismissed.
+    /// Executes a message of a client; `Err` if the client was dismissed.
     pub(super) fn apply(&mut self, message: ToWorld, world: &mut World) -> Result<(), Overrun> {
         match message {
             ToWorld::Join(id, to_client) => {
@@ -118,8 +118,8 @@ impl Clients {
         self.clients.values().any(|client| client.listening)
     }
 
-    /// Sends a frame to all listening clients but its sender, and a reported error to all that want errors. Returns the
-    /// number of dismissed clients.
+    /// Sends a frame to all listening clients except its sender, and a reported error to all clients if enabled.
+    /// Returns the number of dismissed clients.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
         let has_clients = |names: &[Arc<str>]| names.iter().any(|name| **name == *NAME);
         let received = match &event.what {
@@ -157,7 +157,7 @@ impl Clients {
         overrun.len()
     }
 
-    /// Withdraws a destroyed frame whose client has left; otherwise it could be retried forever. To be called after
+    /// Withdraws a destroyed frame of a disconnected client, which could otherwise be retried forever. Call this after
     /// every event, before [`send`](Self::send).
     pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
         let left = self.sending.is_some_and(|sender| !self.clients.contains_key(&sender));
@@ -166,7 +166,7 @@ impl Clients {
         }
     }
 
-    /// Loads the next frame into the controller once the last one is sent, and returns its permit. To be called after
+    /// Loads the next frame into the controller once the last one is sent, and returns its permit. Call this after
     /// every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
         if world.pending(self.port) > 0 {
@@ -203,13 +203,13 @@ impl Clients {
         posted
     }
 
-    /// Returns the number of dropped frames of departed clients since the last call.
+    /// Returns the number of frames of disconnected clients dropped since the last call.
     pub(super) fn take_dropped(&mut self) -> usize {
         std::mem::take(&mut self.dropped)
     }
 
-    /// Removes a client. Its frames still go out; beyond [`LEFT_BEHIND`], the departed client with the most frames
-    /// loses the later half of them.
+    /// Removes a client. Its pending frames are still sent; beyond [`LEFT_BEHIND`], the disconnected client with the
+    /// most frames loses the later half of them.
     fn let_go(&mut self, id: ClientId) {
         if self.clients.remove(&id).is_none() {
             return;

@@ -20,13 +20,13 @@ use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{NodeId, Plant, PlantError, World};
 
-/// Executes a line; returns the answer, or the reason for a refusal. An empty line has no answer.
+/// Executes a line; returns the answer or an error message. An empty line has no answer.
 pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let world = simulation.world_mut();
     let (name, words) = match words.as_slice() {
         [] => return Ok(None),
-        // A device may have a word as its name: `status` alone is the word, and `spool stuck` a change.
+        // A device name may equal a word: `status` alone is the word, and `spool stuck` is a change.
         [name, rest @ ..] if world.find(name).is_some() && !is_word(name, rest) => (Some(*name), rest),
         all => (None, all),
     };
@@ -51,12 +51,12 @@ pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<
         [name, word, value] if named.is_none() && Plant::parse(word, value).is_some() => {
             Err(format!("no device '{name}'; accepted: {}", names(world)))
         }
-        _ => Err(format!("'{}' is not understood; {}", line.trim(), accepted(named, world))),
+        _ => Err(format!("'{}' is not a valid command; {}", line.trim(), accepted(named, world))),
     }
 }
 
-/// Returns the words that may follow these in a line: names, plant words, and values that are words. Ranges are not
-/// checked here.
+/// Returns the possible next words of a line: names, plant words, and values that are words. Ranges are not checked
+/// here.
 pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String> {
     let (named, words) = match before {
         [name, rest @ ..] if let Some(device) = devices.iter().find(|device| device.name == *name) => {
@@ -107,12 +107,12 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
         Some(Err(Refusal::Plant(PlantError::Linked(_)))) => {
             return Err(format!("'{word} {value}' is refused: a valve moves this shaft"));
         }
-        Some(Err(Refusal::Plant(PlantError::OtherProduct(_)))) => "is a word of another kind of device".to_owned(),
+        Some(Err(Refusal::Plant(PlantError::OtherProduct(_)))) => "applies to another kind of device".to_owned(),
         Some(Err(Refusal::Plant(PlantError::OutOfRange(plant)))) => {
             format!("is out of range, {}", plant.word().values)
         }
         Some(Err(other)) => format!("is refused: {other}"),
-        None => "is not understood".to_owned(),
+        None => "is not a valid command".to_owned(),
     };
     Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), simulation.world())))
 }
@@ -136,7 +136,7 @@ fn help(world: &World) -> String {
     text + "
 " + fault_words::HELP
         + "
-[NAME] status          state, position, LED and active faults of a device, or of all of them
+[NAME] status          state, position, LED and active faults of a device, or of all devices
 Ctrl-C                 ends the run; all devices store their memory first
 help                   this text"
 }
@@ -200,14 +200,14 @@ fn word(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default().trim_matches('"').to_owned()
 }
 
-/// Returns the only device, if there is just one.
+/// Returns the device if there is exactly one.
 fn only(world: &World) -> Option<NodeId> {
     let mut devices = world.devices();
     devices.next().filter(|_| devices.next().is_none())
 }
 
 fn which(world: &World) -> String {
-    format!("the name of the device has to come first; accepted: {}", names(world))
+    format!("start with the name of the device; accepted: {}", names(world))
 }
 
 fn names(world: &World) -> String {
@@ -267,12 +267,12 @@ mod tests {
             "half a turn back"
         );
         for (line, refusal) in [
-            ("supply_mv 8000", "'supply_mv 8000' is a word of another kind of device; accepted: angle_cdeg N, "),
+            ("supply_mv 8000", "'supply_mv 8000' applies to another kind of device; accepted: angle_cdeg N, "),
             (
                 "angle_cdeg 36000",
                 "'angle_cdeg 36000' is out of range, 0 to 35999 1/100 degree; accepted: angle_cdeg N, ",
             ),
-            ("speed_rpm fast", "'speed_rpm fast' is not understood; accepted: angle_cdeg N, "),
+            ("speed_rpm fast", "'speed_rpm fast' is not a valid command; accepted: angle_cdeg N, "),
         ] {
             let before = *simulation.world().inputs(sensor);
             let told = execute(line, &mut simulation).expect_err(line);
@@ -353,7 +353,7 @@ mod tests {
         assert!(answer("rear status", &mut simulation).starts_with("rear: "));
         assert_eq!(
             execute("supply_mv 8000", &mut simulation),
-            Err("the name of the device has to come first; accepted: boom, rear".to_owned())
+            Err("start with the name of the device; accepted: boom, rear".to_owned())
         );
         assert_eq!(
             execute("reer supply_mv 8000", &mut simulation),

@@ -1,8 +1,7 @@
-//! The thread of the world: it advances time, executes messages of clients, and shows the events of the bus.
+//! The thread of the world: advances time, executes messages of clients, and shows bus events.
 //!
-//! A message takes effect at the virtual time of its arrival, after the world has caught up completely. The work
-//! between two looks at the clock is bounded by a number of events, so that a late world skips nothing and messages
-//! never wait long.
+//! A message takes effect at the virtual time of its arrival, after the world has caught up completely. The number of
+//! events between two clock readings is limited, so that a late world skips nothing and messages never wait long.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
@@ -24,10 +23,10 @@ use hal_sim::log::Timestamp;
 use hal_sim::simulation::Simulation;
 use hal_sim::world::SUPPLY_JITTER;
 
-/// The most events between two looks at the clock: some milliseconds of work.
+/// The maximum number of events between two clock readings: a few milliseconds of work.
 const EVENT_BATCH: usize = 1000;
 
-/// The wait beyond which there is time to print the trace.
+/// The minimum wait in which the trace is printed.
 const IDLE_GAP: WallDuration = WallDuration::from_millis(1);
 
 /// A simulation with its connections.
@@ -38,7 +37,7 @@ pub struct Driver<O> {
     control: Option<ControlServer>,
     platform: O,
     time: Timekeeper,
-    /// Time advances only by the control interface.
+    /// Whether only the control interface advances time.
     is_stepped: bool,
     /// The wall time of virtual instant 0, for traces and clients.
     start: Timestamp,
@@ -47,14 +46,14 @@ pub struct Driver<O> {
     arrivals: VecDeque<Arrival>,
     /// The end of the start-up, when all devices have power.
     open: Instant,
-    /// The last time that the trace was printed.
+    /// The time when the trace was last printed.
     handed_out: WallInstant,
     /// The end of [`SPIN_TIME`] after the last message.
     awake_until: WallInstant,
 }
 
 impl<O: Platform> Driver<O> {
-    /// Returns a driver of an unpowered simulation. `start` is the wall time of virtual instant 0.
+    /// Creates a driver of an unpowered simulation. `start` is the wall time of virtual instant 0.
     pub(super) fn new(
         simulation: Simulation,
         clients: Clients,
@@ -85,7 +84,7 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Returns a driver for a program with its own wall clock and clients, at a finite speed above zero. Powers the
+    /// Creates a driver for a program with its own wall clock and clients, at a finite speed above zero. Powers the
     /// devices, and keeps no log. Call [`turn`](Self::turn) repeatedly.
     ///
     /// # Errors
@@ -129,7 +128,7 @@ impl<O: Platform> Driver<O> {
         self.trace.finish() && is_stored
     }
 
-    /// Powers the first device at once, and the others at random moments after it.
+    /// Powers the first device immediately, and the others at random moments afterwards.
     fn power_on(&mut self) {
         self.let_join();
         let world = self.simulation.world_mut();
@@ -139,11 +138,12 @@ impl<O: Platform> Driver<O> {
         self.simulation.power_up(SUPPLY_JITTER);
         self.open = after(self.simulation.now(), SUPPLY_JITTER);
         self.trace.fit(&self.simulation);
-        // At once, so that clients do not wait at a slow speed; the pace starts afterwards. Stepped time stays at 0.
+        // Runs immediately, so that clients do not wait at a slow speed; the pace starts afterwards. Stepped time stays
+        // at 0.
         while !self.is_stepped && !self.go(self.open) {}
     }
 
-    /// Lets gateways join before the first device has power: a gateway to a network receives the boot-up.
+    /// Executes the joins of gateways before the first device has power, so that network gateways receive the boot-up.
     fn let_join(&mut self) {
         while let Some(arrival) = self.platform.take() {
             self.arrivals.push_back(arrival);
@@ -154,8 +154,8 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Lets the world catch up with the next message and executes it, or with the clock, and waits. Stepped time
-    /// advances to the limit of the current call.
+    /// Advances the world to the next message and executes it, or to the clock, and waits. Stepped time advances to the
+    /// limit of the current call.
     pub fn turn(&mut self) {
         if self.is_stepped {
             return self.turn_stepped();
@@ -206,10 +206,9 @@ impl<O: Platform> Driver<O> {
     }
 
     /// Waits for a message or the next event. Prints the trace before a sleep, unless that would delay a client, and at
-    /// least as often as the thread looks at the clock.
+    /// least as often as the thread reads the clock.
     ///
-    /// Without listeners, the thread wakes up only for its looks at the clock: each event still has its own virtual
-    /// instant.
+    /// Without listeners, the thread wakes up only to read the clock: each event still has its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
         let is_watched = self.simulation.is_busy() || self.control.as_ref().is_some_and(ControlServer::is_followed);
@@ -259,7 +258,7 @@ impl<O: Platform> Driver<O> {
         self.control.as_ref().map_or(NEVER, ControlServer::due).min(self.simulation.next())
     }
 
-    /// Processes what is due, and sends the replies.
+    /// Processes due power-ups, messages and samples, and sends the replies.
     fn poll(&mut self) {
         self.simulation.poll();
         self.warn_of_bit_rates();
@@ -304,7 +303,7 @@ impl<O: Platform> Driver<O> {
     fn show(&mut self) {
         while let Some(happened) = self.simulation.take_event() {
             let at = self.start.at(happened.event.at);
-            // Clients first: they may answer.
+            // Clients come first, because they may answer.
             for _ in 0..self.clients.show(&happened.event, at, happened.error.as_ref().and_then(|(class, _)| *class)) {
                 self.report_overrun();
             }
@@ -322,8 +321,9 @@ impl<O: Platform> Driver<O> {
         self.warn_of_memories();
         let dropped = self.clients.take_dropped();
         if dropped > 0 {
-            self.trace
-                .warn(format!("dropped {dropped} frames of clients that have left: the bus is too slow for them"));
+            self.trace.warn(format!(
+                "dropped {dropped} pending frames of disconnected clients: the backlog limit was exceeded"
+            ));
         }
     }
 
@@ -354,7 +354,7 @@ impl<O: Platform> Driver<O> {
     }
 
     fn report_overrun(&self) {
-        self.trace.warn("a client that did not read was disconnected".to_owned());
+        self.trace.warn("disconnected a client that did not read its data".to_owned());
     }
 }
 

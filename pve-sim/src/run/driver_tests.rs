@@ -338,7 +338,7 @@ fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     rig.run_until(millis(1300));
     assert_eq!(rig.times_of(READ).len(), 2);
     let said = rig.end();
-    assert_eq!(said, ["pve-sim: --speed 10000000 is out of reach: time runs as fast as this machine can"]);
+    assert_eq!(said, ["pve-sim: --speed 10000000 is too fast for this machine: virtual time runs as fast as possible"]);
 }
 
 /// The machine simulates 125 virtual seconds per second and pauses for 3 s: it takes 12 s to catch up.
@@ -381,7 +381,7 @@ fn the_end_of_virtual_time_is_told_once() {
         }
         rig.run_until(WallDuration::from_secs(5));
         let said = rig.end();
-        let told = "pve-sim: virtual time has ended, after 584 years: the bus has stopped";
+        let told = "pve-sim: virtual time reached its limit of 584 years: the bus has stopped";
         assert_eq!(said, [told], "{speed}");
     }
 }

@@ -1,4 +1,4 @@
-//! The end of a run: by a signal, or because the reader of stdout has gone.
+//! The end of a run: a signal, or a closed stdout.
 
 use std::io;
 
@@ -6,7 +6,7 @@ use tokio::sync::watch;
 
 use super::system::{self, Signals};
 
-/// The signals, and the watch on stdout. A run creates them first, so that no signal finds it half started.
+/// The signal handlers and the watch on stdout. A run creates them first, so that no signal interrupts the start.
 pub(super) struct End {
     signals: Signals,
     reader_gone: watch::Receiver<bool>,
@@ -21,12 +21,12 @@ impl End {
         Ok(Self { signals: Signals::listen()?, reader_gone, teller })
     }
 
-    /// Returns the sender by which a writer of stdout reports that its reader has gone.
+    /// Returns the sender by which a writer reports that stdout is closed.
     pub(super) fn teller(&self) -> watch::Sender<bool> {
         self.teller.clone()
     }
 
-    /// Waits for the end.
+    /// Waits for a signal or a closed stdout.
     pub(super) async fn come(&mut self) {
         let Self { signals, reader_gone, .. } = self;
         tokio::select! {
@@ -36,9 +36,9 @@ impl End {
     }
 }
 
-/// Watches stdout from a thread of its own: on a quiet bus no write would fail.
+/// Watches stdout from a separate thread: on a quiet bus no write would reveal that it is closed.
 fn watch_stdout(teller: watch::Sender<bool>) {
-    // Without the thread, the next line of the trace fails instead.
+    // If the thread cannot start, the next write of the trace fails instead.
     let _ = std::thread::Builder::new().name("stdout".to_owned()).spawn(move || {
         if system::wait_for_hangup() {
             teller.send_replace(true);

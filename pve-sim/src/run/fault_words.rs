@@ -74,7 +74,7 @@ fn request(kind: &str, frames: &str, rest: &[&str]) -> Result<Command, String> {
             None => request.insert(key.to_owned(), self::value(schemas, key, value)),
         };
         if is_new.is_some() {
-            return Err(format!("'{key}' is given twice"));
+            return Err(format!("duplicate key '{key}'"));
         }
     }
     let request = Value::Object(request);
@@ -150,10 +150,10 @@ mod tests {
     fn another_line_is_refused() {
         let mut simulation = simulation();
         for (line, reason) in [
-            ("lose 88888888", "id \"88888888\": "),
-            ("lose 220 x", "count \"x\": "),
+            ("lose 88888888", "id \"88888888\" is not valid; "),
+            ("lose 220 x", "count \"x\" is not valid; "),
             ("lose 220 1 2", "'2' is not understood"),
-            ("lose 220 1 count=2", "'count' is given twice"),
+            ("lose 220 1 count=2", "duplicate key 'count'"),
             ("lose 220 cuont=2", "unknown key 'cuont'; did you mean 'count'?"),
             ("lose 220 receivers=bucket", "no device or client 'bucket'"),
             ("corrupt 220 data=1", "data "),

@@ -9,7 +9,7 @@ use super::{LogOptions, RunError};
 use hal_sim::log::{Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
 
-/// The file of `--log`, which no other run writes while this exists.
+/// The file of `--log`, locked against other runs while this exists.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
@@ -17,7 +17,7 @@ pub(super) struct Log {
 }
 
 impl Log {
-    /// Refuses a file that a log must not replace, without changing anything. To be called before any file is created.
+    /// Refuses a file that a log must not replace; changes nothing. Call this before any file is created.
     ///
     /// # Errors
     /// [`RunError::Log`] for anything but a regular file, for files in the folder of the state files, for a state file
@@ -34,7 +34,7 @@ impl Log {
         if let Some(state) = state
             && is_kept_in(&log.path, state)
         {
-            return refuse(log, "a log must not be in the folder of --state, nor replace a state file");
+            return refuse(log, "a log must not be in the --state folder or replace a state file");
         }
         match fs::metadata(&log.path) {
             Ok(found) if !found.is_file() => refuse(log, "a log must be a regular file"),
@@ -44,7 +44,9 @@ impl Log {
 
     fn check_content(log: &LogOptions) -> Result<(), RunError> {
         match fs::metadata(&log.path) {
-            Ok(found) if found.len() > 0 && !log.overwrite => refuse(log, "is not empty; --log-overwrite replaces it"),
+            Ok(found) if found.len() > 0 && !log.overwrite => {
+                refuse(log, "the file is not empty; --log-overwrite overwrites it")
+            }
             _ => Ok(()),
         }
     }
@@ -72,41 +74,41 @@ impl Log {
         Ok(Self { path: log.path.clone(), writer })
     }
 
-    /// Adds an entry. The error: the message for the user.
+    /// Adds an entry; the error is the message for the user.
     pub(super) fn write(&mut self, record: &Record) -> Result<(), String> {
         self.writer.write(record).map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Adds a comment, where the format has comments. The error: the message for the user.
+    /// Adds a comment if the format supports comments; the error is the message for the user.
     pub(super) fn comment(&mut self, at: Timestamp, text: &str) -> Result<(), String> {
         self.writer.comment(at, text).map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Flushes the log to the system. The error: the message for the user.
+    /// Flushes the log to the system; the error is the message for the user.
     pub(super) fn flush(&mut self) -> Result<(), String> {
         self.writer.flush().map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Writes the end of the log. The error: the message for the user.
+    /// Writes the end of the log; the error is the message for the user.
     pub(super) fn finish(self) -> Result<(), String> {
         self.writer.finish().map(drop).map_err(|error| complaint(&self.path, &error))
     }
 }
 
-const IN_USE: &str = "another pve-sim is writing its log there";
+const IN_USE: &str = "another pve-sim is writing to this log";
 
 fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
     Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() })
 }
 
 fn complaint(path: &Path, error: &io::Error) -> String {
-    format!("{}: {error}; the log ends", path.display())
+    format!("{}: {error}; logging has stopped", path.display())
 }
 
 /// Returns whether a path leads into a folder, or is another name of a file in it.
 fn is_kept_in(path: &Path, folder: &Path) -> bool {
     let Ok(folder) = fs::canonicalize(folder) else {
-        // The folder does not exist yet: the paths decide.
+        // The folder does not exist yet, so the paths are compared.
         return std::path::absolute(path)
             .ok()
             .zip(std::path::absolute(folder).ok())

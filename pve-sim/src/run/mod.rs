@@ -20,8 +20,8 @@
 //! system      the differences between operating systems
 //! ```
 //!
-//! The world has a thread of its own and shares nothing. The gateways run on another thread, which also waits for the
-//! end.
+//! The world runs on its own thread and shares nothing. The gateways run on another thread, which also waits for the
+//! end of the run.
 
 mod clients;
 mod console;
@@ -107,7 +107,7 @@ pub enum RunError {
         reason: String,
     },
     /// A state file belongs to a device of another kind.
-    #[error("{}: the memory of {found}, not of a {expected}", path.display())]
+    #[error("{}: holds the memory of {found}, not of a {expected}", path.display())]
     OtherKind {
         /// The file.
         path: PathBuf,
@@ -124,42 +124,44 @@ pub enum RunError {
     System(#[from] io::Error),
 }
 
-/// Returns the remedy for a control interface's port in use.
+/// Returns the remedy if the port of the control interface is in use.
 fn http_way_out(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
-            "; does another pve-sim run? --http 127.0.0.1:0 takes a free port, --no-http does without"
+            "; is another pve-sim running? --http 127.0.0.1:0 selects a free port, --no-http disables the control interface"
         }
         _ => "",
     }
 }
 
-/// Returns the remedy for the other port if that is in use as well.
+/// Returns the remedy for the control interface's port if it is in use as well.
 fn also_in_use(http: Option<SocketAddr>) -> String {
-    http.map_or_else(String::new, |address| format!("; {address} is in use as well: --http 127.0.0.1:0"))
+    http.map_or_else(String::new, |address| {
+        format!("; {address} is also in use: --http 127.0.0.1:0 selects a free port")
+    })
 }
 
-/// Returns whether another program uses the address.
+/// Returns whether another program uses the address of the control interface.
 fn is_in_use(address: SocketAddr) -> bool {
     http::Server::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse)
 }
 
-/// The most clients on all buses together.
+/// The maximum number of clients on all buses.
 const CLIENTS: usize = 128;
 
-/// The most connections of the control interface.
+/// The maximum number of connections of the control interface.
 const HTTP_CLIENTS: usize = 256;
 
-/// The file descriptors beside those of clients, buses with their waiting clients, and devices: the ones always open,
-/// and state files during a write.
+/// The file descriptors in addition to those of clients, buses with waiting clients, and devices: the permanently open
+/// ones, and state files during a write.
 const DESCRIPTORS: usize = 32;
 
-/// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until the reader of stdout has gone; all devices have
-/// stored their records then. Returns whether everything was stored, and the log and stdout are complete; stderr has
-/// the reasons otherwise.
+/// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP) or until stdout is closed, and then stores the records of
+/// all devices. Returns whether everything was stored, and the log and stdout are complete; otherwise stderr has the
+/// reasons.
 ///
 /// # Errors
-/// [`RunError`] when it cannot start. Nothing has been printed on stdout then.
+/// [`RunError`] when the run cannot start; nothing has been printed on stdout.
 pub fn run(options: &RunOptions) -> Result<bool, RunError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
     let result = runtime.block_on(async {
@@ -167,12 +169,12 @@ pub fn run(options: &RunOptions) -> Result<bool, RunError> {
         let reader_gone = end.teller();
         let running = tokio::select! {
             running = start(options, reader_gone) => running?,
-            // No device has run, nothing waits to be stored.
+            // No device has run, so no record is pending.
             () = end.come() => return Ok(true),
         };
         Ok(running.until(&mut end).await)
     });
-    // A pending name look-up must not delay the end.
+    // A pending name look-up must not delay the exit.
     runtime.shutdown_background();
     result
 }
@@ -202,7 +204,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         control = Some((server.address().map_err(bind)?, server));
     }
     let http = control.as_ref().map(|(address, _)| *address);
-    // Only now: a second simulator that finds the port in use must not touch the files of the first. And no file is
+    // Only now: a second simulator that finds the port in use must not touch the files of the first, and no file may be
     // created before the check of the log.
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
@@ -250,8 +252,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
 }
 
 impl Running {
-    /// Waits for the end, or for the end of the world's thread; then until all records are stored. Returns whether all
-    /// output is complete.
+    /// Waits for the end of the run or of the world's thread, and then until all records are stored. Returns whether
+    /// all output is complete.
     async fn until(self, end: &mut End) -> bool {
         tokio::select! {
             () = end.come() => {}
@@ -263,8 +265,8 @@ impl Running {
     }
 }
 
-/// Returns the most clients of the buses and of the control interface that leave enough file descriptors for the
-/// devices' files.
+/// Returns the maximum numbers of bus clients and of control connections that leave enough file descriptors for the
+/// files of the devices.
 fn places(options: &RunOptions) -> (usize, usize) {
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len() * (1 + WAITING);
     let limit = system::max_open_files().and_then(|limit| usize::try_from(limit).ok());
@@ -273,7 +275,7 @@ fn places(options: &RunOptions) -> (usize, usize) {
     (clients, left.saturating_sub(clients).clamp(1, HTTP_CLIENTS))
 }
 
-/// Runs blocking work on a thread of its own: a signal ends the wait for it, and the process does not join it.
+/// Runs blocking work on a separate thread: a signal ends the wait, and the process does not join the thread.
 async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     match tokio::task::spawn_blocking(work).await {
         Ok(done) => done,

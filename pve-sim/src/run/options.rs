@@ -1,4 +1,4 @@
-//! The options of `run`. The caller has checked them against each other.
+//! The options of `run`. The caller guarantees that they are consistent.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -18,13 +18,13 @@ pub struct RunOptions {
     pub links: Vec<NamedLink>,
     /// The addresses of the bus; at least one.
     pub buses: Vec<BusUrl>,
-    /// Beacons announce the buses.
+    /// Whether beacons announce the buses.
     pub beacon: bool,
-    /// Frames pass between this machine and others, where a URL does not decide.
+    /// Whether frames pass between this machine and others, unless a URL decides.
     pub allow_remote: bool,
-    /// Communication faults may affect a bus with real devices.
+    /// Whether communication faults may affect a bus with real devices.
     pub allow_real_bus: bool,
-    /// The bit rate of the bus; `None`: that of the first device.
+    /// The bit rate of the bus; `None` selects the rate of the first device.
     pub bit_rate: Option<BitRate>,
     /// The folder of the state files, if any.
     pub state: Option<PathBuf>,
@@ -34,17 +34,17 @@ pub struct RunOptions {
     pub http: Option<SocketAddr>,
     /// The log, if any.
     pub log: Option<LogOptions>,
-    /// Clients get error frames.
+    /// Whether clients receive error frames.
     pub error_frames: bool,
     /// The use of colour in the trace.
     pub color: ColorChoice,
-    /// A trace for people shows every frame, including repeated cyclic ones.
+    /// Whether the human-readable trace shows unchanged repeats of cyclic frames.
     pub verbose: bool,
-    /// The seed of everything random.
+    /// The seed of all random values.
     pub seed: u64,
 }
 
-/// The use of colour, which also decides whether the trace is laid out for people.
+/// The use of colour, which also selects the human-readable layout of the trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum ColorChoice {
     /// Laid out on a terminal, with colour unless the environment disables it.
@@ -61,6 +61,6 @@ pub enum ColorChoice {
 pub struct LogOptions {
     /// The file.
     pub path: PathBuf,
-    /// An existing log may be overwritten.
+    /// Whether an existing log may be overwritten.
     pub overwrite: bool,
 }

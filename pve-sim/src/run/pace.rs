@@ -4,8 +4,8 @@ use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::time::{Duration, Instant, after, since};
 
-/// The last instant of a pace, after 584 years: the bus counts nanoseconds in 64 bits. The last day is reserved for the
-/// ends of frames.
+/// The last instant of a run, after 584 years: the bus counts nanoseconds in 64 bits. The last day is reserved so that
+/// frames can end.
 pub(super) const LAST: Instant = Instant::from_ticks(u64::MAX / 1000 - 86_400_000_000);
 
 /// The pace of virtual time: a factor of wall time, from a common anchor on.
@@ -29,7 +29,7 @@ impl Pace {
         self.speed
     }
 
-    /// Sets a new anchor: earlier times no longer count.
+    /// Sets a new anchor, from which time continues.
     pub(super) const fn anchor(&mut self, wall: WallInstant, instant: Instant) {
         self.wall = wall;
         self.instant = instant;
@@ -53,7 +53,7 @@ impl Pace {
         }
         let passed = since(instant, self.instant).as_micros() as f64 / 1e6 / self.speed;
         let passed = WallDuration::try_from_secs_f64(passed).ok()?;
-        // Rounded up, so that the virtual instant has come by then.
+        // Rounded up, so that the virtual instant is reached at the result.
         self.wall.checked_add(passed)?.checked_add(WallDuration::from_nanos(1))
     }
 }

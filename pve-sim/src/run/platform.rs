@@ -10,35 +10,35 @@ pub trait Platform {
     /// Returns the wall time.
     fn now(&mut self) -> WallInstant;
 
-    /// Returns whether the simulator is ending.
+    /// Returns whether the simulator is shutting down.
     fn is_ending(&self) -> bool;
 
     /// Takes the next message, if there is one.
     fn take(&mut self) -> Option<Arrival>;
 
-    /// Waits for the next message, until an instant or forever; `None` when the time is up. The thread spins for the
-    /// last `spin` of the time, and then returns without a wake-up delay.
+    /// Waits for the next message, until an instant or forever; `None` on time-out. The thread spins for the last
+    /// `spin` of the time, to return without a wake-up delay.
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival>;
 }
 
-/// The usual time of a system to wake up a thread: the spin before an event with listeners.
+/// The spin before an event with listeners: the usual wake-up delay of a thread.
 pub(super) const WAKE_UP: Duration = Duration::from_micros(50);
 
 /// The spin after a message, above speed 1. A client that works back to back sends its next message by then, and a
 /// wake-up would cost it more time than the bus does.
 pub(super) const SPIN_TIME: Duration = Duration::from_micros(200);
 
-/// The longest usual time of the gateway and its clients to return a yielded processor.
+/// The longest time for which the gateway and its clients usually keep a yielded processor.
 const TAKEN: Duration = Duration::from_micros(100);
 
-/// The time for which a processor taken by others counts as contended.
+/// The time for which the processor counts as contended after other programs have used it.
 const SHARED: Duration = Duration::from_millis(100);
 
 /// The system's clock, and the clients of the gateways.
 #[derive(Debug)]
 pub(super) struct System {
     inbox: Inbox,
-    /// All gateways have ended.
+    /// Whether all gateways have ended.
     deserted: bool,
     /// The end of the time in which the processor counts as contended.
     shared_until: WallInstant,

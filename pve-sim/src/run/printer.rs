@@ -1,4 +1,4 @@
-//! stdout and stderr, on a thread of their own: a pipe that is closed or not read must not block the world.
+//! Writes stdout and stderr on a separate thread: a pipe that is closed or not read must not block the world.
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -9,17 +9,17 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 
-/// The most waiting texts before lines of the trace are dropped.
+/// The maximum number of pending texts; beyond it, trace lines are dropped.
 const QUEUE: usize = 4096;
 
-/// The most bytes in one write, apart from the last line.
+/// The maximum number of bytes in one write, not counting the last line.
 const BATCH: usize = 64 * 1024;
 
-/// The time that the end waits for a reader.
+/// The time limit for the reader at the end of a run.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 enum Text {
-    /// Lines of the trace, each with its end.
+    /// Trace lines, each with its newline.
     Trace(String),
     /// A line for the user.
     Warning(String),
@@ -37,7 +37,7 @@ pub(super) struct Printer {
 }
 
 impl Printer {
-    /// Starts the thread. `reader_gone` is set when stdout has lost its reader.
+    /// Starts the thread. `reader_gone` is set when stdout is closed.
     pub(super) fn start(reader_gone: watch::Sender<bool>) -> io::Result<Self> {
         Self::start_with(io::stdout(), io::stderr(), reader_gone)
     }
@@ -59,7 +59,7 @@ impl Printer {
         Ok(Self { queue, lost, is_cut, ended })
     }
 
-    /// Prints lines of the trace, or drops them without a reader.
+    /// Prints trace lines; drops them if the queue is full.
     pub(super) fn trace(&self, lines: String) {
         if let Err(TrySendError::Full(Text::Trace(lines))) = self.queue.try_send(Text::Trace(lines)) {
             let count = lines.bytes().filter(|byte| *byte == b'\n').count();
@@ -69,7 +69,7 @@ impl Printer {
 
     /// Prints a line on stderr.
     pub(super) fn warn(&self, line: String) {
-        // If even a warning finds no space, nobody reads.
+        // If even a warning finds no space, nobody reads stderr.
         let _ = self.queue.try_send(Text::Warning(line));
     }
 
@@ -78,7 +78,7 @@ impl Printer {
         let _ = self.queue.try_send(Text::Note(text));
     }
 
-    /// Waits until everything is printed, or the reader does not read; returns whether stdout is complete.
+    /// Waits until everything is printed or the time limit expires; returns whether stdout is complete.
     pub(super) fn finish(self) -> bool {
         drop(self.queue);
         let end = self.ended.recv_timeout(PATIENCE);
@@ -88,7 +88,7 @@ impl Printer {
 }
 
 struct Writer<O, E> {
-    /// `None` after it has failed.
+    /// Stdout; `None` after a failed write.
     stdout: Option<O>,
     stderr: E,
     lost: Arc<AtomicU64>,
@@ -110,7 +110,7 @@ impl<O: Write, E: Write> Writer<O, E> {
             self.print(&mut batch);
             let lost = self.lost.swap(0, Ordering::Relaxed);
             if lost > 0 && self.stdout.is_some() {
-                self.warn(&format!("stdout was not read: {lost} lines of the trace were dropped"));
+                self.warn(&format!("stdout was not read in time: dropped {lost} lines of the trace"));
             }
         }
     }
@@ -138,7 +138,7 @@ impl<O: Write, E: Write> Writer<O, E> {
                 Err(error) => {
                     self.stdout = None;
                     self.is_cut.store(true, Ordering::Relaxed);
-                    self.warn(&format!("stdout: {error}; the trace ends"));
+                    self.warn(&format!("stdout: {error}; the trace has stopped"));
                 }
             }
         }
@@ -218,6 +218,6 @@ mod tests {
         let reader = thread::spawn(move || pipe.iter().collect::<String>().lines().count());
         printer.finish();
         assert_eq!(reader.join().unwrap() + lost, lines);
-        assert_eq!(text(&said), format!("pve-sim: stdout was not read: {lost} lines of the trace were dropped\n"));
+        assert_eq!(text(&said), format!("pve-sim: stdout was not read in time: dropped {lost} lines of the trace\n"));
     }
 }

@@ -14,7 +14,7 @@ use rustyline::ExternalPrinter;
 /// before it undoes that.
 const REDRAW: &str = "\x1b[A\n";
 
-/// The longest wait for an editor that is about to change the modes of the terminal.
+/// The maximum wait for an editor that is about to change the terminal modes.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Asks the editor to redraw its line.
@@ -57,12 +57,12 @@ enum Line {
 }
 
 impl Screen {
-    /// Makes this editor the one that redraws the line.
+    /// Registers the editor that redraws the line.
     pub(super) fn attach(&self, redraw: Redraw) {
         *self.shared.redraw.lock().unwrap_or_else(PoisonError::into_inner) = Some(redraw);
     }
 
-    /// Hands the terminal to the editor; returns whether the run still goes on.
+    /// Hands the terminal to the editor; returns whether the run continues.
     pub(super) fn begin_line(&self) -> bool {
         let mut state = self.state();
         if state.line != Line::Over {
@@ -92,8 +92,8 @@ impl Screen {
         self.shared.changed.notify_all();
     }
 
-    /// Ends the typing of lines; returns whether a line is being typed, in which case the editor has changed the modes
-    /// of the terminal.
+    /// Prevents further lines; returns whether a line is being typed, in which case the editor has changed the terminal
+    /// modes.
     pub(super) fn close(&self) -> bool {
         let state = self.state();
         let is_begun = |state: &mut State| state.line == Line::Begun;

@@ -13,7 +13,7 @@ use hal_sim::devices::{self, NamedDevice};
 use hal_sim::memory::Memory;
 use hal_sim::simulation::Simulation;
 
-/// Returns the simulation of the options, and the warnings about memories and bit rates, a line each.
+/// Creates the simulation of the options; also returns the warnings about memories and bit rates, one per line.
 pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String>), RunError> {
     let mut warnings = Vec::new();
     let mut memories = Vec::new();
@@ -38,15 +38,15 @@ pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String
     Ok((simulation, warnings))
 }
 
-/// Returns the initial bit rate of a device, which its memory decides.
+/// Returns the initial bit rate of a device, as stored in its memory.
 fn first_rate(device: &NamedDevice, memory: &Memory) -> Option<BitRate> {
     let start = Instant::from_ticks(0);
     let device = AnyDevice::power_on(device.setup, &memory.peek_image(), StartCause::PowerOn, start);
     Some(device.as_dyn().bit_rate())
 }
 
-/// Opens the memories of the devices, in order. All files are locked before any is created or put aside, so that a
-/// refusal changes no file.
+/// Opens the memories of the devices, in order. All files are locked before any file is created or renamed, so that an
+/// error changes no file.
 fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memory, RunError>>, RunError> {
     let mut files = Vec::new();
     if let Some(dir) = &options.state {

@@ -1,4 +1,4 @@
-//! The lines on stdin, read on a thread of its own. The end of stdin does not end the run.
+//! Reads the lines on stdin on a separate thread. The end of stdin does not end the run.
 
 use std::io::{self, Read};
 
@@ -7,13 +7,13 @@ use tokio::sync::oneshot;
 use super::system;
 use crate::inbox::{ToWorld, WorldSender};
 
-/// The longest line, in bytes; longer ones are cut and marked with [`CUT`].
+/// The maximum line length, in bytes; longer lines are cut and marked with [`CUT`].
 const LINE: usize = 256;
 
-/// The mark of a cut line, which no word contains.
+/// The mark of a cut line; no word contains it.
 const CUT: char = '…';
 
-/// Starts the thread, which is never joined. If it cannot start, there is no console.
+/// Starts the thread, which is never joined. If the thread cannot start, there is no console.
 pub(super) fn listen(world: WorldSender) {
     let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
         let stdin = io::stdin();
@@ -21,8 +21,8 @@ pub(super) fn listen(world: WorldSender) {
     });
 }
 
-/// Executes the lines of an input, one at a time: a writer that is faster than the world waits, and others' messages
-/// come between its lines.
+/// Executes the lines of an input one at a time: a writer faster than the world waits, and messages of other clients
+/// can take effect between the lines.
 fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
     let mut lines = Lines::default();
     let mut bytes = [0; LINE];
@@ -46,12 +46,12 @@ pub(super) fn tell(world: &WorldSender, line: String) {
 /// The parser of lines.
 #[derive(Debug, Default)]
 pub struct Lines {
-    /// At most one byte more than [`LINE`]: the line is too long then.
+    /// At most [`LINE`] + 1 bytes; with that many bytes the line is too long.
     line: Vec<u8>,
 }
 
 impl Lines {
-    /// Takes bytes, and passes on each line that ends within them.
+    /// Processes bytes, and passes on each line that they complete.
     pub fn push(&mut self, bytes: &[u8], mut tell: impl FnMut(String)) {
         for byte in bytes {
             match byte {

@@ -1,9 +1,9 @@
 //! The virtual time of a run: the pace of the wall clock, and lost time.
 //!
-//! Two events lose time, and the world goes on from its own instant after each:
+//! Two conditions lose time; after each, the world continues from its own instant:
 //! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Masters
 //!   live on the wall clock, and a valve must not take the pause for a master that has failed.
-//! - **A speed out of reach**: the world would fall behind for ever.
+//! - **A speed that is too high** for the machine: the world would fall behind without limit.
 
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
@@ -11,31 +11,31 @@ use protocol_core::time::{Instant, since};
 
 use super::pace::{LAST, Pace};
 
-/// The gap between two looks at the clock from which the process counts as stalled. A master that sends every 200 ms
-/// may be 50 ms late before its valve faults.
+/// The gap between two clock readings above which the process counts as stalled. A master that sends every 200 ms may
+/// be 50 ms late before its valve reports a fault.
 const STALL: WallDuration = WallDuration::from_millis(50);
 
-/// The longest sleep at a speed up to 1: stalls show only when the thread looks at the clock. The rest of [`STALL`]
-/// allows for a late wake-up.
+/// The maximum sleep at a speed up to 1: a clock reading is needed to detect a stall. The rest of [`STALL`] allows for
+/// a late wake-up.
 pub(super) const MAX_SLEEP: WallDuration = WallDuration::from_millis(20);
 
-/// The working time without progress after which a speed counts as out of reach.
+/// The working time without progress after which the speed counts as too high.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
-/// The shortest time between two warnings of stalls.
+/// The minimum time between two warnings about stalls.
 const REMINDER: WallDuration = WallDuration::from_secs(60);
 
 /// The virtual time of a run.
 #[derive(Debug)]
 pub(super) struct Timekeeper {
     pace: Pace,
-    /// The last look at the clock.
+    /// The time of the last clock reading.
     looked: WallInstant,
     /// The state of a world that is behind.
     behind: Option<Behind>,
-    /// The user knows that the speed is out of reach.
+    /// Whether the user was told that the speed is too high.
     out_of_reach: bool,
-    /// Virtual time is at its end, and the user knows.
+    /// Whether the user was told that virtual time is at its limit.
     over: bool,
     stalls: Stalls,
 }
@@ -70,17 +70,17 @@ impl Timekeeper {
         &self.pace
     }
 
-    /// Returns the last look at the clock.
+    /// Returns the time of the last clock reading.
     pub(super) const fn looked(&self) -> WallInstant {
         self.looked
     }
 
-    /// Returns whether stalls lose time: at speeds up to 1.
+    /// Returns whether virtual time stops during stalls, which applies to speeds up to 1.
     pub(super) const fn minds_stalls(&self) -> bool {
         self.pace.speed() <= 1.0
     }
 
-    /// Looks at the clock, with the world at `world`; returns a warning for the user, if any.
+    /// Reads the clock, with the world at `world`; returns a warning for the user, if any.
     pub(super) fn look(&mut self, now: WallInstant, world: Instant) -> Option<String> {
         let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
         if let Some(behind) = &mut self.behind {
@@ -99,7 +99,7 @@ impl Timekeeper {
             std::mem::replace(&mut self.stalls, Stalls { told: Some(now), ..Stalls::default() });
         let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
         let seconds = time.as_secs_f64();
-        Some(format!("the host paused for {seconds:.3} s{times}; virtual time was held"))
+        Some(format!("the host paused for {seconds:.3} s{times}; virtual time was paused"))
     }
 
     /// Records that the world, at `world`, has worked and is still behind; returns a warning for the user, if any.
@@ -112,20 +112,20 @@ impl Timekeeper {
                 return None;
             }
             if since(world, behind.from).as_micros() as f64 > behind.worked.as_micros() as f64 * speed {
-                // The world catches up.
+                // The world is catching up.
                 self.behind = Some(begun);
                 return None;
             }
         }
         self.pace.anchor(self.looked, world);
         let told = std::mem::replace(&mut self.out_of_reach, true);
-        (!told).then(|| format!("--speed {speed} is out of reach: time runs as fast as this machine can"))
+        (!told).then(|| format!("--speed {speed} is too fast for this machine: virtual time runs as fast as possible"))
     }
 
     /// Records that the world, at `world`, has caught up; returns a warning for the user, if any.
     pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);
-        over.then(|| "virtual time has ended, after 584 years: the bus has stopped".to_owned())
+        over.then(|| "virtual time reached its limit of 584 years: the bus has stopped".to_owned())
     }
 }

@@ -1,4 +1,4 @@
-//! The trace of a run, on stdout and in the log: as `candump -L` with meanings, or laid out for people.
+//! The trace of a run on stdout and in the log: `candump -L` lines with meanings, or the human-readable layout.
 
 use std::io::IsTerminal as _;
 
@@ -15,7 +15,7 @@ use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::simulation::{Happened, Simulation};
 use hal_sim::trace::Layout;
 
-/// The number of bytes at which waiting lines are printed.
+/// The number of pending bytes at which lines are printed.
 const BATCH: usize = 32 * 1024;
 
 /// Returns the layout of stdout: `None`, unless it is a terminal or colour is requested.
@@ -45,7 +45,7 @@ pub(super) struct Trace {
     bus: String,
     printer: Printer,
     log: Option<Log>,
-    /// The log has failed before the end of the run.
+    /// Whether the log has failed.
     log_is_cut: bool,
     /// The human-readable layout; `None` prints `candump -L` lines.
     layout: Option<Layout>,
@@ -56,7 +56,7 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Returns a trace, as `candump -L` or for people.
+    /// Creates a trace, in `candump -L` lines or in the human-readable layout.
     pub(super) fn new(bus: &str, printer: Printer, log: Option<Log>, layout: Option<Layout>) -> Self {
         Self { layout, bus: bus.to_owned(), printer, log, log_is_cut: false, line: String::new(), lines: String::new() }
     }
@@ -129,8 +129,8 @@ impl Trace {
         self.printer.warn(line);
     }
 
-    /// Flushes all lines, and waits until they are printed or the reader has gone. Returns whether stdout and the log
-    /// are complete; the user has been told otherwise.
+    /// Flushes all lines, and waits until they are printed or stdout is closed. Returns whether stdout and the log are
+    /// complete; any failure was reported to the user.
     pub(super) fn finish(mut self) -> bool {
         if let Some(layout) = &mut self.layout {
             layout.finish(&mut self.lines);

@@ -47,7 +47,7 @@ fn a_valve_answers_and_the_trace_says_what_that_means() {
     };
     assert_eq!(meaning("720#00"), "pvea-canopen: boot-up");
     assert_eq!(meaning("620#4018100100000000"), "master → pvea-canopen: SDO read 0x1018:1 (Vendor ID)");
-    assert_eq!(meaning(VENDOR), "pvea-canopen: SDO answer 0x1018:1 (Vendor ID) = 0x01000019");
+    assert_eq!(meaning(VENDOR), "pvea-canopen: SDO read response 0x1018:1 (Vendor ID) = 0x01000019");
     let logged: String = lines.iter().map(|(logged, _)| format!("{logged}\n")).collect();
     assert_eq!(fs::read_to_string(log).expect("the log"), logged);
 }
@@ -71,8 +71,8 @@ fn both_protocols_on_one_bus() {
     for line in [
         "18EA8327#00EE00  0x27 → boom: request address claim",
         "18EEFF83#0100200708FF0220  boom: claims address 0x83, NAME 0x2002FF0807200001",
-        "5A0#4318100119000001  pveo-canopen: SDO answer",
-        "1BC408F1#036E1001  boom → tool 0xF1: UDS written 0x1001 (node ID)",
+        "5A0#4318100119000001  pveo-canopen: SDO read response",
+        "1BC408F1#036E1001  boom → tool 0xF1: UDS write response 0x1001 (node ID)",
     ] {
         assert!(trace.contains(line), "{line} in\n{trace}");
     }
@@ -151,8 +151,8 @@ fn error_frames_are_told_and_not_poured() {
         while !trace.last().is_some_and(|line: &String| line.contains("7F0")) {
             trace.push(simulator.line());
         }
-        assert!(trace[0].contains("20000080#0000000000000000  error frame: stuff error in 123: 01 of the gateway"));
-        assert!(trace[1].contains("20000004#0030000000000000  pvea-canopen: error-passive after error frames ×15"));
+        assert!(trace[0].contains("20000080#0000000000000000  error frame: stuff error in 123: 01 from the gateway"));
+        assert!(trace[1].contains("20000004#0030000000000000  pvea-canopen: error-passive (15 error frames so far)"));
         assert!(trace.len() < 20, "{trace:?}");
         say(&mut witness, "< echo >");
         loop {

@@ -22,7 +22,7 @@ fn a_valve_is_broken_by_hand() {
         assert_ne!(stderr.read_line(&mut answers).expect("text"), 0, "{answers}");
     }
     assert!(answers.contains("\nok\n"), "{answers}");
-    assert!(answers.contains("pve-sim: 'spool bent' is not understood; accepted: supply_mv N"), "{answers}");
+    assert!(answers.contains("pve-sim: 'spool bent' is not a valid command; accepted: supply_mv N"), "{answers}");
     // The end of stdin does not end the run: the monitor reports after its two seconds.
     drop(stdin);
     while !simulator.line().contains("EMCY: supply too low") {}

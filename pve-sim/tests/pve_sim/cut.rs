@@ -108,7 +108,7 @@ fn a_log_that_is_cut_is_exit_1() {
         let stderr = std::io::read_to_string(simulator.process.stderr.take().expect("a pipe")).expect("text");
         assert_eq!(simulator.process.wait().expect("it ends").code(), Some(1), "{name}: {stderr}");
         let lines: Vec<&str> = stderr.lines().filter(|line| line.contains(name)).collect();
-        assert_eq!(lines, [format!("pve-sim: {path}: File too large (os error 27); the log ends")]);
+        assert_eq!(lines, [format!("pve-sim: {path}: File too large (os error 27); logging has stopped")]);
     }
 }
 
@@ -124,7 +124,7 @@ fn a_trace_that_is_cut_is_exit_1() {
     let mut stderr = std::io::BufReader::new(process.stderr.take().expect("a pipe"));
     let mut line = String::new();
     std::io::BufRead::read_line(&mut stderr, &mut line).expect("text");
-    assert_eq!(line, "pve-sim: stdout: No space left on device (os error 28); the trace ends\n");
+    assert_eq!(line, "pve-sim: stdout: No space left on device (os error 28); the trace has stopped\n");
     kill_process(Pid::from_child(&process), Signal::TERM).expect("it still runs");
     assert_eq!(process.wait().expect("it ends").code(), Some(1));
 }
@@ -161,7 +161,7 @@ fn a_log_has_one_writer() {
             let state = path("state");
             let log = path(name);
             let line = refusal(&[&bus[..], &["--state", &state, "--log", &log], overwrite].concat(), 1);
-            assert_eq!(line, format!("pve-sim: {log}: another pve-sim is writing its log there"));
+            assert_eq!(line, format!("pve-sim: {log}: another pve-sim is writing to this log"));
             assert!(!Path::new(&state).exists(), "nothing is made");
         }
     }

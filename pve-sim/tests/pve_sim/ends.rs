@@ -86,10 +86,10 @@ fn a_second_simulator_is_told_both_ports_that_are_in_use() {
     let first = Simulator::serve(&["--http", "127.0.0.1:0"]);
     let (bus, http) = (format!("socketcand://127.0.0.1:{}/pve0", first.ports()[0]), first.http());
     let told = refusal(&["--bus", &bus, "--http", http], 1);
-    assert!(told.contains("--bus socketcand://127.0.0.1:0/pve0 takes a free port"), "{told}");
-    assert!(told.ends_with(&format!("; {http} is in use as well: --http 127.0.0.1:0")), "{told}");
+    assert!(told.contains("--bus socketcand://127.0.0.1:0/pve0 selects a free port"), "{told}");
+    assert!(told.ends_with(&format!("; {http} is also in use: --http 127.0.0.1:0 selects a free port")), "{told}");
     let told = refusal(&["--bus", &bus, "--http", "127.0.0.1:0"], 1);
-    assert!(told.ends_with("takes a free port"), "{told}");
+    assert!(told.ends_with("selects a free port"), "{told}");
 }
 
 /// Even the ready line is blocked.

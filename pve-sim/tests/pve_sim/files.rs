@@ -33,7 +33,7 @@ fn a_state_file_of_another_kind_is_exit_1_and_not_touched() {
     let before = fs::read(&file).expect("a state file");
     let bus = "socketcand://127.0.0.1:0/pve0";
     let text = refusal(&["--bus", bus, "--state", state, "--device", "pveo-canopen,name=valve"], 1);
-    assert!(text.contains("valve.nvm: the memory of a pvea-canopen, not of a pveo-canopen"), "{text}");
+    assert!(text.contains("valve.nvm: holds the memory of a pvea-canopen, not of a pveo-canopen"), "{text}");
     assert!(fs::read(&file).expect("a state file") == before, "not touched");
 }
 
@@ -55,7 +55,7 @@ fn a_sensor_has_a_state_file() {
     second.end(Signal::TERM);
     let bus = "socketcand://127.0.0.1:0/pve0";
     let text = refusal(&["--bus", bus, "--state", state, "--device", "hat3000,name=angle"], 1);
-    assert!(text.contains("angle.nvm: the memory of a hat1000, not of a hat3000"), "{text}");
+    assert!(text.contains("angle.nvm: holds the memory of a hat1000, not of a hat3000"), "{text}");
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn a_state_file_that_cannot_be_read_is_exit_1_and_not_touched() {
 
     let nowhere = dir.path().join("nowhere");
     std::os::unix::fs::symlink(&nowhere, &file).expect("a link");
-    refused("follow the link");
+    refused("resolve the link");
     assert!(!nowhere.exists());
     assert_eq!(fs::read_link(&file).expect("still a link"), nowhere);
     fs::remove_file(&file).expect("a link");

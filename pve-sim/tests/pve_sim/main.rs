@@ -42,7 +42,7 @@ fn wrong_usage_is_exit_2_with_one_line() {
         (&["pvea-canopen@128"], "accepted: 1–127"),
         (&["pvea-isobus@0x90"], "0x80–0x8F"),
         (&["pvea-canopen@5", "pveo-canopen@5"], "both have node ID 0x05"),
-        (&["pvea-canopen@5,name=a", "pveo-canopen@6,name=a"], "the name 'a' is given twice"),
+        (&["pvea-canopen@5,name=a", "pveo-canopen@6,name=a"], "duplicate device name 'a'"),
     ] {
         let dir = tempfile::tempdir().expect("a folder");
         let state = dir.path().join("state");

@@ -36,8 +36,8 @@ const OPTIONS: &[Line] = &[
     ("--verbose", "--verbose", "--verbose=2", "no more were expected"),
     ("--seed", "--seed 18446744073709551615", "--seed 18446744073709551616", "0–18446744073709551615"),
     ("--allow-clash", "--allow-clash --device pvea-canopen --device pvea-canopen", "--allow-clash=2", "no more"),
-    ("--http", "--http 127.0.0.1:0", "--http 8408", "accepted: ADDR:PORT"),
-    ("--allow-remote", "--allow-remote --http 0.0.0.0:0", "--http 0.0.0.0:0", "or --allow-remote"),
+    ("--http", "--http 127.0.0.1:0", "--http 8408", "must be ADDR:PORT"),
+    ("--allow-remote", "--allow-remote --http 0.0.0.0:0", "--http 0.0.0.0:0", "or add --allow-remote"),
     ("--no-http", "--no-http", "--no-http=1", "no more were expected"),
 ];
 
@@ -70,12 +70,17 @@ const PARTS: &[Line] = &[
         "--device hat1000,return-ms=100",
         "'return-ms' applies to a valve's spool",
     ),
-    ("blank", "--device pvea-canopen,blank", "--device pvea-isobus,blank", "accepted: @ID"),
+    ("blank", "--device pvea-canopen,blank", "--device pvea-isobus,blank", "give @ID"),
 ];
 
 /// The keys of `--link`.
 const KEYS: &[Line] = &[
-    ("rate=", "--link pvea-canopen=hat1000,rate=-50", "--link pvea-canopen=hat1000,rate=fast", "1/100 degree a second"),
+    (
+        "rate=",
+        "--link pvea-canopen=hat1000,rate=-50",
+        "--link pvea-canopen=hat1000,rate=fast",
+        "1/100 degree per second",
+    ),
     ("min=", "--link pvea-canopen=hat1000,min=10,max=20", "--link pvea-canopen=hat1000,min=-1", "accepted: 0–35999"),
     ("max=", "--link pvea-canopen=hat1000,max=35999", "--link pvea-canopen=hat1000,max=36000", "accepted: 0–35999"),
 ];
@@ -212,7 +217,7 @@ fn type_words(kind: &str, lines: &[Line]) {
             _ => "ok",
         };
         answer(right, told);
-        answer(wrong, &format!("'{wrong}' is not understood; accepted: "));
+        answer(wrong, &format!("'{wrong}' is not a valid command; accepted: "));
         answer(wrong, accepted);
     }
 }
@@ -223,14 +228,14 @@ fn every_command() {
         ("run --help", "walk", "accepted: run, use-case, scenario, decode, replay, set, status, eds, dbc,"),
         ("use-case 1", "use-case 7", "accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
         ("scenario --schema", "scenario", "FILE.toml"),
-        ("scenario --help", "scenario --junit x.toml y.toml", "accepted: a file for the results, as in results.xml"),
+        ("scenario --help", "scenario --junit x.toml y.toml", "use a file for the results, as in results.xml"),
         ("decode --help", "decode", "<FILE>"),
         ("replay --help", "replay frames.log", "--device <KIND[@ID][,KEY=VALUE…]>"),
         ("replay --help", "replay frames.log --device pvea-canopen --tolerance-ms 60001", "0..=60000"),
         ("set --help", "set boom", "<WORD=VALUE>"),
-        ("set --help", "set boom supply_mv", "'supply_mv' for '<WORD=VALUE>...': accepted: WORD=VALUE, as in"),
-        ("set --help", "set boom lever=0 lever=off", "lever is given twice; accepted: once"),
-        ("status --help", "status --http 127.0.0.1:0", "accepted: ADDR:PORT, as in 127.0.0.1:8408"),
+        ("set --help", "set boom supply_mv", "'supply_mv' for '<WORD=VALUE>...': must be WORD=VALUE, as in"),
+        ("set --help", "set boom lever=0 lever=off", "duplicate word lever"),
+        ("status --help", "status --http 127.0.0.1:0", "must be ADDR:PORT, as in 127.0.0.1:8408"),
         ("eds hat3000", "eds pvea-isobus", "pvea-canopen|pveo-canopen|hat1000|hat3000"),
         ("dbc pveo-isobus", "dbc hat1000", "pvea-isobus|pveo-isobus"),
         ("completions bash", "completions tcsh", "bash, elvish, fish, powershell, zsh"),

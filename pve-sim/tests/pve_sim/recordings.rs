@@ -40,9 +40,9 @@ fn every_format_is_decoded_as_it_was_traced_and_replays() {
         assert_eq!(decoded.replace(" can0 ", " pve0 "), trace, "{name}");
         let (report, errors, code) = run(&["replay", path, "--device", "pvea-canopen"]);
         assert_eq!((errors.as_str(), code), ("", Some(0)), "{name}: {report}");
-        let summary = "3 frames of pvea-canopen: as logged within 5 ms; 1 frame of others sent";
+        let summary = "3 frames of pvea-canopen compared within 5 ms: no differences; 1 frame of other nodes sent";
         let line = if name == "frames.asc" { 6 } else { 1 };
-        assert_eq!(report, format!("{summary}; power-up not compared: pvea-canopen by line {line}\n"));
+        assert_eq!(report, format!("{summary}; power-up not compared: pvea-canopen aligned with line {line}\n"));
     }
 }
 
@@ -73,8 +73,8 @@ fn one_byte_that_differs_is_told() {
     assert!(lines[0].ends_with(") line 4: different data"), "{report}");
     assert!(lines[1].contains("5A0: 43 18 10 01 19 00 00 02") && lines[1].ends_with("= 0x02000019"), "{report}");
     assert!(lines[2].contains("5A0: 43 18 10 01 19 00 00 01") && lines[2].ends_with("= 0x01000019"), "{report}");
-    let summary = "3 frames of pvea-canopen: 1 difference within 5 ms; 1 frame of others sent";
-    assert_eq!(lines[3], format!("{summary}; power-up not compared: pvea-canopen by line 1"));
+    let summary = "3 frames of pvea-canopen compared within 5 ms: 1 difference; 1 frame of other nodes sent";
+    assert_eq!(lines[3], format!("{summary}; power-up not compared: pvea-canopen aligned with line 1"));
     assert_eq!(lines.len(), 4);
 }
 
@@ -87,10 +87,10 @@ fn a_line_that_is_none_is_named() {
     let (decoded, errors, code) = run(&["decode", path]);
     assert_eq!(decoded.lines().count(), 2);
     assert!(decoded.starts_with("(1.000000) can0 720#00  node 0x20: boot-up\n"), "{decoded}");
-    assert_eq!(errors, format!("pve-sim: {path}:2: not a line of candump: \"nonsense\"\n"));
+    assert_eq!(errors, format!("pve-sim: {path}:2: not a candump line: \"nonsense\"\n"));
     assert_eq!(code, Some(1));
     let (_, errors, code) = run(&["replay", path, "--device", "pvea-canopen"]);
-    assert!(errors.ends_with(":2: not a line of candump: \"nonsense\"\n"), "{errors}");
+    assert!(errors.ends_with(":2: not a candump line: \"nonsense\"\n"), "{errors}");
     assert_eq!(code, Some(1));
 }
 

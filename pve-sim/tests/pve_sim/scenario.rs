@@ -99,7 +99,7 @@ fn what_cannot_be_read_is_exit_2_before_anything_runs() {
     let path = |name: &str| folder.path().join(name).display().to_string();
     let junit = path("results.xml");
     for (name, said) in [
-        ("empty.toml", ":1: no devices; accepted: devices = "),
+        ("empty.toml", ":1: no devices; add devices = "),
         ("typo.toml", ":2: unknown key 'expct'; did you mean 'expect'?; accepted: after_ms, "),
         ("none.toml", ": "),
         ("bytes.toml", ": "),

@@ -106,10 +106,10 @@ fn the_dialogue_with_an_adapter() {
     let frames: Vec<&str> = trace.lines().filter_map(|line| line.split(' ').nth(2)).collect();
     assert_eq!(frames, ["18A#0102", "18FF0AE0#", "123#R2", "00000123#R1", "7FF#"], "{trace}");
     assert!(
-        said.contains("a client set 125000 bit/s, the bus runs at 250000 bit/s: its channel is not opened"),
+        said.contains("a client set 125000 bit/s, but the bus runs at 250000 bit/s: the channel stays closed"),
         "{said}"
     );
-    assert_eq!(said.matches("its channel is not opened").count(), 1, "told once: {said}");
+    assert_eq!(said.matches("the channel stays closed").count(), 1, "told once: {said}");
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn an_address_that_is_taken_is_exit_1() {
     let simulator = start(&[]);
     let taken = simulator.ready.split(' ').find_map(|word| word.strip_prefix("bus=")).expect("a bus");
     let text = refusal(&["--bus", taken], 1);
-    assert!(text.contains(taken) && text.ends_with("--bus slcan://127.0.0.1:0 takes a free port"), "{text}");
+    assert!(text.contains(taken) && text.ends_with("--bus slcan://127.0.0.1:0 selects a free port"), "{text}");
 }
 
 #[cfg(unix)]
@@ -334,7 +334,7 @@ mod pty {
         say(&mut witness, "< send 200 0 >");
         while line(&mut next) != "t2000\r" {}
         let (_, said) = simulator.end(Signal::TERM);
-        assert!(said.contains("a client that did not read was disconnected"), "{said}");
+        assert!(said.contains("disconnected a client that did not read its data"), "{said}");
     }
 
     #[test]
@@ -351,8 +351,10 @@ mod pty {
         let first = start_at(&path, &[]);
         let device = fs::read_link(&path).expect("the link");
         let text = refusal(&["--bus", &url], 1);
-        let in_use =
-            format!("{url}: a link to {}, which is in use; if no other pve-sim runs there, remove", device.display());
+        let in_use = format!(
+            "{url}: the path links to {}, which is in use; if no other pve-sim uses it, remove",
+            device.display()
+        );
         assert!(text.contains(&in_use), "{text}");
         assert_eq!(fs::read_link(&path).expect("the link"), device);
         // A killed simulator leaves its link behind.

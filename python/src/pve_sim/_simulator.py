@@ -178,7 +178,7 @@ class Simulator:
         if id is not None:
             body |= identifier(id, extended)
         elif extended is not None:
-            raise InvalidValue("extended without an id")
+            raise InvalidValue("extended is only valid together with id")
         return BusState.of(self._process.call("POST", "/bus/disturb", body))
 
     # Frames.
@@ -216,7 +216,7 @@ class Simulator:
     def stop(self, id: int | str | None = None, *, extended: bool | None = None) -> int:
         """Stops the cyclic frames with an identifier, or all, and returns their number."""
         if id is None and extended is not None:
-            raise InvalidValue("extended without an id")
+            raise InvalidValue("extended is only valid together with id")
         query: Json = {} if id is None else identifier(id, extended)
         if isinstance(id, int):
             query["id"] = f"{id:X}"

@@ -16,25 +16,25 @@ _pve-sim() {
     local context curcontext="$curcontext" state line
     _arguments "${_arguments_options[@]}" : \
 '*--device=[A device on the bus; repeatable \[default\: pvea-canopen@0x20\]]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[Let the shaft of SENSOR follow the spool of VALVE, as on a boom moved by it; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'*--link=[Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
 '--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it, the memory is lost at exit]:DIR:_files -/' \
-'*--bus=[The address of the bus; repeatable, all for one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
+'*--bus=[The URL of the bus; repeatable, all URLs share one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
 '--bit-rate=[The bit rate of the bus, in bit/s, or as in 250k and 1M \[default\: that of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
-'--speed=[The speed of virtual time\: a factor of wall time above 0; or step\: time advances only by the control interface, and frames of clients wait for that]:FACTOR|step:_default' \
+'--speed=[The speed of virtual time\: a factor of wall time, above 0; or step\: only the control interface advances time, and client frames wait until it does]:FACTOR|step:_default' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
 '--log=[Write every frame to FILE\: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L]:FILE:_files' \
-'--color=[Colour in the trace\: auto, by the terminal and NO_COLOR; always, which lays the trace out as on a terminal even in a pipe; never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
+'--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
 always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
-'(--no-http)--http=[The address of the control interface, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--no-http)--http=[The address of the control interface, port 0 selects a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
 '--allow-real-bus[Allow communication faults on socketcan\:, where real devices may be; without it, only the simulated devices can lose frames]' \
-'--log-overwrite[Overwrite a non-empty file of --log]' \
-'--error-frames[Send error frames to clients\: the first one, and each change of an error mode]' \
+'--log-overwrite[Overwrite the --log file if it is not empty]' \
+'--error-frames[Send error frames to clients\: the first one, and one per change of an error mode]' \
 '--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \
-'--no-http[Serve no control interface]' \
-'--allow-remote[Allow an address of --http that other machines can reach, which gives them full control; and let a udp-multicast bus reach them]' \
+'--no-http[Disable the control interface]' \
+'--allow-remote[Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a udp-multicast bus to reach them]' \
 '-h[Print help (see more with '\''--help'\'')]' \
 '--help[Print help (see more with '\''--help'\'')]' \
 '-V[Print version]' \
@@ -51,25 +51,25 @@ never\:"Laid out on a terminal, without colour"))' \
             (run)
 _arguments "${_arguments_options[@]}" : \
 '*--device=[A device on the bus; repeatable \[default\: pvea-canopen@0x20\]]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[Let the shaft of SENSOR follow the spool of VALVE, as on a boom moved by it; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'*--link=[Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
 '--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it, the memory is lost at exit]:DIR:_files -/' \
-'*--bus=[The address of the bus; repeatable, all for one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
+'*--bus=[The URL of the bus; repeatable, all URLs share one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
 '--bit-rate=[The bit rate of the bus, in bit/s, or as in 250k and 1M \[default\: that of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
-'--speed=[The speed of virtual time\: a factor of wall time above 0; or step\: time advances only by the control interface, and frames of clients wait for that]:FACTOR|step:_default' \
+'--speed=[The speed of virtual time\: a factor of wall time, above 0; or step\: only the control interface advances time, and client frames wait until it does]:FACTOR|step:_default' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
 '--log=[Write every frame to FILE\: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L]:FILE:_files' \
-'--color=[Colour in the trace\: auto, by the terminal and NO_COLOR; always, which lays the trace out as on a terminal even in a pipe; never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
+'--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
 always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
-'(--no-http)--http=[The address of the control interface, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--no-http)--http=[The address of the control interface, port 0 selects a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
 '--allow-real-bus[Allow communication faults on socketcan\:, where real devices may be; without it, only the simulated devices can lose frames]' \
-'--log-overwrite[Overwrite a non-empty file of --log]' \
-'--error-frames[Send error frames to clients\: the first one, and each change of an error mode]' \
+'--log-overwrite[Overwrite the --log file if it is not empty]' \
+'--error-frames[Send error frames to clients\: the first one, and one per change of an error mode]' \
 '--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \
-'--no-http[Serve no control interface]' \
-'--allow-remote[Allow an address of --http that other machines can reach, which gives them full control; and let a udp-multicast bus reach them]' \
+'--no-http[Disable the control interface]' \
+'--allow-remote[Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a udp-multicast bus to reach them]' \
 '-h[Print help (see more with '\''--help'\'')]' \
 '--help[Print help (see more with '\''--help'\'')]' \
 && ret=0
@@ -78,14 +78,14 @@ never\:"Laid out on a terminal, without colour"))' \
 _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
 '--help[Print help]' \
-'::which -- The use case, or all; without it, the titles are listed:_default' \
+'::which -- The use case, or all; if omitted, the titles are listed:_default' \
 && ret=0
 ;;
 (scenario)
 _arguments "${_arguments_options[@]}" : \
 '--junit=[Write the results to FILE as JUnit XML, a test case for each scenario]:FILE:_files' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
-'--verbose[Print the traces, with the notes of the steps]' \
+'--verbose[Print the traces, with the step notes]' \
 '--schema[Print the format of a scenario as a JSON schema, for editors]' \
 '-h[Print help]' \
 '--help[Print help]' \
@@ -94,7 +94,7 @@ _arguments "${_arguments_options[@]}" : \
 ;;
 (decode)
 _arguments "${_arguments_options[@]}" : \
-'*--device=[A device known to be on the bus, as for run; repeatable. Without it, the frames reveal the devices]:KIND[@ID][,KEY=VALUE…]:_default' \
+'*--device=[A device known to be on the bus, as for run; repeatable. Without it, devices are detected by their frames]:KIND[@ID][,KEY=VALUE…]:_default' \
 '-h[Print help]' \
 '--help[Print help]' \
 ':file -- The recording\: a candump -L log, a candump screen, ASC or pcapng, detected by its content; - is stdin:_files' \
@@ -102,9 +102,9 @@ _arguments "${_arguments_options[@]}" : \
 ;;
 (replay)
 _arguments "${_arguments_options[@]}" : \
-'*--device=[A simulated device in the place of one in the recording, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[Let the shaft of SENSOR follow the spool of VALVE, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
-'--tolerance-ms=[The tolerance of the times of frames, in milliseconds; a position may differ by the movement within it]:N:_default' \
+'*--device=[A simulated device that replaces one in the recording, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
+'*--link=[Make the shaft of SENSOR follow the spool of VALVE, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'--tolerance-ms=[The tolerance of frame times, in milliseconds; a position may differ by the movement within that time]:N:_default' \
 '--from-boot-up[Begin with the first boot-up or address claim of a device, and ignore all earlier frames]' \
 '-h[Print help]' \
 '--help[Print help]' \
@@ -117,7 +117,7 @@ _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
 '--help[Print help]' \
 ':device -- The name of the device:_default' \
-'*::words -- A plant word and its value, as on the console or in PATCH /devices/NAME/plant\: supply_mv=8000 spool=stuck lever=off; several words change at the same instant, or none of them:_default' \
+'*::words -- A plant word and its value, as on the console or in PATCH /devices/NAME/plant\: supply_mv=8000 spool=stuck lever=off; several words change at the same instant, or none changes:_default' \
 && ret=0
 ;;
 (status)
@@ -133,14 +133,14 @@ _arguments "${_arguments_options[@]}" : \
 _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
 '--help[Print help]' \
-':sheet -- The kind:_default' \
+':sheet -- The kind of device:_default' \
 && ret=0
 ;;
 (dbc)
 _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
 '--help[Print help]' \
-':database -- The kind:_default' \
+':database -- The kind of device:_default' \
 && ret=0
 ;;
 (completions)
@@ -229,13 +229,13 @@ esac
 _pve-sim_commands() {
     local commands; commands=(
 'run:Runs devices on a bus (the default command)' \
-'use-case:Plays the manuals'\'' use cases, an ISOBUS valve or an angle sensor in virtual time and explains each frame; exit 1 if a frame differs' \
+'use-case:Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each frame; exit 1 if a frame differs' \
 'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
-'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line cannot be parsed' \
-'replay:Replays a recorded log against simulated devices, from their power-up and in virtual time\: compares their frames with the log, and sends them all others; exit 1 on differences' \
+'decode:Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed' \
+'replay:Replays a recorded log against simulated devices, from their power-up, in virtual time\: compares their frames with the log and sends them all other frames; exit 1 on differences' \
 'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
-'status:Prints the states of the devices in a running simulator; exit 1 if it has no such device or cannot be reached' \
-'eds:Prints the EDS of a CANopen kind, from its object dictionary' \
+'status:Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached' \
+'eds:Prints the EDS of a CANopen kind, generated from its object dictionary' \
 'dbc:Prints the DBC of an ISOBUS kind, with its messages at each address' \
 'completions:Prints the completion script for a shell' \
 'man:Prints the manual page, in roff' \
@@ -267,13 +267,13 @@ _pve-sim__subcmd__eds_commands() {
 _pve-sim__subcmd__help_commands() {
     local commands; commands=(
 'run:Runs devices on a bus (the default command)' \
-'use-case:Plays the manuals'\'' use cases, an ISOBUS valve or an angle sensor in virtual time and explains each frame; exit 1 if a frame differs' \
+'use-case:Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each frame; exit 1 if a frame differs' \
 'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
-'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line cannot be parsed' \
-'replay:Replays a recorded log against simulated devices, from their power-up and in virtual time\: compares their frames with the log, and sends them all others; exit 1 on differences' \
+'decode:Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed' \
+'replay:Replays a recorded log against simulated devices, from their power-up, in virtual time\: compares their frames with the log and sends them all other frames; exit 1 on differences' \
 'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
-'status:Prints the states of the devices in a running simulator; exit 1 if it has no such device or cannot be reached' \
-'eds:Prints the EDS of a CANopen kind, from its object dictionary' \
+'status:Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached' \
+'eds:Prints the EDS of a CANopen kind, generated from its object dictionary' \
 'dbc:Prints the DBC of an ISOBUS kind, with its messages at each address' \
 'completions:Prints the completion script for a shell' \
 'man:Prints the manual page, in roff' \

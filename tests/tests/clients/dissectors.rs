@@ -142,7 +142,7 @@ fn sdo(frame: &Fields, who: &str, of_client: bool) -> Said {
         let upload = frame.text("col.Info").is_some_and(|info| info.ends_with("Block upload"));
         return said([service(match (upload, of_client) {
             (true, true) => "block read",
-            (true, false) => "block answer",
+            (true, false) => "block read response",
             (false, _) => "block write",
         })]);
     };
@@ -157,7 +157,7 @@ fn sdo(frame: &Fields, who: &str, of_client: bool) -> Said {
     let segment = |words: &str| {
         let last = if frame.flag("sdo.c") { "last segment " } else { "segment " };
         match &data()[..7 - frame.get("sdo.n") as usize] {
-            [] => said([service(words) + ", " + last + "of no bytes"]),
+            [] => said([service(words) + ", " + last + "without data"]),
             bytes => Said { words: vec![service(words) + ", " + last], value: Some(bytes.to_vec()) },
         }
     };
@@ -168,22 +168,22 @@ fn sdo(frame: &Fields, who: &str, of_client: bool) -> Said {
     };
     match (command, of_client) {
         (1, true) if frame.flag("sdo.e") => expedited("write"),
-        (2, false) if frame.flag("sdo.e") => expedited("answer"),
+        (2, false) if frame.flag("sdo.e") => expedited("read response"),
         (1, true) => in_segments("write"),
-        (2, false) => in_segments("answer"),
+        (2, false) => in_segments("read response"),
         (0, true) => segment("write"),
-        (0, false) => segment("answer"),
+        (0, false) => segment("read response"),
         (2, true) => said([service("read "), object()]),
         (3, true) => said([service("read, next segment, "), toggle()]),
-        (3, false) => said([service("written "), object()]),
-        (1, false) => said([service("written, segment, "), toggle()]),
+        (3, false) => said([service("write response "), object()]),
+        (1, false) => said([service("write response, segment, "), toggle()]),
         (4, _) => said([service("abort "), object(), format!("(0x{:08X})", frame.get("sdo.abort_code"))]),
         (5 | 6, _) => match frame.get(if of_client { "sdo.cs" } else { "sdo.ss" }) {
             2 => {
                 let (received, next) = (frame.get("sdo.ackseq"), frame.get("sdo.blksize"));
-                said([service("block"), format!("received up to {received}, next block of {next}")])
+                said([service("block"), format!("received up to segment {received}, next block of {next}")])
             }
-            1 if (command, of_client) == (5, false) => said([service("block written")]),
+            1 if (command, of_client) == (5, false) => said([service("block write response, end")]),
             1 => said([service("block"), ", end".to_owned()]),
             3 => said([service("block read, start")]),
             other => panic!("block subcommand {other}"),
@@ -208,9 +208,10 @@ fn lss(frame: &Fields, of_master: bool) -> Said {
         error => said([words(what), format!("error {error}")]),
     };
     match (frame.get("lss.cs"), of_master) {
-        (0x04, true) => {
-            said([words(["all to waiting", "all to configuration"][frame.get("lss.switch.mode") as usize])])
-        }
+        (0x04, true) => said([words(
+            ["switch all devices to waiting", "switch all devices to configuration"]
+                [frame.get("lss.switch.mode") as usize],
+        )]),
         (cs @ 0x40..=0x43, true) => {
             let (name, number) = address(cs - 0x40, "");
             said([words("select by"), name, number])
@@ -226,11 +227,11 @@ fn lss(frame: &Fields, of_master: bool) -> Said {
                 (3, "_high", "<="),
             ][cs as usize - 0x46];
             let (name, number) = address(part, suffix);
-            said([words("who has"), name, limit.to_owned(), number])
+            said([words("identify devices with"), name, limit.to_owned(), number])
         }
         (0x4F, false) => said([words("identified")]),
-        (0x4C, true) => said([words("who has no node ID?")]),
-        (0x50, false) => said([words("has no node ID")]),
+        (0x4C, true) => said([words("identify unconfigured devices")]),
+        (0x50, false) => said([words("unconfigured device")]),
         (0x51, true) => {
             let (number, bit) = (frame.get("lss.fastscan.id"), frame.get("lss.fastscan.check"));
             said([words("fast scan"), format!("0x{number:08X} from bit {bit}")])
@@ -252,7 +253,7 @@ fn lss(frame: &Fields, of_master: bool) -> Said {
             said([words(&format!("configure bit timing, table {table}, index {index}"))])
         }
         (0x13, false) => outcome("bit timing", "lss.conf_bt.err_code"),
-        (0x15, true) => said([words(&format!("activate bit timing, switch after {} ms", frame.get("lss.abt_delay")))]),
+        (0x15, true) => said([words(&format!("activate bit timing, switch delay {} ms", frame.get("lss.abt_delay")))]),
         (0x17, true) => said([words("store")]),
         (0x17, false) => outcome("store", "lss.store_conf.err_code"),
         (other, _) => panic!("LSS command {other}"),
@@ -304,7 +305,7 @@ fn j1939(frame: &Fields, isobus: &Fields) -> Said {
         }
         0xEA00 => said([to_one() + "request ", three(&bytes)]),
         0xE800 => {
-            let what = ["done", "not supported", "access denied", "not now"][usize::from(bytes[0])];
+            let what = ["done", "not supported", "access denied", "cannot respond now"][usize::from(bytes[0])];
             said([format!("{} → {}: {what}, {}", party(source), party(bytes[4].into()), three(&bytes[5..]))])
         }
         0xEC00 => transport(isobus, &from, &to_one()),
@@ -364,7 +365,7 @@ fn transport(frame: &Fields, from: &str, to_one: &str) -> Said {
 
 /// Whether the trace takes a frame for a segment of an SDO block transfer.
 fn is_block_segment(explanation: &str) -> bool {
-    explanation.contains("SDO block") && explanation.contains("segment ")
+    explanation.contains("SDO block") && !explanation.contains("received up to") && explanation.contains("segment ")
 }
 
 /// A valve and a sensor on CANopen and a valve on ISOBUS, their masters, and nodes that are none of them.
@@ -410,7 +411,7 @@ fn every_frame_is_to_tshark_what_the_trace_says_it_is() {
             segments += 1;
             let id = by_canopen[number].get("node_id");
             match by_canopen[number].get("function_code") {
-                0xB => said([node(id) + ": SDO block answer, "]),
+                0xB => said([node(id) + ": SDO block read response, "]),
                 _ => said([format!("master → {}: SDO block write, ", node(id))]),
             }
         } else if is_standard {

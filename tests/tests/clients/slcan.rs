@@ -50,7 +50,7 @@ fn python_can_asks_the_adapter() {
     let simulator = Simulator::start(&[OVER_TCP, ["--device", "pvea-canopen,blank"]].concat());
     simulator.serve_over(&over_tcp(&simulator), "slcan.py", &[]);
     let said = simulator.finish();
-    let told = "a client set 500000 bit/s, the bus runs at 250000 bit/s: its channel is not opened";
+    let told = "a client set 500000 bit/s, but the bus runs at 250000 bit/s: the channel stays closed";
     assert!(said.contains(told), "{said}");
 }
 

@@ -20,10 +20,14 @@ fn what_gives_the_power_up_is_said() {
         let options = options(both, &file);
         replay(&options).unwrap().report(&options).split_once("; power-up").unwrap().1.to_owned()
     };
-    let by_line = format!(" not compared: pvea-canopen by line {}, hat1000 by line {}\n", valve + 1, sensor + 1);
+    let by_line = format!(
+        " not compared: pvea-canopen aligned with line {}, hat1000 aligned with line {}\n",
+        valve + 1,
+        sensor + 1
+    );
     assert_eq!(said(&session.records), by_line);
     session.records.remove(sensor);
-    assert_eq!(said(&session.records), " not compared: pvea-canopen by line 1, hat1000 before the log\n");
+    assert_eq!(said(&session.records), " not compared: pvea-canopen aligned with line 1, hat1000 on before the log\n");
 }
 
 /// The logger ran before: frames of an earlier life have the identifier of the boot-up.
@@ -41,7 +45,7 @@ fn a_log_may_begin_with_an_earlier_life() {
     assert!(as_logged(&format!("{VALVE} --from-boot-up"), &file) > 20);
     let file = log(&records[..3], Format::Candump);
     let error = replay(&options(&format!("{VALVE} --from-boot-up"), &file)).unwrap_err().to_string();
-    assert!(error.ends_with(": no boot-up or address claim of pvea-canopen in the log"), "{error}");
+    assert!(error.ends_with(": no boot-up or address claim from pvea-canopen in the log"), "{error}");
 }
 
 /// The logger started later: the valve has booted before.
@@ -59,13 +63,13 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     file.as_file_mut().write_all(b"hello\n").unwrap();
     let outcome = replayed(VALVE, &file);
     assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
-    assert!(!outcome.is_as_logged() && outcome.unread[0].ends_with(": not a line of candump: \"hello\""));
+    assert!(!outcome.is_as_logged() && outcome.unread[0].ends_with(": not a candump line: \"hello\""));
     let mut records = session.records.clone();
     records.insert(3, Record { entry: Entry::Error(ErrorClass::BusError.into()), ..records[3] });
     let outcome = replayed(VALVE, &log(&records, Format::Candump));
     assert_eq!((outcome.differences, outcome.error_frames), (0, 1));
     let other = replay(&options("--device pvea-canopen@0x21", &session.log())).unwrap_err();
-    assert!(other.to_string().ends_with(": no frame of pvea-canopen in the log"), "{other}");
+    assert!(other.to_string().ends_with(": no frame from pvea-canopen in the log"), "{other}");
     let empty = replay(&options(VALVE, &log(&[], Format::Asc))).unwrap_err();
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
@@ -80,7 +84,7 @@ fn a_device_of_which_nothing_is_compared_is_told() {
         ("--device pvea-canopen@0x20 --device hat1000,blank", "hat1000"),
     ] {
         let error = replay(&options(line, &file)).map(|outcome| outcome.differences).unwrap_err();
-        assert!(error.to_string().ends_with(&format!(": no frame of {name} in the log")), "{line}: {error}");
+        assert!(error.to_string().ends_with(&format!(": no frame from {name} in the log")), "{line}: {error}");
     }
 }
 
@@ -92,7 +96,7 @@ fn a_time_that_is_wrong_is_told() {
     records[place].at = Timestamp::from_micros(u64::MAX);
     let outcome = replayed(VALVE, &log(&records, Format::Candump));
     assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
-    let named = format!(":{}: more than a day after the previous entry", records.len());
+    let named = format!(":{}: time more than a day after the previous entry", records.len());
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
 }
 
@@ -103,7 +107,7 @@ fn a_time_that_goes_back_is_told() {
     let twice = [&records[..], &records[..]].concat();
     let outcome = replayed(VALVE, &log(&twice, Format::Candump));
     assert!(!outcome.is_as_logged());
-    let named = format!(":{}: earlier than the previous entry", records.len() + 1);
+    let named = format!(":{}: time earlier than that of the previous entry", records.len() + 1);
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread[0]);
     // The lines of two loggers in one file differ by less than the tolerance.
     let mut records = records;

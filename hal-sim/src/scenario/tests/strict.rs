@@ -35,7 +35,7 @@ fn a_frame_that_no_step_expects_fails_at_the_step_in_which_it_comes() {
         // Too early for the step that expects the frame.
         ("{ after_ms = 20, expect = \"1A0\" }", "x.toml:7: strict: failed at "),
         // Another frame is expected before it.
-        ("\n{ expect = [\"720\", \"1A0\"] }", "x.toml:8: expect 2 frames, of which 0 came within 1000 ms: failed at "),
+        ("\n{ expect = [\"720\", \"1A0\"] }", "x.toml:8: expect 2 frames (0 received) within 1000 ms: failed at "),
         // The state never comes; the frame does.
         ("{ expect = { dsm = \"active\" } }", "x.toml:7: strict: failed at "),
     ] {
@@ -72,10 +72,10 @@ fn a_frame_that_comes_again_keeps_its_cycle() {
     let slower =
         format!("{start} {{ after_ms = 95, send = \"220#0000 0000\", every_ms = 160 }},\n{{ after_ms = 500 }}");
     let text = differs(&slower);
-    assert!(text.contains("x.toml:8: strict: ") && text.contains("not again since "), "{text}");
+    assert!(text.contains("x.toml:8: strict: ") && text.contains("not received since "), "{text}");
     assert!(text.contains(", expected every 100 ms: 1A0: 08 00 00 00"), "{text}");
     let faster = format!("{start} {{ after_ms = 95, send = \"220#0000 0000\", every_ms = 40 }},\n{{ after_ms = 500 }}");
-    assert!(differs(&faster).contains("again after only "));
+    assert!(differs(&faster).contains("repeated after only "));
     let text = differs(&format!(
         "{start} {{ after_ms = 95, send = \"220#0300 0000\", every_ms = 100 }},\n{{ after_ms = 500 }}"
     ));
@@ -87,7 +87,7 @@ fn a_frame_that_comes_again_keeps_its_cycle() {
     let stopped = "{ stop = \"220\" }, { stop = \"1A0\" }, { after_ms = 1000 }";
     agrees(&format!("{start} {stopped}"));
     let text = differs(&format!("{start} {{ stop = \"220\" }},\n{{ after_ms = 1000 }}"));
-    assert!(text.contains("not again since "), "{text}");
+    assert!(text.contains("not received since "), "{text}");
 }
 
 /// A frame during the wait of the step's own frame for the bus belongs to the step.
@@ -104,12 +104,12 @@ fn a_strict_scenario_that_cannot_look_is_refused() {
         |steps: &str| refusal(&format!("strict = true\ndevices = [\"pvea-canopen@0x20\"]\nsteps = [\n{steps}\n]"));
     for steps in ["{ after_ms = 1 }", "{ expect = { dsm = \"active\" } }"] {
         let (line, reason) = refusal(steps);
-        assert_eq!(reason, "strict: no step expects a frame; accepted: with expect = \"720#00\"");
+        assert_eq!(reason, "strict: no step expects a frame; add a step such as { expect = \"720#00\" }");
         assert_eq!(line, Some(1));
     }
     let (line, reason) = refusal("{ expect = \"720#00\" },\n{ never = \"0A0\", for_ms = 10 }");
     assert_eq!(line, Some(5));
-    assert!(reason.starts_with("never: a strict scenario forbids unexpected frames anyway; accepted: "));
+    assert!(reason.starts_with("never: a strict scenario already forbids unexpected frames; use "));
     for step in [
         "{ every_ms = 100 }",
         "{ expect = { dsm = \"active\" }, every_ms = 100 }",
@@ -118,9 +118,12 @@ fn a_strict_scenario_that_cannot_look_is_refused() {
     ] {
         let (line, reason) = refusal(&format!("{{ expect = \"720#00\" }},\n{step}"));
         assert_eq!(line, Some(5), "{step}");
-        assert_eq!(reason, "every_ms: accepted with send; in a strict scenario also with one expected frame");
+        assert_eq!(
+            reason,
+            "every_ms is only valid together with send or, in a strict scenario, with a single expected frame"
+        );
     }
-    assert!(refusal("{ expect = \"720\", every_ms = 0 }").1.starts_with("every_ms 0: "));
+    assert!(refusal("{ expect = \"720\", every_ms = 0 }").1.starts_with("every_ms 0 is not valid"));
     // Not strict: the step sends no frame.
-    assert!(refused("{ expect = \"720\", every_ms = 100 }").starts_with("every_ms: accepted with send"));
+    assert!(refused("{ expect = \"720\", every_ms = 100 }").starts_with("every_ms is only valid together with send"));
 }

@@ -104,12 +104,12 @@ fn a_running_simulator() {
         ("set", "<DEVICE> <WORD=VALUE>..."),
         ("set boom", "<WORD=VALUE>..."),
         ("set lever=off", "<WORD=VALUE>..."),
-        ("set boom lever", "accepted: WORD=VALUE, as in supply_mv=8000"),
-        ("set boom =off", "accepted: WORD=VALUE, as in supply_mv=8000"),
-        ("set boom lever=off spool=ok lever=off", "lever is given twice; accepted: once"),
-        ("set boom lever=off --http 8408", "accepted: ADDR:PORT, as in 127.0.0.1:8408"),
+        ("set boom lever", "must be WORD=VALUE, as in supply_mv=8000"),
+        ("set boom =off", "must be WORD=VALUE, as in supply_mv=8000"),
+        ("set boom lever=off spool=ok lever=off", "duplicate word lever"),
+        ("set boom lever=off --http 8408", "must be ADDR:PORT, as in 127.0.0.1:8408"),
         ("status boom arm", "'arm'"),
-        ("status --http 127.0.0.1:0", "accepted: ADDR:PORT, as in 127.0.0.1:8408"),
+        ("status --http 127.0.0.1:0", "must be ADDR:PORT, as in 127.0.0.1:8408"),
         ("--http 127.0.0.1:9 status", "give the options after the command"),
     ] {
         let text = refused(line);

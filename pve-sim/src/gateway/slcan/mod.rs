@@ -1,4 +1,4 @@
-//! slcan: an adapter on a serial line, in the ASCII of Lawicel's CAN232 and CANUSB, over TCP or on a pseudo-terminal.
+//! slcan: the ASCII protocol of serial-line adapters (Lawicel CAN232 and CANUSB), over TCP or on a pseudo-terminal.
 //!
 //! Each line ends with CR. The adapter answers an executed line with CR (after `z` or `Z` for a frame), and any other
 //! line with BEL:
@@ -13,7 +13,7 @@
 //! ```
 //!
 //! ```text
-//! protocol  commands and answers to and from bytes, no I/O
+//! protocol  decodes commands, encodes answers; no I/O
 //! session   one client
 //! server    the gateway over TCP
 //! pty       the gateway on a pseudo-terminal

@@ -1,4 +1,4 @@
-//! The lines of slcan: bytes to commands, and frames to bytes. No I/O, and no state but that of an incomplete line.
+//! Decodes the lines of slcan to commands, and encodes frames as lines. No I/O; the only state is an incomplete line.
 
 use std::fmt::Write;
 
@@ -29,7 +29,7 @@ const RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_
 /// The clock of the bit timing registers of `s`, in Hz: half the SJA1000's 16 MHz, as in such adapters.
 const TIMING_CLOCK: u32 = 8_000_000;
 
-/// The end of the time stamps, which count milliseconds from 0.
+/// The modulus of the time stamps, which count milliseconds.
 const STAMP_END: u64 = 60_000;
 
 /// A command of a client.
@@ -37,25 +37,25 @@ const STAMP_END: u64 = 60_000;
 pub enum Command {
     /// `S0` to `S8`, `sXXYY`: the bit rate of the client's bus, in bit/s, with the channel closed.
     SetRate(u32),
-    /// `O`
+    /// `O`: opens the channel.
     Open,
-    /// `L`: open, without sending.
+    /// `L`: opens the channel in listen-only mode.
     Listen,
-    /// `C`
+    /// `C`: closes the channel.
     Close,
     /// `tIIILDD…`, `TIIIIIIIILDD…`, `rIIIL`, `RIIIIIIIIL`
     Send(Frame),
-    /// `F`: the status flags.
+    /// `F`: reads the status flags.
     Flags,
-    /// `V`
+    /// `V`: reads the versions.
     Version,
-    /// `N`: the serial number.
+    /// `N`: reads the serial number.
     Serial,
     /// `Z1`, `Z0`: time stamps on or off.
     Stamps(bool),
     /// `X1`: automatic reception, which is always on.
     AutoSend,
-    /// An empty line, with which clients start over.
+    /// An empty line, by which clients discard an incomplete command.
     Nothing,
 }
 
@@ -63,15 +63,15 @@ pub enum Command {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refused;
 
-/// The parser of lines in a stream of bytes, however its reads are divided.
+/// Parses lines from a byte stream, independent of read boundaries.
 #[derive(Debug, Default)]
 pub struct Parser {
-    /// At most one byte more than [`LINE_MAX`]: the line is too long then, and skipped.
+    /// At most [`LINE_MAX`] + 1 bytes; with that many bytes the line is too long and skipped.
     line: Vec<u8>,
 }
 
 impl Parser {
-    /// Takes the next byte; returns a command if the byte ends a line.
+    /// Processes the next byte; returns a command if the byte ends a line.
     pub fn push(&mut self, byte: u8) -> Option<Result<Command, Refused>> {
         match byte {
             b'\r' => {
@@ -79,7 +79,7 @@ impl Parser {
                 self.line.clear();
                 Some(command)
             }
-            // For clients that end a line with CR LF.
+            // Some clients end a line with CR LF.
             b'\n' => None,
             _ => {
                 if self.line.len() <= LINE_MAX {
@@ -91,8 +91,8 @@ impl Parser {
     }
 }
 
-/// Judges a byte of the first line of a connection. A command has only letters and digits before its CR; a request line
-/// has a blank before its CR.
+/// Judges a byte of the first line of a connection. Before its CR, a command has only letters and digits; a request
+/// line of HTTP has a space.
 #[must_use]
 pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
@@ -130,7 +130,7 @@ fn parse(line: &[u8]) -> Option<Command> {
     }
 }
 
-/// Parses a length of one digit and as many bytes; none for a remote frame.
+/// Parses a length of one digit and that number of bytes; a remote frame has no bytes.
 fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
     let (digit, text) = text.split_first()?;
     let len = digit.checked_sub(b'0').filter(|len| usize::from(*len) <= MAX_LEN)?;
@@ -175,7 +175,7 @@ pub fn emit_frame(out: &mut String, frame: &Frame, stamp: Option<Timestamp>) {
     out.push('\r');
 }
 
-/// Returns the answer to `F`: bit 7 indicates an error on the bus.
+/// Returns the answer to `F`; bit 7 indicates a bus error.
 pub(super) const fn flags(has_error: bool) -> &'static str {
     if has_error { "F80\r" } else { "F00\r" }
 }

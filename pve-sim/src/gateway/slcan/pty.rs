@@ -1,4 +1,4 @@
-//! The gateway on a pseudo-terminal, for clients that open a device: one at a time.
+//! The gateway on a pseudo-terminal, for clients that open a serial device; serves one client at a time.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ const FORM: &str = "slcan+pty:PATH";
 /// The URLs of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan+pty:", form: FORM, parse: Parse::With(parse) };
 
-/// The interval of looking for a client: the system does not report when one opens the terminal.
+/// The polling interval for a client: the system does not report when a client opens the terminal.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// The delay after an error.
@@ -30,10 +30,10 @@ const RETRY: Duration = Duration::from_secs(1);
 struct LinkPath(PathBuf);
 
 fn parse(path: &str) -> Result<Arc<dyn Address>, String> {
-    // The ready line has a blank after each URL.
+    // In the ready line, a space ends each URL.
     if path.is_empty() || path.chars().any(|c| c.is_whitespace() || c.is_control()) {
         return Err(format!(
-            "'{path}' is not a valid path for a link; accepted: {FORM}, without blanks, as in slcan+pty:/tmp/pve0"
+            "'{path}' is not a valid path for a link; accepted: {FORM}, without spaces, as in slcan+pty:/tmp/pve0"
         ));
     }
     Ok(Arc::new(LinkPath(path.into())))
@@ -86,7 +86,7 @@ impl Pty {
     async fn run(mut self: Box<Self>, world: WorldSender) {
         let url = self.url();
         let name: Arc<str> = url.as_str().into();
-        // No other client waits for the place.
+        // The time to open the bus is unlimited: no other client waits for the place.
         let limits = Limits { patience: None, farewell: Duration::ZERO };
         loop {
             while !self.terminal.is_in_use() {
@@ -95,8 +95,8 @@ impl Pty {
             let done = match self.terminal.halves() {
                 Ok((reader, writer)) => {
                     let end = serve(reader, writer, world.clone(), limits, Session::new(Arc::clone(&name))).await;
-                    // The next client may have opened the terminal already, and keeps it. A dismissed client sees it
-                    // hang up, as when an adapter is unplugged.
+                    // The next client may have opened the terminal already, and keeps it. A dismissed client sees a
+                    // hang-up, as from an unplugged adapter.
                     if end == End::Left && self.terminal.reset().is_ok() { Ok(()) } else { self.terminal.renew() }
                 }
                 Err(error) => Err(error),

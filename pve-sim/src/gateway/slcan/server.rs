@@ -1,4 +1,4 @@
-//! The gateway over TCP, which clients reach like a serial port server: `socket://HOST:PORT`.
+//! The gateway over TCP; clients connect as to a serial port server: `socket://HOST:PORT`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ impl Address for ServerAddress {
     }
 }
 
-/// An adapter served at an address: each client has one of its own.
+/// A server at an address that simulates one adapter per client.
 #[derive(Debug)]
 struct Server(Listener);
 

@@ -1,4 +1,4 @@
-//! One client: the execution of its lines, and its answers and frames.
+//! The session of one client: executes lines, and writes answers and frames.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,7 +11,7 @@ use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{Reply, ToClient, ToWorld};
 
-/// The dialogue with one client: an adapter of its own.
+/// The dialogue with one client, which has its own adapter.
 #[derive(Debug)]
 pub struct Session {
     /// The URL of the adapter, for warnings.
@@ -20,11 +20,11 @@ pub struct Session {
     state: State,
     /// The bit rate that the client has set, in bit/s.
     rate: Option<u32>,
-    /// Frames have time stamps from the next opening on.
+    /// Whether frames have time stamps after the next opening.
     has_stamps: bool,
-    /// The channel has been open at some time.
+    /// Whether the channel has been open at least once.
     was_open: bool,
-    /// The user knows that the client has set another bit rate than that of the bus.
+    /// Whether the user was warned that the client's bit rate differs from the bus.
     has_told: bool,
     talk: Arc<Mutex<Talk>>,
 }
@@ -34,24 +34,24 @@ pub struct Session {
 enum State {
     Closed,
     Open,
-    /// Open, without sending.
+    /// Open in listen-only mode.
     Listening,
 }
 
-/// The data common to the reader of commands and the writer of answers.
+/// The data shared by the command reader and the answer writer.
 #[derive(Debug, Default)]
 struct Talk {
     /// The number of requested answers.
     asked: u64,
-    /// The openings with pending answers: the number of the answer, and whether frames have time stamps after it.
-    /// Earlier frames follow the previous opening.
+    /// The channel openings whose answers are pending: the number of the answer, and whether later frames have time
+    /// stamps. Frames before that answer use the previous setting.
     opened: VecDeque<(u64, bool)>,
-    /// An error has occurred since the client last read the flags.
+    /// Whether a bus error has occurred since the client last read the flags.
     has_error: bool,
 }
 
 impl Talk {
-    /// Counts an answer; `has_stamps` for one that opens the channel.
+    /// Counts an answer; `has_stamps` for an answer that opens the channel.
     fn note(&mut self, has_stamps: Option<bool>) {
         self.asked += 1;
         self.opened.extend(has_stamps.map(|has_stamps| (self.asked, has_stamps)));
@@ -59,7 +59,7 @@ impl Talk {
 }
 
 impl Session {
-    /// Returns the dialogue with a new client of this URL.
+    /// Creates the dialogue with a new client of this URL.
     #[must_use]
     pub fn new(url: Arc<str>) -> Self {
         Self {
@@ -109,23 +109,23 @@ impl Session {
         self.ask(client, ToWorld::Reply(client.id, Reply::new(answer)), None).await;
     }
 
-    /// Asks the world for an answer; `has_stamps` for one that opens the channel.
+    /// Requests an answer through the world; `has_stamps` for an answer that opens the channel.
     async fn ask(&self, client: &Client, message: ToWorld, has_stamps: Option<bool>) {
         lock(&self.talk).note(has_stamps);
         client.tell(message).await;
     }
 
-    /// Returns whether the bus has the client's bit rate, if the client has set one. Reports the first mismatch to the
+    /// Returns whether the client's bit rate is unset or equal to that of the bus. Reports the first mismatch to the
     /// user.
     async fn is_at_rate(&mut self, client: &Client) -> bool {
         let Some(rate) = self.rate else { return true };
         let (asked, answer) = oneshot::channel();
         client.world.tell(ToWorld::AskBitRate(asked));
-        // The world has ended: no answer comes, and the client is about to go.
+        // The world has ended: it will not answer, and the client will be disconnected.
         let Ok(bus) = answer.await.map(|bus| bus.bits_per_second()) else { return false };
         if bus != rate && !std::mem::replace(&mut self.has_told, true) {
             client.world.tell(ToWorld::Warn(format!(
-                "{}: a client set {rate} bit/s, the bus runs at {bus} bit/s: its channel is not opened",
+                "{}: a client set {rate} bit/s, but the bus runs at {bus} bit/s: the channel stays closed",
                 self.url
             )));
         }

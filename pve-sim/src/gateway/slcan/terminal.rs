@@ -1,4 +1,4 @@
-//! A pseudo-terminal, and the link by which clients find it.
+//! A pseudo-terminal, and the symbolic link through which clients open it.
 
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
@@ -17,10 +17,10 @@ use rustix::termios::{LocalModes, OptionalActions, QueueSelector, tcflush, tcget
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::net::unix::pipe::{Receiver, Sender};
 
-/// A pseudo-terminal in raw mode. Clients open its other end.
+/// The master side of a pseudo-terminal in raw mode; clients open the other side.
 #[derive(Debug)]
 pub(super) struct Terminal {
-    /// This end, non-blocking.
+    /// The master side, non-blocking.
     end: OwnedFd,
     link: Link,
 }
@@ -35,7 +35,7 @@ impl Terminal {
         Ok(Self { end, link: Link::make(path, device)? })
     }
 
-    /// Returns whether a client has opened the terminal, or unread data of a client remain.
+    /// Returns whether a client has the terminal open, or has left unread data.
     pub(super) fn is_in_use(&self) -> bool {
         let mut fds = [PollFd::new(&self.end, PollFlags::IN)];
         let now = Timespec { tv_sec: 0, tv_nsec: 0 };
@@ -44,10 +44,10 @@ impl Terminal {
         seen.contains(PollFlags::IN) || !seen.contains(PollFlags::HUP)
     }
 
-    /// Returns both directions of this end, for one client: they fail when it has closed the terminal.
+    /// Returns the reader and the writer for one client; both fail once the client has closed the terminal.
     ///
     /// # Errors
-    /// When the process has no descriptor left.
+    /// When the process has no free file descriptor.
     pub(super) fn halves(&self) -> io::Result<(Deaf, Sender)> {
         // Both types work for any non-blocking descriptor.
         let reader = Receiver::from_owned_fd_unchecked(self.end.try_clone()?)?;
@@ -55,19 +55,20 @@ impl Terminal {
         Ok((Deaf(reader), writer))
     }
 
-    /// Resets what a client has left: terminal modes and unread output. The next client may be there already.
+    /// Resets the terminal modes and discards unread output of the previous client. The next client may be connected
+    /// already.
     ///
     /// # Errors
     /// When the client has locked the terminal.
     pub(super) fn reset(&self) -> io::Result<()> {
         let client = open(&self.link.device)?;
-        // Unread output of both ends.
+        // Discards the unread output of both sides.
         tcflush(&self.end, QueueSelector::OFlush)?;
         tcflush(&client, QueueSelector::IFlush)?;
         set_raw(&client)
     }
 
-    /// Replaces the terminal by a new one; its client is hung up.
+    /// Replaces the terminal by a new one; the client of the old one sees a hang-up.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -79,19 +80,19 @@ impl Terminal {
     }
 }
 
-/// Creates an unopened terminal; returns this end and the path of the other.
+/// Creates a terminal that no client has open; returns the master side and the path of the other side.
 fn make() -> io::Result<(OwnedFd, PathBuf)> {
     let end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
     grantpt(&end)?;
     unlockpt(&end)?;
     rustix::io::ioctl_fionbio(&end, true)?;
     let device = PathBuf::from(OsStr::from_bytes(ptsname(&end, Vec::new())?.as_bytes()));
-    // The system reports a hang-up only after the other end was open once.
+    // The system reports a hang-up only after the other side has been open once.
     set_raw(&open(&device)?)?;
     Ok((end, device))
 }
 
-/// Opens the other end, without making it the controlling terminal of this process.
+/// Opens the other side, without making it the controlling terminal of this process.
 fn open(device: &Path) -> io::Result<File> {
     let no_control = i32::try_from(OFlags::NOCTTY.bits()).unwrap_or_default();
     OpenOptions::new().read(true).write(true).custom_flags(no_control).open(device)
@@ -103,15 +104,14 @@ fn set_raw(terminal: impl AsFd) -> io::Result<()> {
     Ok(tcsetattr(&terminal, OptionalActions::Now, &attributes)?)
 }
 
-/// The input from clients, without echo: the adapter would execute its own echoed answers and frames, and answer them
-/// in turn.
+/// The input from clients, without echo: otherwise the adapter would execute its own echoed answers and frames.
 #[derive(Debug)]
 pub(super) struct Deaf(Receiver);
 
 impl AsyncRead for Deaf {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let poll = Pin::new(&mut self.0).poll_read(cx, buf);
-        // A client can switch the echo on at any time. Any echo until now is part of this read.
+        // A client can switch the echo on at any time. This read contains any echo so far.
         if poll.is_ready()
             && let Ok(mut attributes) = tcgetattr(&self.0)
             && attributes.local_modes.contains(LocalModes::ECHO)
@@ -123,7 +123,7 @@ impl AsyncRead for Deaf {
     }
 }
 
-/// A link to a device, which is removed on drop.
+/// A symbolic link to a device; drop removes the link.
 #[derive(Debug)]
 struct Link {
     path: PathBuf,
@@ -165,17 +165,20 @@ impl Drop for Link {
     }
 }
 
-/// Returns whether a simulator has left the link behind: its terminal is gone, or has the number of the new one.
+/// Returns whether the link is stale: its terminal no longer exists, or has the number of the new terminal.
 fn is_stale(path: &Path, device: &Path) -> bool {
     fs::read_link(path).is_ok_and(|old| old.parent() == device.parent() && (old == device || !old.exists()))
 }
 
-/// Returns the message about the occupant of the path. A stale link may lead to a terminal that now belongs to another
-/// program; it looks like that of a running simulator.
+/// Returns the message about the occupied path. A stale link may lead to a terminal that now belongs to another
+/// program, which cannot be told from the terminal of a running simulator.
 fn in_the_way(path: &Path, device: &Path) -> String {
     match fs::read_link(path) {
         Ok(old) if old.parent() == device.parent() => {
-            format!("a link to {}, which is in use; if no other pve-sim runs there, remove the link", old.display())
+            format!(
+                "the path links to {}, which is in use; if no other pve-sim uses it, remove the link",
+                old.display()
+            )
         }
         _ => "the path exists and is not a stale link".to_owned(),
     }

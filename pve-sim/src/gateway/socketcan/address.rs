@@ -23,10 +23,10 @@ mod linux {
     use crate::gateway::{Access, Address, Gateway, OpenError, Opening};
     use crate::inbox::WorldSender;
 
-    /// The longest name of an interface in Linux, in characters.
+    /// The maximum length of a Linux interface name, in characters.
     const NAME_MAX: usize = 15;
 
-    /// The name of an interface, which may not exist until it is opened.
+    /// The name of an interface; opening checks whether the interface exists.
     #[derive(Clone, Debug)]
     struct InterfaceName(String);
 
@@ -74,8 +74,7 @@ mod linux {
     /// Returns the reason why an interface cannot be opened, with a remedy for an unknown one.
     fn refusal(name: &str, error: &io::Error) -> OpenError {
         let is_missing = Errno::from_io_error(error) == Some(Errno::NODEV);
-        let way_out =
-            format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' makes a virtual one");
+        let way_out = format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' adds a virtual one");
         OpenError::new(format!("{error}{}", if is_missing { &way_out } else { "" }))
     }
 
@@ -112,7 +111,7 @@ mod linux {
             let told = |errno: Errno| refusal("can0", &errno.into()).to_string();
             let missing = told(Errno::NODEV);
             assert!(missing.starts_with("No such device"), "{missing}");
-            let way_out = "; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' makes a virtual one";
+            let way_out = "; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' adds a virtual one";
             assert!(missing.ends_with(way_out), "{missing}");
             assert!(!told(Errno::ACCESS).contains("ip link"));
         }

@@ -1,18 +1,18 @@
-//! The health of an interface: the decision to retry a refused frame, and the messages to the user. No I/O.
+//! The health of an interface: decides whether to retry a refused frame, and creates the messages to the user. No I/O.
 
 use std::io;
 
 use rustix::io::Errno;
 
 /// The number of attempts for a frame while the interface's queue is full, a millisecond or more apart. Even a bus of
-/// 10 kbit/s takes a frame within 15 ms: a queue that stays full for longer has no acknowledgement. Attempts count, not
-/// time: a paused process has made none.
+/// 10 kbit/s sends a frame within 15 ms: a queue that stays full for longer has no acknowledgement. The limit counts
+/// attempts instead of time, because a paused process makes no attempts.
 const TRIES: u32 = 100;
 
 /// The verdict on a frame that the interface has refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// Try again.
+    /// The frame is to be retried.
     Retry,
     /// The frame is lost.
     Lost,
@@ -22,21 +22,21 @@ pub(super) enum Verdict {
 #[derive(Debug)]
 pub(super) struct Health {
     name: String,
-    /// The trouble; `None` while frames pass.
+    /// The current problem; `None` while frames pass.
     trouble: Option<Trouble>,
 }
 
-/// The reason why frames do not pass.
+/// A problem that blocks frames.
 #[derive(Debug)]
 struct Trouble {
-    /// The number of frames lost since then.
+    /// The number of frames lost since the problem began.
     lost: u64,
-    /// The transmit queue is full; reception may still work.
+    /// Whether the transmit queue is full; reception may still work.
     is_full: bool,
 }
 
 impl Health {
-    /// Returns the health of a working interface.
+    /// Creates the health of a working interface.
     pub(super) const fn new(name: String) -> Self {
         Self { name, trouble: None }
     }
@@ -50,21 +50,21 @@ impl Health {
     pub(super) fn pass(&mut self) -> Option<String> {
         let Trouble { lost, .. } = self.trouble.take()?;
         let frames = if lost == 1 { "1 frame was".to_owned() } else { format!("{lost} frames were") };
-        Some(format!("socketcan:{}: frames pass again; {frames} not sent", self.name))
+        Some(format!("socketcan:{}: sending frames again; {frames} not sent", self.name))
     }
 
-    /// Records an error without a frame; returns a message for the user, if any.
+    /// Records an error that concerns no frame; returns a message for the user, if any.
     pub(super) fn fail(&mut self, error: &io::Error) -> Option<String> {
         if self.trouble.is_some() {
             return None;
         }
         self.trouble = Some(Trouble { lost: 0, is_full: is_full(error) });
-        Some(format!("socketcan:{}: {}: nothing is sent until frames pass again", self.name, reason(error)))
+        Some(format!("socketcan:{}: {}: no frames are sent until this is resolved", self.name, reason(error)))
     }
 
     /// Returns the verdict on a frame refused for the `tries`th time, and a message for the user, if any.
     pub(super) fn refuse(&mut self, error: &io::Error, tries: u32) -> (Verdict, Option<String>) {
-        // While the queue is known to be full, each frame gets one attempt; otherwise frames would pile up.
+        // While the queue is known to be full, each frame gets one attempt; otherwise pending frames would accumulate.
         if is_full(error) && self.trouble.is_none() && tries < TRIES {
             return (Verdict::Retry, None);
         }
@@ -81,13 +81,13 @@ fn is_full(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::NOBUFS | Errno::AGAIN))
 }
 
-/// Returns whether the interface is gone, which leaves the socket unbound.
+/// Returns whether the interface no longer exists, which leaves the socket unbound.
 pub(super) fn is_gone(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::NODEV | Errno::NXIO))
 }
 
 fn reason(error: &io::Error) -> String {
-    if is_full(error) { "its transmit queue is full and does not drain".to_owned() } else { error.to_string() }
+    if is_full(error) { "the transmit queue is full and does not drain".to_owned() } else { error.to_string() }
 }
 
 #[cfg(test)]
@@ -117,11 +117,11 @@ mod tests {
         let mut health = health();
         let (verdict, told) = health.refuse(&error(Errno::NOBUFS), TRIES);
         let expected =
-            "socketcan:can0: its transmit queue is full and does not drain: nothing is sent until frames pass again";
+            "socketcan:can0: the transmit queue is full and does not drain: no frames are sent until this is resolved";
         assert_eq!((verdict, told.as_deref()), (Verdict::Lost, Some(expected)));
         assert_eq!(health.hear(), None, "what comes in says nothing of what goes out");
         assert_eq!(health.refuse(&error(Errno::NOBUFS), 1), (Verdict::Lost, None));
-        assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 2 frames were not sent"));
+        assert_eq!(health.pass().as_deref(), Some("socketcan:can0: sending frames again; 2 frames were not sent"));
         assert_eq!(health.pass(), None);
         assert_eq!(health.refuse(&error(Errno::NOBUFS), 1).0, Verdict::Retry);
     }
@@ -133,7 +133,7 @@ mod tests {
         assert!(told.starts_with("socketcan:can0: Network is down"), "{told}");
         assert_eq!(health.fail(&error(Errno::NETDOWN)), None);
         assert_eq!(health.refuse(&error(Errno::NETDOWN), 1), (Verdict::Lost, None));
-        assert_eq!(health.hear().as_deref(), Some("socketcan:can0: frames pass again; 1 frame was not sent"));
+        assert_eq!(health.hear().as_deref(), Some("socketcan:can0: sending frames again; 1 frame was not sent"));
     }
 
     #[test]

@@ -16,21 +16,21 @@ use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 /// The delay between attempts while the interface's queue is full.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// The interval of looking for a missing interface, and the delay after a read error.
+/// The retry interval for a missing interface, and the delay after a read error.
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// An open interface.
 #[derive(Debug)]
 pub(super) struct Interface {
     name: String,
-    /// Not the crate's asynchronous socket, which misses that an interface goes down.
+    /// The crate's own asynchronous socket would not report that an interface goes down.
     socket: AsyncFd<CanSocket>,
     health: Health,
-    /// The next look for a missing interface; `None` while it is bound.
+    /// The time of the next retry for a missing interface; `None` while the socket is bound.
     next_look: Option<Instant>,
 }
 
-/// A frame that waits for the interface.
+/// A frame pending for the interface.
 #[derive(Debug)]
 struct Waiting {
     frame: CanFrame,
@@ -39,7 +39,7 @@ struct Waiting {
 }
 
 impl Interface {
-    /// Opens an interface, which may be down. Needs a Tokio runtime.
+    /// Opens an interface, which may be down; requires a Tokio runtime.
     ///
     /// # Errors
     /// When no CAN interface has that name, or the kernel lacks SocketCAN.
@@ -48,7 +48,7 @@ impl Interface {
         Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
     }
 
-    /// Sends a frame to the interface. Returns it if it has to be tried again.
+    /// Sends a frame to the interface; returns the frame if it has to be retried.
     fn send(&mut self, waiting: Waiting, world: &WorldSender) -> Option<Waiting> {
         match self.socket.get_ref().write_frame(&waiting.frame) {
             Ok(()) => {
@@ -65,14 +65,14 @@ impl Interface {
         }
     }
 
-    /// Records an error; one that reveals a missing interface starts the search for it.
+    /// Records an error; an error that reveals a missing interface starts the retries.
     fn note(&mut self, error: &io::Error) {
         if is_gone(error) && self.next_look.is_none() {
             self.next_look = Some(Instant::now() + PAUSE);
         }
     }
 
-    /// Reopens the interface, if it exists again.
+    /// Reopens the interface if it exists again.
     fn look_for_it(&mut self) {
         self.next_look = match open(&self.name) {
             Ok(socket) => {

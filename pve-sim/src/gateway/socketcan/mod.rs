@@ -1,12 +1,12 @@
-//! SocketCAN: an interface of the Linux kernel as a client of the bus.
+//! SocketCAN: a Linux kernel interface as a client of the bus.
 //!
-//! Frames on the interface, from other programs or from a real bus behind an adapter, reach the world like those of any
-//! client; frames of others in the world reach the interface. The kernel does not echo them back.
+//! Frames on the interface, from other programs or from a real bus behind an adapter, enter the world like the frames
+//! of any client; all other frames in the world are sent to the interface. The kernel does not echo them back.
 //!
 //! ```text
 //! address    the URL, and an example command for joining
 //! interface  the socket, and the frames through it
-//! health     an interface that takes no frames: retries, and messages to the user. No I/O
+//! health     retries while an interface accepts no frames, and messages to the user. No I/O
 //! ```
 
 mod address;

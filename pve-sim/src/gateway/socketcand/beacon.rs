@@ -1,4 +1,4 @@
-//! The beacon that announces a bus: an XML datagram to UDP port 42000, as of the reference daemon.
+//! The beacon that announces a bus: an XML datagram to UDP port 42000, as the reference daemon sends it.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -9,7 +9,7 @@ use tokio::net::UdpSocket;
 /// The port of the beacons.
 const PORT: u16 = 42000;
 
-/// The interval of beacons: clients listen for some three seconds.
+/// The interval of beacons: clients listen for about three seconds.
 const EVERY: Duration = Duration::from_secs(2);
 
 /// The beacon of one bus.
@@ -21,11 +21,11 @@ pub(super) struct Beacon {
 }
 
 impl Beacon {
-    /// Returns the beacon of a bus served at an address. A bus that only this machine can reach is announced on this
-    /// machine only; so is a bus at all addresses, as 127.0.0.1.
+    /// Creates the beacon of a bus served at an address. A bus that only this machine can reach is announced on this
+    /// machine only; a bus at all addresses is announced likewise, as 127.0.0.1.
     ///
     /// # Errors
-    /// When the address is not IPv4, which alone has broadcast, or the system refuses.
+    /// When the address is not IPv4 (IPv6 has no broadcast), or the system refuses the socket.
     pub(super) async fn new(served: SocketAddr, bus: &str) -> io::Result<Self> {
         let IpAddr::V4(served_ip) = served.ip() else {
             return Err(io::Error::new(io::ErrorKind::Unsupported, "a beacon needs an IPv4 address"));
@@ -51,10 +51,10 @@ impl Beacon {
     }
 }
 
-/// Returns the text of the beacon. The name of a bus needs no escaping in XML.
+/// Returns the text of the beacon. Bus names need no XML escaping.
 fn text(ip: Ipv4Addr, port: u16, bus: &str) -> String {
     format!(
-        "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"stand-in devices\">\n\
+        "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"simulated devices\">\n\
          <URL>can://{ip}:{port}</URL><Bus name=\"{bus}\"/></CANBeacon>"
     )
 }
@@ -73,7 +73,7 @@ mod tests {
         let len = client.recv(&mut bytes).await.expect("a datagram");
         assert_eq!(
             String::from_utf8_lossy(&bytes[..len]),
-            "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"stand-in devices\">\n\
+            "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"simulated devices\">\n\
              <URL>can://127.0.0.1:29536</URL><Bus name=\"pve0\"/></CANBeacon>"
         );
         beacon.abort();

@@ -1,5 +1,4 @@
-//! The text of socketcand: bytes to requests, and replies to bytes. No I/O, and no state but that of an incomplete
-//! message.
+//! Decodes the requests of socketcand and encodes the replies. No I/O; the only state is an incomplete message.
 
 use std::fmt::Write;
 
@@ -8,7 +7,7 @@ use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 use crate::gateway::guard::Verdict;
 use hal_sim::log::{ErrorClass, Timestamp, write_hex};
 
-/// The longest message, in bytes between `<` and `>`; 160 for a client that sends every number in 64 bits.
+/// The maximum message length between `<` and `>`, in bytes; a client that sends every number in 64 bits needs 160.
 pub const MESSAGE_MAX: usize = 256;
 
 /// The greeting of a client.
@@ -47,7 +46,7 @@ pub enum RequestError {
     #[error("an identifier above 7FF needs eight digits")]
     NotExtended,
     /// Not a length of a classic CAN frame.
-    #[error("bad length, 0 to 8 is accepted")]
+    #[error("bad length; accepted: 0 to 8")]
     Length,
     /// A number of bytes that differs from the length.
     #[error("length and number of bytes differ")]
@@ -58,12 +57,12 @@ pub enum RequestError {
     /// More than [`MESSAGE_MAX`] bytes without an end.
     #[error("message too long")]
     TooLong,
-    /// A message that began before the previous one ended.
-    #[error("message without end")]
+    /// A message began before the previous one ended.
+    #[error("unterminated message")]
     Interrupted,
 }
 
-/// The parser of messages in a stream of bytes, however its reads are divided; bytes between messages are skipped.
+/// Parses messages from a byte stream, independent of read boundaries; bytes between messages are skipped.
 #[derive(Debug, Default)]
 pub struct Parser {
     state: State,
@@ -75,12 +74,12 @@ enum State {
     #[default]
     Between,
     Inside,
-    /// The rest of a message that was too long.
+    /// Skips the rest of a message that was too long.
     Skipping,
 }
 
 impl Parser {
-    /// Takes the next byte; returns a message if the byte ends one, or the error that it causes.
+    /// Processes the next byte; returns a message if the byte completes one, or the error that the byte causes.
     pub fn push(&mut self, byte: u8) -> Option<Result<Request, RequestError>> {
         match (self.state, byte) {
             (State::Inside, b'<') => {
@@ -113,7 +112,8 @@ impl Parser {
     }
 }
 
-/// Judges the first bytes of a connection: a client begins with `<`, perhaps after blanks. No HTTP method has either.
+/// Judges the first bytes of a connection: a client begins with `<`, optionally after spaces. No HTTP method contains
+/// either.
 #[must_use]
 pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
@@ -154,7 +154,7 @@ fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
     Ok(Frame::with_len(id, data, len))
 }
 
-/// Parses an identifier. Eight digits make an extended identifier; so does bit 31, the mark in SocketCAN's `can_id`,
+/// Parses an identifier. Eight digits mark an extended identifier, as does bit 31 (the flag in SocketCAN's `can_id`),
 /// also as the sign of a number.
 fn identifier(word: &str) -> Result<Id, RequestError> {
     const EXTENDED: u32 = 1 << 31;
@@ -180,7 +180,7 @@ fn hex(word: &str, bits: u32) -> Option<u32> {
     let number = u64::from_str_radix(digits, 16).ok()?;
     let wide = if negative { number.wrapping_neg() } else { number };
     let narrow = wide & ((1 << bits) - 1);
-    // The highest bit is the sign; the extension repeats it.
+    // The sign extension repeats the highest bit.
     let widened = narrow | u64::MAX << (bits - 1);
     let fits = [narrow, widened, widened & u64::from(u32::MAX)].contains(&wide);
     u32::try_from(narrow).ok().filter(|_| fits)

@@ -17,7 +17,7 @@ const FORM: &str = "socketcand://HOST:PORT/NAME";
 /// The URLs of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcand://", form: FORM, parse: Parse::With(parse) };
 
-/// The longest name of a bus, in characters: it fits a line of the trace and the field of every client.
+/// The maximum length of a bus name, in characters: fits a trace line and the field of every client.
 const NAME_MAX: usize = 32;
 
 /// The address of the served bus.
@@ -40,7 +40,7 @@ fn parse(rest: &str) -> Result<Arc<dyn Address>, String> {
     Ok(Arc::new(ServerAddress { endpoint, name: name.to_owned() }))
 }
 
-/// The reference daemon's port, on this machine alone.
+/// The port of the reference daemon, on loopback only.
 impl Default for ServerAddress {
     fn default() -> Self {
         Self { endpoint: Endpoint { host: "127.0.0.1".to_owned(), port: 29536 }, name: "pve0".to_owned() }
@@ -103,7 +103,7 @@ impl Gateway for Server {
     }
 }
 
-/// Returns an example command for joining a bus, at an address that this machine reaches.
+/// Returns an example command for joining a bus, with an address that is reachable from this machine.
 fn hint(bound: SocketAddr, name: &str) -> String {
     let address = joinable(bound);
     let port = address.port();
@@ -115,7 +115,7 @@ fn hint(bound: SocketAddr, name: &str) -> String {
              or with SavvyCAN: {name}@(can://{host}:{port})"
         ),
         IpAddr::V6(_) => format!(
-            "Join the bus at can://{address}, name {name}. python-can knows IPv4 addresses only: for that, \
+            "Join the bus at can://{address}, name {name}. python-can supports IPv4 only; for python-can, use \
              --bus {}",
             url(format_args!("127.0.0.1:{port}"), name)
         ),

@@ -1,4 +1,4 @@
-//! One client: the execution of its requests, and its answers and frames.
+//! The session of one client: executes requests, and writes answers and frames.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{ClientId, Reply, ToClient, ToWorld};
 
-/// The pause before the first frame after the answer to raw mode: python-can treats frames in the same read as a wrong
+/// The pause between the answer to raw mode and the first frame: python-can takes a frame in the same read for a wrong
 /// answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
 
@@ -28,7 +28,7 @@ enum Stage {
 }
 
 impl Session {
-    /// Returns the dialogue with a new client, on the bus of this name.
+    /// Creates the dialogue with a new client on the bus of this name.
     #[must_use]
     pub fn new(bus: Arc<str>) -> Self {
         Self { bus, parser: Parser::default(), stage: Stage::Greeted }
@@ -44,9 +44,9 @@ impl Session {
                 reply(OK)
             }
             (Ok(Request::Open(_)), Stage::Greeted) => {
-                ToWorld::Reply(id, Reply::new(format!("< error there is no bus of that name, only {} >", self.bus)))
+                ToWorld::Reply(id, Reply::new(format!("< error unknown bus; accepted: {} >", self.bus)))
             }
-            (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is open already >"),
+            (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is already open >"),
             (Ok(_), Stage::Greeted) => reply("< error open the bus first >"),
             (Ok(Request::RawMode), Stage::Open) => ToWorld::Listen(id, Reply { text: OK.into(), pause: HOLD_BACK }),
             (Ok(Request::Send(frame)), Stage::Open) => ToWorld::Send(id, frame),

@@ -16,7 +16,7 @@ use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 /// The hop limit towards other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
 
-/// The longest datagram that is read: longer ones are truncated and therefore invalid. A frame takes some 200 bytes.
+/// The size of the receive buffer: longer datagrams are truncated and therefore invalid. A frame takes about 200 bytes.
 const DATAGRAM_MAX: usize = 4096;
 
 /// The delay after a read error.
@@ -29,7 +29,7 @@ pub(super) struct Group {
     incoming: UdpSocket,
     outgoing: UdpSocket,
     intake: Intake,
-    /// The user knows that frames cannot be sent.
+    /// Whether the user was told that frames cannot be sent.
     is_in_trouble: bool,
 }
 
@@ -37,16 +37,16 @@ pub(super) struct Group {
 #[derive(Debug)]
 struct Intake {
     group: SocketAddr,
-    /// The address of this gateway's sender, whose datagrams come back.
+    /// The address of this gateway's sending socket, whose datagrams are looped back.
     own: SocketAddr,
-    /// Other machines may take part.
+    /// Whether other machines may send and receive.
     is_remote: bool,
-    /// The user knows that datagrams are ignored.
+    /// Whether the user was told that datagrams are ignored.
     has_told: bool,
 }
 
 impl Group {
-    /// Joins a group. Needs a Tokio runtime.
+    /// Joins a group; requires a Tokio runtime.
     ///
     /// # Errors
     /// When no interface supports multicast, or another program has the port exclusively.
@@ -61,8 +61,8 @@ impl Group {
     fn note(&mut self, error: Option<io::Error>) -> Option<String> {
         let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
         let text = match (was_in_trouble, error) {
-            (false, Some(error)) => format!("{error}: nothing is sent until frames pass again"),
-            (true, None) => "frames pass again".to_owned(),
+            (false, Some(error)) => format!("{error}: no frames are sent until this is resolved"),
+            (true, None) => "sending frames again".to_owned(),
             (false, None) | (true, Some(_)) => return None,
         };
         Some(format!("udp-multicast://{}: {text}", self.address))
@@ -108,7 +108,7 @@ impl Intake {
     /// Returns the frame of a datagram; `None` for this gateway's own.
     ///
     /// # Errors
-    /// The message to the user about the first ignored datagram.
+    /// A message for the user about the first ignored datagram.
     fn take(&mut self, datagram: &[u8], from: SocketAddr) -> Result<Option<Frame>, String> {
         if from == self.own {
             return Ok(None);
@@ -119,7 +119,7 @@ impl Intake {
                 Err(reason) => reason.to_string(),
             }
         } else {
-            format!("a datagram of another machine, {}, without --allow-remote", from.ip())
+            format!("without --allow-remote, a datagram from another machine, {},", from.ip())
         };
         if std::mem::replace(&mut self.has_told, true) {
             return Ok(None);
@@ -131,7 +131,7 @@ impl Intake {
     }
 }
 
-/// Returns whether an address belongs to this machine: no other can be bound.
+/// Returns whether an address belongs to this machine; only such an address can be bound.
 fn is_of_this_machine(mut address: SocketAddr) -> bool {
     address.set_port(0);
     StdSocket::bind(address).is_ok()
@@ -145,7 +145,7 @@ fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     socket.set_reuse_address(true)?;
     #[cfg(unix)]
     socket.set_reuse_port(true)?;
-    // Only Unix can bind to a group, which filters other datagrams to the port.
+    // Only Unix can bind to a group, which filters out other datagrams to the port.
     let bound = if cfg!(unix) { group } else { SocketAddr::new(unspecified(group), group.port()) };
     socket.bind(&bound.into())?;
     match group.ip() {
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(intake.take(&datagram, from("127.0.0.1:1")), Ok(None));
         assert_eq!(intake.take(&datagram, from("127.0.0.1:2")), Ok(Some(frame)), "another program");
         let told = intake.take(&datagram, from("192.0.2.1:1")).expect_err("it is told");
-        let expected = "udp-multicast://239.74.163.2:43113: a datagram of another machine, 192.0.2.1, without --allow-remote was \
+        let expected = "udp-multicast://239.74.163.2:43113: without --allow-remote, a datagram from another machine, 192.0.2.1, was \
                         ignored; further ones are ignored without a warning";
         assert_eq!(told, expected);
         assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
@@ -278,7 +278,7 @@ mod tests {
         let from: SocketAddr = "127.0.0.1:2".parse().expect("an address");
         let mut intake = intake(false);
         let told = intake.take(b"", from).expect_err("it is told");
-        assert!(told.contains(": not a message of python-can was ignored"), "{told}");
+        assert!(told.contains(": a datagram that is not a python-can message was ignored"), "{told}");
         assert_eq!(intake.take(b"", from), Ok(None));
     }
 }

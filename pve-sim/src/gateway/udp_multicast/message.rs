@@ -1,4 +1,4 @@
-//! Datagrams to frames and back: python-can's `Message` as a map in MessagePack. No I/O.
+//! Decodes and encodes datagrams: python-can's `Message` as a MessagePack map. No I/O.
 
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use hal_sim::log::Timestamp;
 /// A sent message, with all keys.
 #[derive(Debug, Serialize)]
 struct Sent<'a> {
-    /// Seconds since 1970. python-can replaces it by the time of the arrival.
+    /// The time in seconds since 1970; python-can replaces it by the arrival time.
     timestamp: f64,
     arbitration_id: u32,
     is_extended_id: bool,
@@ -48,7 +48,7 @@ const fn yes() -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoFrame {
     /// Not a message.
-    #[error("not a message of python-can")]
+    #[error("a datagram that is not a python-can message")]
     Nonsense,
     /// An identifier, length or data that no frame can have.
     #[error("an invalid frame")]
@@ -61,12 +61,12 @@ pub enum NoFrame {
     Error,
 }
 
-/// Reads a datagram.
+/// Decodes a datagram.
 ///
 /// # Errors
 /// [`NoFrame`] for everything but a classic CAN frame.
 pub fn parse(datagram: &[u8]) -> Result<Frame, NoFrame> {
-    // A list would be parsed, too, member by member.
+    // Serde would also accept a list as the members in order.
     if !matches!(datagram.first(), Some(0x80..=0x8F | 0xDE | 0xDF)) {
         return Err(NoFrame::Nonsense);
     }
@@ -95,7 +95,7 @@ fn frame(message: &Received<'_>) -> Option<Frame> {
     message.dlc.is_none_or(|len| len == frame.len()).then_some(frame)
 }
 
-/// Returns the datagram of a frame.
+/// Encodes a frame as a datagram.
 #[must_use]
 pub fn emit(at: Timestamp, frame: &Frame) -> Vec<u8> {
     let arbitration_id = match frame.id() {

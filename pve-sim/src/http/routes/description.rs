@@ -13,12 +13,12 @@ use hal_sim::simulation::TimedOut;
 use hal_sim::state::schema::{Schemas, without_formats};
 use hal_sim::state::{BusChange, Disturb, FaultRequest, PlantChange, PowerChange};
 
-/// The calls and their schemas, as far as attributes can express them.
+/// The calls and schemas that attributes can express.
 #[derive(OpenApi)]
 #[openapi(
     info(
         title = "pve-sim",
-        description = "Control interface of the stand-in for CAN hydraulic valves and angle sensors. Times are microseconds \
+        description = "Control interface of simulated CAN hydraulic valves and angle sensors. All times are in microseconds \
                        of virtual time."
     ),
     servers((url = "/api/v1")),
@@ -77,17 +77,21 @@ fn describe<T: ToSchema + 'static>(schemas: &mut Value) {
     }
 }
 
-/// Adds the refusals common to all calls, and those of bodies and parameters.
+/// Adds the error responses common to all calls, and those of bodies and parameters.
 fn add_refusals(call: &mut Value) {
     let has_body = call["requestBody"].is_object();
     let refusals = [
-        ("400", has_body || call["parameters"].is_array(), "A value that is not accepted"),
-        ("403", true, "A Host that is neither loopback nor the address of this server, or the page of another origin"),
-        ("405", true, "Another method"),
+        ("400", has_body || call["parameters"].is_array(), "An invalid value"),
+        (
+            "403",
+            true,
+            "The Host is neither loopback nor the address of this server, or the request is from a page of another origin",
+        ),
+        ("405", true, "Method not supported"),
         ("408", has_body, "The body was not received within 10 s"),
-        ("413", has_body, "A body of more than 64 KiB"),
-        ("415", has_body, "Another Content-Type than application/json"),
-        ("503", true, "A capacity is exhausted, or the simulator is ending"),
+        ("413", has_body, "Body larger than 64 KiB"),
+        ("415", has_body, "Content-Type is not application/json"),
+        ("503", true, "A capacity is exhausted, or the simulator is shutting down"),
     ];
     for (status, _, description) in refusals.into_iter().filter(|(_, applies, _)| *applies) {
         let error = json!({ "$ref": "#/components/schemas/Error" });
@@ -98,7 +102,7 @@ fn add_refusals(call: &mut Value) {
             response["description"] = description.into();
         }
     }
-    // The other ones refuse a device, a frame or a state.
+    // A remaining response without a description is a success, or a 404 about a device.
     let responses = call["responses"].as_object_mut().into_iter().flatten();
     for (status, response) in responses.filter(|(_, response)| response["description"] == "") {
         let description = if status == "404" { "No device of this name" } else { "Done" };

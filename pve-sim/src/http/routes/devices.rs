@@ -30,7 +30,7 @@ pub(super) async fn show(control: Control, Name(name): Name) -> Result<Json<Devi
     params(("name" = String, Path, description = "The name of the device")),
     request_body = PlantChange,
     responses(
-        (status = 200, body = DeviceState, description = "The state after it"),
+        (status = 200, body = DeviceState, description = "The state after the change"),
         (status = 400, body = Error, description = "An unknown field, or a value out of range"),
         (status = 404, body = Error)
     )
@@ -49,10 +49,10 @@ pub(super) async fn change_plant(
     params(("name" = String, Path, description = "The name of the device")),
     request_body = PowerChange,
     responses(
-        (status = 200, body = DeviceState, description = "The state after it"),
+        (status = 200, body = DeviceState, description = "The state after the change"),
         (status = 400, body = Error),
         (status = 404, body = Error),
-        (status = 409, body = Error, description = "A reset of a device without power")
+        (status = 409, body = Error, description = "Reset of a device without power")
     )
 )]
 pub(super) async fn power(

@@ -35,7 +35,7 @@ pub(super) struct LostEvent {
     get, path = "/events", operation_id = "followEvents", tag = "events",
     responses(
         (status = 200, content_type = "text/event-stream", body = String),
-        (status = 503, body = Error, description = "Too many clients follow")
+        (status = 503, body = Error, description = "Too many clients of the event stream")
     )
 )]
 pub(super) async fn follow(control: Control) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Failure> {

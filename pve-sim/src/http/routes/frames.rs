@@ -52,15 +52,16 @@ pub(super) struct WhichFrames {
     responses(
         (status = 200, body = Sent),
         (status = 400, body = Error),
-        (status = 409, body = Error, description = "Not on the bus within 1 s of virtual time: withdrawn")
+        (status = 409, body = Error, description = "Not sent within 1 s of virtual time, and withdrawn")
     )
 )]
 pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Result<Json<Reply>, Failure> {
     let id = frame.id.id(frame.extended)?;
     let period = frame.every_ms.map(|period| Duration::from_millis(period.into()));
     let one = Pattern::of_data(id, Some(&frame.data))?.frame();
-    let frame =
-        one.ok_or_else(|| Failure::bad_request(format!("data \"{}\": accepted: bytes in hex only", frame.data)))?;
+    let frame = one.ok_or_else(|| {
+        Failure::bad_request(format!("data \"{}\" is not valid; accepted: bytes in hex only", frame.data))
+    })?;
     control.execute(Command::Send(frame, period)).await
 }
 
@@ -73,7 +74,9 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
 pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> Result<Json<Reply>, Failure> {
     let id = match which.id.map(Identifier::Text) {
         Some(id) => Some(id.id(which.extended.or_else(|| id.needs_29_bits().then_some(true)))?),
-        None if which.extended.is_some() => return Err(Failure::bad_request("extended without an id")),
+        None if which.extended.is_some() => {
+            return Err(Failure::bad_request("extended is only valid together with id"));
+        }
         None => None,
     };
     control.execute(Command::Stop(id)).await

@@ -25,7 +25,7 @@ use crate::control::message::{Answer, Message};
 use crate::inbox::{ToWorld, WorldSender};
 use hal_sim::simulation::{Command, Reply};
 
-/// The longest body of a request, in bytes.
+/// The maximum size of a request body, in bytes.
 const BODY: usize = 64 * 1024;
 
 /// The connection of the calls to the world.
@@ -44,7 +44,7 @@ impl Control {
         Ok(receiver.await.map_err(|_| Failure::ending())??)
     }
 
-    /// Sends a message whose answer may take long in virtual time: the number of such calls is limited.
+    /// Sends a message whose answer may need much virtual time; the number of such calls is limited.
     async fn ask_and_wait<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
         let _waits = self.connection.wait().ok_or_else(Failure::crowded)?;
         self.ask(message).await

@@ -90,7 +90,7 @@ pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Jso
             Condition::Frame(Pattern::of_data(id.id(extended)?, data.as_deref())?)
         }
         _ => {
-            let accepted = "accepted: {\"device\", \"state\", \"within_ms\"} or {\"frame\", \"within_ms\"}";
+            let accepted = "the body must be {\"device\", \"state\", \"within_ms\"} or {\"frame\", \"within_ms\"}";
             return Err(Failure::bad_request(accepted));
         }
     };

@@ -169,7 +169,7 @@ fn an_identifier_is_a_number_or_a_text_in_hex() {
     rig.post("/bus/frames", json!({"id": "7E5", "data": "R1"}));
     for id in ["", "0x", "800", "22G", "20000000", "000000220"] {
         let error = rig.refused("POST", "/bus/frames", Some(&json!({"id": id, "data": ""}).to_string()), 400);
-        assert!(error.starts_with(&format!("id \"{id}\": accepted: ")), "{error}");
+        assert!(error.starts_with(&format!("id \"{id}\" is not valid; accepted: ")), "{error}");
     }
 }
 

@@ -169,7 +169,7 @@ fn clients_that_wait_for_ever_lock_nobody_out() {
         refused = crowd.iter_mut().filter_map(status).count();
     }
     assert_eq!(rig.device("valve")["powered"], true);
-    assert!(rig.refused("POST", "/wait", Some(&body), 503).contains("too many calls wait"));
+    assert!(rig.refused("POST", "/wait", Some(&body), 503).contains("too many calls are waiting"));
     rig.power("valve", json!({"on": false}));
     let mut statuses = BTreeMap::<u16, usize>::new();
     for client in &mut crowd {

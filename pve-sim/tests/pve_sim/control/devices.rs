@@ -147,22 +147,22 @@ fn what_cannot_be_changes_nothing() {
         (
             "boom",
             r#"{"supply_mv": 8000, "lever": 16385}"#,
-            "lever 16385: accepted: a whole number from -16384 to 16384, or null",
+            "lever 16385 is not valid; accepted: a whole number from -16384 to 16384, or null",
         ),
-        ("boom", r#"{"supply_mv": 8000, "temperature_c": 40000}"#, "temperature_c 40000: accepted: "),
-        ("boom", r#"{"temperature_c": 30, "supply_mv": -1}"#, "supply_mv -1: accepted: "),
+        ("boom", r#"{"supply_mv": 8000, "temperature_c": 40000}"#, "temperature_c 40000 is not valid; accepted: "),
+        ("boom", r#"{"temperature_c": 30, "supply_mv": -1}"#, "supply_mv -1 is not valid; accepted: "),
         (
             "boom",
             r#"{"temperature_c": 30, "supply_mv": 100001}"#,
-            "supply_mv 100001: accepted: a whole number from 0 to 100000",
+            "supply_mv 100001 is not valid; accepted: a whole number from 0 to 100000",
         ),
         (
             "boom",
             r#"{"supply_mv": 8000, "temperature_c": -274}"#,
-            "temperature_c -274: accepted: a whole number from -273 to 1000",
+            "temperature_c -274 is not valid; accepted: a whole number from -273 to 1000",
         ),
-        ("boom", r#"{"supply_mv": null}"#, "supply_mv null: accepted: "),
-        ("boom", r#"{"supply_mv": 8000.5}"#, "supply_mv 8000.5: accepted: "),
+        ("boom", r#"{"supply_mv": null}"#, "supply_mv null is not valid; accepted: "),
+        ("boom", r#"{"supply_mv": 8000.5}"#, "supply_mv 8000.5 is not valid; accepted: "),
         (
             "boom",
             r#"{"supply_mv": 8000, "spool": {"fault": "bent"}}"#,
@@ -177,23 +177,23 @@ fn what_cannot_be_changes_nothing() {
         (
             "boom",
             r#"{"supply_mv": 8000, "spool": ["stuck"]}"#,
-            "spool [\"stuck\"]: accepted: ok, stuck, slow, drifting, no-float, or {\"fault\"}",
+            "spool [\"stuck\"] is not valid; accepted: ok, stuck, slow, drifting, no-float, or {\"fault\"}",
         ),
         (
             "boom",
             r#"{"supply_mv": 8000, "memory": "gone"}"#,
             "memory: unknown value 'gone'; accepted: ok, write-fails, damaged",
         ),
-        ("boom", r#"{"supply_mv": 8000, "supply_mv": 9000}"#, "supply_mv is given twice"),
-        ("boom", r#"{"supply_mv": 8000, "bus_off": 1}"#, "bus_off 1: accepted: true or false"),
-        ("boom", "[]", "the body []: accepted: an object"),
+        ("boom", r#"{"supply_mv": 8000, "supply_mv": 9000}"#, "duplicate member supply_mv"),
+        ("boom", r#"{"supply_mv": 8000, "bus_off": 1}"#, "bus_off 1 is not valid; accepted: true or false"),
+        ("boom", "[]", "the body [] is not valid; accepted: an object"),
         ("boom", "", "EOF"),
         ("boom", r#"{"supply_mv": 8000}{}"#, "trailing"),
         ("angle", r#"{"measuring_error": true, "supply_mv": 8000}"#, "supply_mv 8000: not a plant word of this kind"),
         (
             "angle",
             r#"{"measuring_error": true, "angle_cdeg": 36000}"#,
-            "angle_cdeg 36000: accepted: a whole number from 0 to 35999",
+            "angle_cdeg 36000 is not valid; accepted: a whole number from 0 to 35999",
         ),
         ("angle", r#"{"measuring_error": true, "speed_rpm": 1}"#, "linked to a valve"),
         ("angle", r#"{"measuring_error": true, "lever": null}"#, "not a plant word of this kind"),
@@ -211,7 +211,7 @@ fn what_cannot_be_changes_nothing() {
             _ => ("GET", None),
         };
         let error = rig.refused(method, path, body, 404);
-        assert_eq!(error, "no device 'other'; there are: boom, arm, angle");
+        assert_eq!(error, "no device 'other'; accepted: boom, arm, angle");
     }
     for body in
         [r#"{}"#, r#"{"on": true, "reset": "watchdog"}"#, r#"{"on": null}"#, r#"{"reset": "button"}"#, r#"{"off": 1}"#]

@@ -125,16 +125,16 @@ fn a_state_that_can_never_be_is_refused() {
     let arguments: Vec<&str> = devices.iter().flat_map(|device| ["--device", device]).collect();
     let rig = Rig::stepped(&arguments);
     for (name, state, error) in [
-        ("valve", json!({"name": "other"}), "name \"other\": never on valve; accepted: \"valve\""),
+        ("valve", json!({"name": "other"}), "name is never \"other\" on valve; accepted: \"valve\""),
         ("valve", json!({"kind": "pvea-isobus"}), "accepted: \"pvea-canopen\""),
-        ("valve", json!({"command": "blocked"}), "command \"blocked\": never on valve; accepted: null"),
-        ("valve", json!({"node_id": 200}), "node_id 200: never on valve; accepted: 1 to 127, null"),
+        ("valve", json!({"command": "blocked"}), "command is never \"blocked\" on valve; accepted: null"),
+        ("valve", json!({"node_id": 200}), "node_id is never 200 on valve; accepted: 1 to 127, null"),
         ("valve", json!({"bit_rate": 800_000}), "accepted: 125000, 250000, 500000, null"),
         ("valve", json!({"position": null}), "accepted: -16384 to 16384"),
         ("valve", json!({"position": {"min": 100, "max": -100}}), "position: min 100 is above max -100"),
         ("valve", json!({"led": null}), "accepted: green constant, "),
-        ("valve", json!({"powered": false, "nmt": "stopped"}), "nmt and powered: never together"),
-        ("tractor", json!({"dsm": "active"}), "dsm \"active\": never on tractor; accepted: null"),
+        ("valve", json!({"powered": false, "nmt": "stopped"}), "nmt and powered never hold together"),
+        ("tractor", json!({"dsm": "active"}), "dsm is never \"active\" on tractor; accepted: null"),
         ("tractor", json!({"node_id": 5}), "accepted: 128 to 143, null"),
         ("boom", json!({"set_point": 0}), "accepted: null"),
         ("boom", json!({"position": -1}), "accepted: 0 to 16383, null"),
@@ -183,18 +183,18 @@ fn a_pattern_of_a_frame_is_exact() {
     for (data, why) in [
         (
             "7D7D30",
-            "which differs only in its length: 8 bytes instead of 3 bytes; \"..\" at the end stands for any further bytes",
+            "which differs only in its length: 8 bytes instead of 3 bytes; append \"..\" to accept further bytes",
         ),
         ("", "which differs only in its length: 8 bytes instead of 0 bytes"),
-        ("7D7D31", "the last one with its identifier was 0CFE1383: 7D 7D 30 FF FF FF FF FF"),
-        ("7D7D31..", "the frame 0CFE1383: 7D 7D 31 .. did not come"),
+        ("7D7D31", "the last frame with its identifier was 0CFE1383: 7D 7D 30 FF FF FF FF FF"),
+        ("7D7D31..", "the frame 0CFE1383: 7D 7D 31 .. was not received"),
     ] {
         let (status, error) = wait(json!({"id": "0CFE1383", "data": data}));
         assert!(status == 408 && error.contains(why), "{data}: {status} {error}");
         assert_eq!(error.contains("only in its length"), why.contains("only in its length"), "{error}");
     }
     let error = wait(json!({"id": "123", "data": "00"})).1;
-    assert_eq!(error, "the frame 123: 00 did not come, and no other frame with its identifier");
+    assert_eq!(error, "the frame 123: 00 was not received, nor any other frame with its identifier");
     // Of several frames, the last one: the released spool moves.
     rig.plant("valve", json!({"lever": 16384}));
     rig.plant("valve", json!({"lever": null}));
@@ -203,7 +203,7 @@ fn a_pattern_of_a_frame_is_exact() {
     let trace = &rig.trace()[before..];
     let [(_, first, _), .., (_, last, _)] = trace else { panic!("{trace:?}") };
     assert!(first != last && last.starts_with("0CFE1383"), "{trace:?}");
-    assert!(error.contains(&format!("the last one with its identifier was {last}")), "{error}");
+    assert!(error.contains(&format!("the last frame with its identifier was {last}")), "{error}");
     for data in ["0", "0G", "00..00", "...", "R9", "000102030405060708"] {
         let body = json!({"frame": {"id": 1, "data": data}, "within_ms": 1}).to_string();
         let error = rig.refused("POST", "/wait", Some(&body), 400);

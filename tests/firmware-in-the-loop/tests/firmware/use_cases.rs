@@ -77,7 +77,7 @@ fn what_a_board_cannot_be_asked_for_is_refused() {
     for step in [r#"{ expect = { dsm = "init" } }"#, r#"{ never = { dsm = "active" }, for_ms = 10 }"#] {
         let (told, trace) = run(step);
         assert!(told.contains("x.toml:4: a state of pvea-canopen: "), "{told}");
-        assert!(told.contains("its state cannot be read here; accepted: frames"), "{told}");
+        assert!(told.contains("the target gives no access to the state; use frames"), "{told}");
         assert_eq!(trace, "", "nothing has happened");
     }
     assert!(run(r#"{ power = { reset = "watchdog" } }"#).0.contains("the watchdog of a board is its own"));
