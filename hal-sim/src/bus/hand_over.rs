@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use embedded_can::nb::Can;
 use protocol_core::controller::{Controller, Filter, Filters};
 use protocol_core::frame::Frame;
-use protocol_core::time::{Duration, Instant, NEVER};
+use protocol_core::time::{Instant, NEVER};
 
 use super::faults::{Handed, Struck};
 use super::port::{Port, SlowAnswers};
@@ -139,11 +139,9 @@ impl Bus {
         taken
     }
 
-    /// Delays the answers of a device between two bounds, at random from a seed; `None` for no delay.
-    pub fn delay_answers(&mut self, id: PortId, delay: Option<(fn(&Frame) -> bool, Duration, Duration, u64)>) {
-        self.ports[id.0].answers = delay.map(|(is_answer, from, to, seed)| {
-            Box::new(SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) })
-        });
+    /// Delays the answers of a device; `None` for no delay.
+    pub(crate) fn delay_answers(&mut self, id: PortId, answers: Option<SlowAnswers>) {
+        self.ports[id.0].answers = answers.map(Box::new);
     }
 
     /// Hands the due frames of a port to its controller, as far as the controller accepts them.

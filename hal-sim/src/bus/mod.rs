@@ -65,6 +65,7 @@ pub use fault::{
 pub use faults::FaultState;
 pub use hand_over::DeviceCan;
 pub use injector::{BitErrors, DestroyNext, Disturbance, Injector};
+pub(crate) use port::SlowAnswers;
 pub use port::{Port, RECEIVE_QUEUE};
 pub use wire_event::WireEvent;
 

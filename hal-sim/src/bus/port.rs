@@ -68,11 +68,11 @@ pub struct Port {
 
 /// The delay of a device's answers, between two bounds.
 #[derive(Clone, Debug)]
-pub(super) struct SlowAnswers {
-    pub(super) is_answer: fn(&Frame) -> bool,
-    pub(super) from: Duration,
-    pub(super) to: Duration,
-    pub(super) random: fastrand::Rng,
+pub(crate) struct SlowAnswers {
+    pub(crate) is_answer: fn(&Frame) -> bool,
+    pub(crate) from: Duration,
+    pub(crate) to: Duration,
+    pub(crate) random: fastrand::Rng,
 }
 
 impl SlowAnswers {

@@ -8,6 +8,7 @@ use protocol_core::wire::uds;
 
 use super::node::{Node, Power};
 use super::{NodeId, World};
+use crate::bus::SlowAnswers;
 
 /// The electronics of a device. The defaults add no delay and have no undervoltage reset (A): the manuals name neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,8 +75,8 @@ impl World {
         let Node { port, electronics: state, .. } = &mut self.nodes[node.0];
         state.electronics = electronics;
         let (from, to) = electronics.answer;
-        let delays_answers = to > Duration::from_ticks(0);
-        self.bus.delay_answers(*port, delays_answers.then_some((is_answer, from, to, seed)));
+        let slow = SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) };
+        self.bus.delay_answers(*port, Some(slow).filter(|_| to > Duration::from_ticks(0)));
         self.watch_supply(node);
         self.service(node);
     }
