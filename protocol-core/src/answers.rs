@@ -55,6 +55,7 @@ impl Answers {
         Some(first)
     }
 
+    // With `pop`: −15 instructions on an SDO answer.
     #[inline(never)]
     fn pop_first(&mut self) -> Option<Frame> {
         let waiting = self.waiting.iter().enumerate();

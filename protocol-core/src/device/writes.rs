@@ -6,7 +6,7 @@ use crate::memory::RecordKey;
 
 /// The maximum number of kinds of write of a device: that of a valve on CANopen. [`Runtime`](super::runtime::Runtime)
 /// does not compile for a device with more.
-pub(super) const KINDS: usize = 9;
+pub(super) const KINDS: usize = 10;
 
 /// The capacity of the queue: one waiting write per kind, one in flight, and one [requested
 /// first](Writes::request_first).

@@ -147,14 +147,12 @@ impl Communication {
         }
     }
 
-    #[inline(never)]
     fn sample_own<P: Product>(&self, position: u8, product: &P, now: Instant) -> u32 {
         let place = P::DICTIONARY.entries().place(position);
         place.and_then(|place| self.read(place, product, now).ok()).map_or(0, number)
     }
 
     /// Reads an object.
-    #[inline(never)]
     pub(super) fn read<'a, P: Product>(
         &'a self,
         place: Place,

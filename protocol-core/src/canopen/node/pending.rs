@@ -308,6 +308,7 @@ impl<P: Product> Node<P> {
         }
     }
 
+    // −24 instructions on an SDO answer, −27 on RPDO → TPDO.
     #[inline(never)]
     fn make_most_urgent(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let pending = &mut self.pending;
@@ -395,6 +396,7 @@ impl<P: Product> Node<P> {
     }
 
     /// Hands the TPDO to the controller, with the sample of its due time or a new one.
+    // −6 instructions on an SDO transfer with a sensor.
     #[inline(never)]
     fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let sample =

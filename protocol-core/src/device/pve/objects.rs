@@ -202,7 +202,6 @@ impl Product for ValveObjects {
         }
     }
 
-    #[inline(never)]
     fn sample(&self, object: ValveObject, now: Instant) -> u32 {
         let control = &self.control;
         match object {

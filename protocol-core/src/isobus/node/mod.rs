@@ -281,6 +281,7 @@ impl<const DM2: usize> Node<DM2> {
         !self.sendable().is_empty() || !self.answers.is_empty()
     }
 
+    // −20 instructions on a claim and on an AVEF.
     #[inline(never)]
     fn render_first(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         if !self.answers.is_empty() {
@@ -291,7 +292,6 @@ impl<const DM2: usize> Node<DM2> {
     }
 
     /// Selects by identifier, which is the order of arbitration: every frame here is an extended data frame.
-    #[inline(never)]
     fn render_among_answers(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let before_answers =
             |message: &Message| self.answers.first().is_none_or(|answer| self.key_of(*message) < answer.key());
@@ -301,7 +301,6 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    #[inline(never)]
     fn render(&mut self, now: Instant, product: &impl Product, message: Message) -> Option<Frame> {
         match message {
             Message::Report => {
@@ -318,7 +317,6 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    #[inline(never)]
     fn render_dm1(&mut self, now: Instant) -> Option<Frame> {
         self.hand_out(Message::Dm1);
         let frame = self.dm1.render(self.own(), now);
@@ -328,6 +326,7 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Encodes DM2: a single frame for at most one code, otherwise the announcement of a broadcast, even for an
     /// addressed request (R).
+    // −11 instructions on a claim, −10 on an AVEF.
     #[inline(never)]
     fn render_dm2(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let mut codes = product.previously_active();
@@ -346,7 +345,6 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    #[inline(never)]
     fn render_packet(&mut self) -> Option<Frame> {
         self.hand_out(Message::Packet);
         let frame = self.bam.render(self.own());

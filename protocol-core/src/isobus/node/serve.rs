@@ -61,7 +61,6 @@ impl<const DM2: usize> Node<DM2> {
         self.respond(request, if done { Control::Positive } else { Control::Negative });
     }
 
-    #[inline(never)]
     fn object(&mut self, frame: &Frame, now: Instant) {
         if !frame.is_remote() {
             let outcome = self.claim.object(now);
@@ -83,7 +82,6 @@ impl<const DM2: usize> Node<DM2> {
         Indication::Nothing
     }
 
-    #[inline(never)]
     fn serve_other_request(&mut self, request: Request) -> Indication {
         if self.voice().is_none() {
             return Indication::Nothing;
@@ -100,6 +98,7 @@ impl<const DM2: usize> Node<DM2> {
         Indication::Nothing
     }
 
+    // −34 instructions on a claim, −19 on AVC → AVEF.
     #[inline(never)]
     fn serve_claim(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
         let Some(name) = frame.eight().map(|bytes| Name::from_bytes(*bytes)) else { return Indication::Nothing };
@@ -121,7 +120,6 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    #[inline(never)]
     fn serve_broadcast(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
         if frame.is_remote() {
             return Indication::Nothing;
@@ -131,7 +129,6 @@ impl<const DM2: usize> Node<DM2> {
         commanded.map_or(Indication::Nothing, Indication::CommandedAddress)
     }
 
-    #[inline(never)]
     fn serve_connection(&mut self, id: J1939Id, frame: &Frame) -> Indication {
         if let Some(abort) = self.voice().and_then(|own| refuse_connection(id, frame, own)) {
             self.answer(abort);
@@ -139,7 +136,6 @@ impl<const DM2: usize> Node<DM2> {
         Indication::Nothing
     }
 
-    #[inline(never)]
     fn respond(&mut self, request: &Request, control: Control) {
         if let Some(frame) = request.acknowledgement(control, self.own()) {
             self.answer(frame);

@@ -9,7 +9,6 @@ use crate::wire::emcy::Emcy;
 
 impl CanopenValve {
     /// Reports the fault changes: each activation by priority, then the end of the last active fault.
-    #[inline(never)]
     pub(super) fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         self.node.renew_tpdo();

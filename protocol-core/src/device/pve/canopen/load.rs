@@ -21,23 +21,29 @@ pub(super) enum Executed {
     FlagUncleared,
 }
 
+/// A client's "load" for the next start: unless there is none, the flag is written as set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Demanded {
+    /// None, or one that could not be stored.
+    No,
+    /// Its write waits or is in flight.
+    Unstored,
+    /// The memory holds the flag, and the client was told so.
+    Stored,
+}
+
 /// The restore flag: what it stands for, and what it is to become.
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     pub(super) executed: Executed,
-    /// A client has asked for the next start to load the defaults: what the flag is written as.
-    pub(super) asked: bool,
-    /// The memory holds the flag for a client that was told so: what is asked for when a later write fails.
-    pub(super) acknowledged: bool,
-    /// A "save" is stored and waits for the flag to be cleared.
-    pub(super) save_waits: bool,
+    demanded: Demanded,
     retry_at: Instant,
 }
 
 impl Load {
     /// Returns the state of a memory whose flag is not set.
     pub(super) const fn new() -> Self {
-        Self { executed: Executed::Done, asked: false, acknowledged: false, save_waits: false, retry_at: NEVER }
+        Self { executed: Executed::Done, demanded: Demanded::No, retry_at: NEVER }
     }
 
     /// Returns the state at a start that executes a "load", or has none to execute.
@@ -59,13 +65,27 @@ impl Load {
         self.executed == Executed::FlagUncleared
     }
 
-    /// Notes that the flag was written, as it is asked for unless another write of it waits. While the defaults are not
-    /// stored, it was set again for a client.
-    pub(super) fn flag_stored(&mut self, is_last: bool) {
-        if is_last {
-            self.acknowledged = self.asked;
+    /// Notes that a client demands a "load".
+    pub(super) fn demand(&mut self) {
+        if self.demanded == Demanded::No {
+            self.demanded = Demanded::Unstored;
         }
-        if self.executed == Executed::FlagUncleared {
+    }
+
+    /// Returns what the flag is to be written as.
+    pub(super) fn flag(&self) -> bool {
+        self.demanded != Demanded::No
+    }
+
+    /// Takes the memory's answer to a write of the flag. The last write settles a client's "load", too.
+    pub(super) fn flag_written(&mut self, stored: bool, is_last: bool, now: Instant) {
+        if is_last && self.demanded == Demanded::Unstored {
+            self.demanded = if stored { Demanded::Stored } else { Demanded::No };
+        }
+        if !stored {
+            self.failed(now);
+        } else if self.executed == Executed::FlagUncleared {
+            // While the defaults are not stored, the flag was set again for a client.
             self.executed = Executed::Done;
             self.retry_at = NEVER;
         }

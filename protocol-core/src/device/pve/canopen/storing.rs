@@ -21,15 +21,18 @@ const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
 const RESTORE: Write = Write::new(RecordKey::Parameters, Requester::Device);
 /// The restore flag as it is to be.
 const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Requester::Device);
+/// The same as the second half of a "save", whose client waits.
+const FLAG_OF_SAVE: Write = Write::new(RecordKey::RestoreFlag, Requester::Sdo);
 /// The fault log with all counts cleared.
 const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Requester::Sdo);
 
-pub(super) const WRITES: [Write; 6] = [
+pub(super) const WRITES: [Write; 7] = [
     Write::new(RecordKey::LocalLayer, Requester::Lss),
     Write::new(RecordKey::LocalLayer, Requester::Uds),
     SAVE,
     RESTORE,
     RESTORE_FLAG,
+    FLAG_OF_SAVE,
     CLEAR_COUNTERS,
 ];
 
@@ -39,7 +42,7 @@ impl CanopenValve {
         base.writes.request(match task {
             Task::Save => SAVE,
             Task::Load => {
-                self.load.asked = true;
+                self.load.demand();
                 RESTORE_FLAG
             }
             Task::ClearCounters => CLEAR_COUNTERS,
@@ -95,7 +98,7 @@ impl Storing for CanopenValve {
                 return self.node.parameters(Group::All, &self.objects, payload);
             }
             RecordKey::Parameters => return self.node.default_parameters(&self.objects, payload),
-            RecordKey::RestoreFlag => &encode_flag(self.load.asked),
+            RecordKey::RestoreFlag => &encode_flag(self.load.flag()),
             RecordKey::FaultLog => {
                 let valve = &mut self.objects.control.valve;
                 if write.requester == Requester::Sdo {
@@ -130,8 +133,7 @@ impl Storing for CanopenValve {
             }
             RecordKey::Parameters => {
                 if stored && self.load.parameters_stored() {
-                    self.load.save_waits = by_client;
-                    base.writes.request_first(RESTORE_FLAG);
+                    base.writes.request_first(if by_client { FLAG_OF_SAVE } else { RESTORE_FLAG });
                 } else if by_client {
                     self.end_task(Task::Save, stored, is_last);
                 } else if !stored {
@@ -139,16 +141,9 @@ impl Storing for CanopenValve {
                 }
             }
             RecordKey::RestoreFlag => {
-                if stored {
-                    self.load.flag_stored(is_last);
-                } else {
-                    self.load.failed(now);
-                    // A newer "load" that waits is asked for still.
-                    if is_last {
-                        self.load.asked = self.load.acknowledged;
-                    }
-                }
-                if core::mem::take(&mut self.load.save_waits) {
+                let is_last = !base.writes.contains(RESTORE_FLAG);
+                self.load.flag_written(stored, is_last, now);
+                if by_client {
                     self.end_task(Task::Save, stored, !base.writes.contains(SAVE));
                 }
                 self.end_task(Task::Load, stored, is_last);
