@@ -194,6 +194,8 @@ impl Trial {
         }
         let command = Command::Plant(device.name.clone(), file::table(change)?);
         self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
+        // Time will have passed before the next change.
+        self.simulation.end_profiles();
         Ok(command)
     }
 

@@ -4,6 +4,7 @@
 //! command    the commands and their replies
 //! sender     frames sent on command, once or cyclically
 //! waits      commands that wait for a state, a frame or a time
+//! profiles   plant changes in time
 //! history    the history of the bus
 //! bus        the state of the bus
 //! ```
@@ -14,6 +15,7 @@
 mod bus;
 mod command;
 mod history;
+mod profiles;
 mod sender;
 mod waits;
 
@@ -29,6 +31,7 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 pub use bus::{BusState, DisturbState, NotHeard};
 pub use command::{Advanced, Command, Executed, Refusal, Reply, Sent, Stopped, Ticket, TimedOut};
 pub use history::{BusTrouble, Excerpt, FrameRecord, Happened, Heard, History, KEPT, Passed, TraceRecord, raw};
+pub use profiles::RAMP_STEP;
 
 use crate::Kind;
 use crate::bus::{Fault, FaultKind, FaultState};
@@ -36,6 +39,7 @@ use crate::devices::{self, NamedDevice, NamedLink, RateWatch};
 use crate::memory::Memory;
 use crate::state::{Condition, DeviceState, FaultRecord, StateWatch};
 use crate::world::{Event, NodeId, World};
+use profiles::Profiles;
 use sender::{Completed, Sender};
 use waits::{Awaited, Waits};
 
@@ -51,6 +55,7 @@ pub struct Simulation {
     devices: Vec<(NodeId, Kind)>,
     sender: Option<Sender>,
     waits: Waits,
+    profiles: Profiles,
     rates: RateWatch,
     history: History,
     /// The events not taken yet; the queue is reused to keep its capacity.
@@ -73,6 +78,7 @@ impl Simulation {
             devices: Vec::new(),
             sender: None,
             waits: Waits::default(),
+            profiles: Profiles::default(),
             rates: RateWatch::default(),
             history: History::default(),
             events: VecDeque::new(),
@@ -191,7 +197,7 @@ impl Simulation {
         let reply = match command {
             Command::Plant(name, change) => {
                 let (node, _) = self.find(&name)?;
-                change.make(node, &mut self.world)?;
+                self.profiles.begin(node, &change, &mut self.world)?;
                 Reply::Device(Box::new(self.state(&name)?))
             }
             Command::Power(name, power) => {
@@ -276,6 +282,11 @@ impl Simulation {
         Ok(ended)
     }
 
+    /// Ends the plant changes in progress; the plants keep their present values.
+    pub fn end_profiles(&mut self) {
+        self.profiles.clear();
+    }
+
     /// Returns the communication faults in the order of their addition, those that are over included.
     pub fn faults(&self) -> impl Iterator<Item = FaultRecord> {
         self.world.faults().map(FaultRecord::from)
@@ -355,6 +366,7 @@ impl Simulation {
         if let Some(sender) = &mut self.sender {
             sender.poll(&mut self.world, &mut self.completed);
         }
+        self.profiles.poll(&mut self.world);
         self.waits.poll(&mut self.world, &mut self.completed);
         self.rates.look(&mut self.world);
     }
@@ -366,7 +378,7 @@ impl Simulation {
     }
 
     fn due(&self) -> Instant {
-        let rates = self.rates.due(self.world.now());
+        let rates = self.rates.due(self.world.now()).min(self.profiles.due());
         let sender = self.sender.as_ref().map_or(rates, |sender| rates.min(sender.due(self.world.now())));
         if self.waits.is_empty() { sender } else { sender.min(self.waits.due(&self.world)) }
     }

@@ -4,7 +4,7 @@ use protocol_core::actuator::SpoolFault;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::given::{given, object, present};
+use super::given::{given, given_object, object, present};
 use crate::world::{NodeId, Plant, PlantError, World};
 
 /// The plant of a device.
@@ -139,6 +139,62 @@ pub struct PlantChange {
     /// Forces the CAN controller bus-off.
     #[serde(default, deserialize_with = "given")]
     pub bus_off: Option<bool>,
+    /// The duration of the change in milliseconds, after which the earlier values come back; for good by default.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(minimum = 1, maximum = 86400000)]
+    pub for_ms: Option<u32>,
+    /// A numeric word that changes in time.
+    #[serde(default, deserialize_with = "given_object")]
+    pub profile: Option<Profile>,
+}
+
+/// A numeric word of the plant that changes in time.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Profile {
+    /// The word, as in `supply_mv`.
+    pub word: String,
+    /// The points, each a time in milliseconds from now and a value; or the name of a ready profile.
+    pub points: Points,
+    /// Each value stays until the next point; by default the values between two points are interpolated, every
+    /// millisecond.
+    #[serde(default)]
+    pub steps: bool,
+}
+
+/// The points of a profile.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum Points {
+    /// A ready profile.
+    Ready(ReadyProfile),
+    /// Times in milliseconds, and values.
+    List(Vec<[i64; 2]>),
+}
+
+/// A ready profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ReadyProfile {
+    /// The supply, in mV, while the engine of a 24 V machine is cranked.
+    Cranking,
+}
+
+/// The supply of a 24 V machine while its engine is cranked, in the shape of ISO 16750-2: ms and mV (A).
+pub const CRANKING: [[i64; 2]; 4] = [[0, 24_000], [50, 6_000], [120, 9_000], [900, 24_000]];
+
+impl Profile {
+    /// The longest profile, a day, in milliseconds.
+    pub const MAX_MS: u64 = 24 * 60 * 60 * 1000;
+
+    /// Returns the points.
+    #[must_use]
+    pub fn points(&self) -> Vec<[i64; 2]> {
+        match &self.points {
+            Points::Ready(ReadyProfile::Cranking) => CRANKING.to_vec(),
+            Points::List(points) => points.clone(),
+        }
+    }
 }
 
 impl PlantState {
@@ -195,6 +251,38 @@ impl PlantChange {
             cell.set_spoilt(memory == Memory::Damaged);
         }
         Ok(())
+    }
+
+    /// Returns the words with a new value.
+    #[must_use]
+    pub fn words(&self) -> Vec<&'static str> {
+        let memory = self.memory.map(|_| Plant::MemoryFails(false).word().name);
+        self.plants().into_iter().map(|plant| plant.word().name).chain(memory).collect()
+    }
+
+    /// Returns the change back from this one to a state.
+    #[must_use]
+    pub fn earlier(&self, state: &PlantState) -> Self {
+        let mut earlier = Self::default();
+        match state {
+            PlantState::Valve(plant) => {
+                earlier.supply_mv = self.supply_mv.map(|_| plant.supply_mv);
+                earlier.temperature_c = self.temperature_c.map(|_| plant.temperature_c);
+                earlier.spool = self.spool.map(|_| SpoolChange::Object(plant.spool));
+                earlier.lever = self.lever.map(|_| plant.lever);
+            }
+            PlantState::Encoder(plant) => {
+                earlier.angle_cdeg = self.angle_cdeg.map(|_| plant.angle_cdeg);
+                earlier.speed_rpm = self.speed_rpm.map(|_| plant.speed_rpm);
+                earlier.measuring_error = self.measuring_error.map(|_| plant.measuring_error);
+            }
+        }
+        let (PlantState::Valve(ValvePlant { internal_fault, memory, bus_off, .. })
+        | PlantState::Encoder(EncoderPlant { internal_fault, memory, bus_off, .. })) = state;
+        earlier.internal_fault = self.internal_fault.map(|_| *internal_fault);
+        earlier.memory = self.memory.map(|_| *memory);
+        earlier.bus_off = self.bus_off.map(|_| *bus_off);
+        earlier
     }
 
     /// Returns the individual changes except the memory's.
@@ -273,7 +361,9 @@ mod tests {
         let schemas = Schemas::of::<PlantChange>();
         let members = schemas.by_name()["PlantChange"]["properties"].as_object().expect("members");
         let words: BTreeSet<&str> = WORDS.iter().map(|word| word.name).collect();
-        assert_eq!(members.keys().map(String::as_str).collect::<BTreeSet<_>>(), words);
+        let in_time = ["for_ms", "profile"];
+        let members_of_words = members.keys().map(String::as_str).filter(|key| !in_time.contains(key));
+        assert_eq!(members_of_words.collect::<BTreeSet<_>>(), words);
         for word in &WORDS {
             let refusal = |value| {
                 schemas.check("PlantChange", &json!({ word.name: value }), "null").map_err(|mismatch| mismatch.reason)

@@ -169,7 +169,8 @@ fn restrict(name: &str, schema: &mut Value) {
                 }
             }
             let only = |product: Product| {
-                let keys = product.words().map(|word| (word.name.to_owned(), json!({})));
+                let words = product.words().map(|word| word.name).chain(["for_ms", "profile"]);
+                let keys = words.map(|key| (key.to_owned(), json!({})));
                 json!({ "properties": keys.collect::<Map<_, _>>(), "additionalProperties": false })
             };
             schema["anyOf"] = json!([only(Product::Valve), only(Product::Encoder)]);

@@ -1,5 +1,6 @@
 //! The plant of a device: all influences except the bus, in the terms and units of the control interface.
 
+use protocol_core::device::Inputs;
 /// A change of a device's plant.
 pub use protocol_core::device::plant::Change as Plant;
 use protocol_core::device::plant::Inapplicable;
@@ -36,16 +37,7 @@ impl World {
     /// [`PlantError`] for the first refused change; the plant is unchanged.
     pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
-        let mut inputs = *self.inputs(node);
-        for &plant in plants {
-            if matches!(plant, Plant::SpeedRpm(speed) if speed != 0) && self.is_linked(node) {
-                return Err(PlantError::Linked(plant));
-            }
-            plant.apply(&mut inputs, self.now).map_err(|error| match error {
-                Inapplicable::OtherProduct => PlantError::OtherProduct(plant),
-                Inapplicable::OutOfRange => PlantError::OutOfRange(plant),
-            })?;
-        }
+        let inputs = self.check_plants(node, plants)?;
         // A linked shaft is set through its link, not through the inputs.
         for plant in plants {
             if let Plant::AngleCdeg(angle) = *plant {
@@ -63,6 +55,21 @@ impl World {
             }
         }
         Ok(())
+    }
+
+    /// Returns the inputs of a device after several changes, without changing them.
+    pub(crate) fn check_plants(&self, node: NodeId, plants: &[Plant]) -> Result<Inputs, PlantError> {
+        let mut inputs = *self.inputs(node);
+        for &plant in plants {
+            if matches!(plant, Plant::SpeedRpm(speed) if speed != 0) && self.is_linked(node) {
+                return Err(PlantError::Linked(plant));
+            }
+            plant.apply(&mut inputs, self.now).map_err(|error| match error {
+                Inapplicable::OtherProduct => PlantError::OtherProduct(plant),
+                Inapplicable::OutOfRange => PlantError::OutOfRange(plant),
+            })?;
+        }
+        Ok(inputs)
     }
 
     /// Returns the plant of a device as one change per supported word.

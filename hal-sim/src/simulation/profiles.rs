@@ -1,0 +1,186 @@
+//! Plant changes in time: changes that end, and profiles of a numeric word.
+
+use protocol_core::device::plant::WORDS;
+use protocol_core::time::{Duration, Instant, NEVER, after, since};
+
+use super::command::Refusal;
+use crate::state::{PlantChange, PlantState, Profile};
+use crate::world::{NodeId, Plant, World};
+
+/// The interval between two values of a linear profile (A).
+pub const RAMP_STEP: Duration = Duration::from_millis(1);
+
+/// The maximum number of changes in progress.
+const MAX_PROFILES: usize = 64;
+
+/// Instants and values.
+type Points = Vec<(Instant, i32)>;
+
+/// The changes in progress.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Profiles(Vec<InProgress>);
+
+#[derive(Clone, Debug)]
+struct InProgress {
+    node: NodeId,
+    /// The plant words that change.
+    words: Vec<&'static str>,
+    next: Instant,
+    end: Instant,
+    course: Course,
+}
+
+#[derive(Clone, Debug)]
+enum Course {
+    /// The earlier values, which come back at the end.
+    Earlier(Box<PlantChange>),
+    /// The points of a profile, and whether it has steps.
+    Points { points: Points, has_steps: bool },
+}
+
+impl Profiles {
+    /// Applies a change, and schedules the rest of it.
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing has changed.
+    pub(super) fn begin(&mut self, node: NodeId, change: &PlantChange, world: &mut World) -> Result<(), Refusal> {
+        let now = world.now();
+        let mut words = change.words();
+        let profile = change.profile.as_ref().map(|profile| points(profile, now)).transpose()?;
+        if let Some((word, _)) = &profile {
+            if words.contains(word) || change.for_ms.is_some() {
+                let reason = format!("profile of {word}: not valid together with for_ms or a value of {word}");
+                return Err(Refusal::Invalid(reason));
+            }
+            words.push(word);
+        }
+        if change.for_ms.is_some() && words.is_empty() {
+            return Err(Refusal::Invalid("for_ms is only valid together with a change".to_owned()));
+        }
+        let busy =
+            self.0.iter().find(|other| other.node == node && other.words.iter().any(|word| words.contains(word)));
+        if let Some(InProgress { words: busy, end, .. }) = busy {
+            let until = since(*end, Instant::from_ticks(0)).as_millis();
+            let word = busy.iter().find(|word| words.contains(word)).copied().unwrap_or_default();
+            let reason = format!("{word} of {} is already changing until {until} ms", world.name(node));
+            return Err(Refusal::Conflict(reason));
+        }
+        if self.0.len() >= MAX_PROFILES && (change.for_ms.is_some() || profile.is_some()) {
+            return Err(Refusal::TooMany("64 plant changes are in progress"));
+        }
+        if let Some((word, points)) = &profile {
+            let plants: Vec<Plant> = points.iter().filter_map(|(_, value)| plant(word, *value)).collect();
+            world.check_plants(node, &plants)?;
+        }
+        let earlier = change.for_ms.map(|_| change.earlier(&PlantState::of(node, world)));
+        change.clone().make(node, world)?;
+        if let (Some(ms), Some(earlier)) = (change.for_ms, earlier) {
+            let end = after(now, Duration::from_millis(ms.into()));
+            let course = Course::Earlier(Box::new(earlier));
+            self.0.push(InProgress { node, words, next: end, end, course });
+        }
+        if let (Some((word, points)), Some(profile)) = (profile, &change.profile) {
+            let end = points.last().map_or(now, |(at, _)| *at);
+            let course = Course::Points { points, has_steps: profile.steps };
+            self.0.push(InProgress { node, words: vec![word], next: now, end, course });
+            self.poll(world);
+        }
+        Ok(())
+    }
+
+    /// Returns the next due time.
+    pub(super) fn due(&self) -> Instant {
+        self.0.iter().map(|change| change.next).min().unwrap_or(NEVER)
+    }
+
+    /// Applies the values that are due.
+    pub(super) fn poll(&mut self, world: &mut World) {
+        let now = world.now();
+        self.0.retain_mut(|change| {
+            if change.next > now {
+                return true;
+            }
+            change.apply(now, world);
+            change.end > now
+        });
+    }
+
+    /// Drops the changes in progress; the plants keep their present values.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+}
+
+impl InProgress {
+    /// Applies the value of this instant, and schedules the next one.
+    fn apply(&mut self, now: Instant, world: &mut World) {
+        let change = match &self.course {
+            Course::Earlier(earlier) => (**earlier).clone(),
+            Course::Points { points, has_steps } => {
+                let place = points.partition_point(|(at, _)| *at <= now);
+                let last = place.checked_sub(1).and_then(|place| points.get(place)).copied();
+                let next = points.get(place).copied();
+                self.next = next.map_or(NEVER, |(at, _)| match last {
+                    Some((_, value)) if !*has_steps && next.is_some_and(|(_, next)| next != value) => {
+                        at.min(after(now, RAMP_STEP))
+                    }
+                    _ => at,
+                });
+                let value = match (last, next) {
+                    (Some(last), Some(next)) if !*has_steps => between(last, next, now),
+                    (Some((_, value)), _) => value,
+                    (None, _) => return,
+                };
+                let plant = self.words.first().and_then(|word| plant(word, value));
+                plant.map(PlantChange::from).unwrap_or_default()
+            }
+        };
+        // A shaft may have been linked meanwhile.
+        let _ = change.make(self.node, world);
+    }
+}
+
+/// Returns the change of a numeric word to a value.
+fn plant(word: &str, value: i32) -> Option<Plant> {
+    Plant::parse(word, &value.to_string())
+}
+
+/// Returns the value between two points.
+fn between((begin, from): (Instant, i32), (end, to): (Instant, i32), now: Instant) -> i32 {
+    let (passed, whole) = (since(now, begin).as_ticks(), since(end, begin).as_ticks().max(1));
+    let change = (i128::from(to) - i128::from(from)) * i128::from(passed) / i128::from(whole);
+    (i128::from(from) + change) as i32
+}
+
+/// Returns the word and the points of a profile that begins now.
+fn points(profile: &Profile, now: Instant) -> Result<(&'static str, Points), Refusal> {
+    let word = WORDS.iter().find(|word| word.name == profile.word).filter(|word| word.values.range().is_some());
+    let (Some(word), Some((min, max))) = (word, word.and_then(|word| word.values.range())) else {
+        let known = WORDS.iter().filter(|word| word.values.range().is_some()).map(|word| word.name);
+        let known = known.collect::<Vec<_>>().join(", ");
+        return Err(Refusal::Invalid(format!("profile of '{}': must be one of {known}", profile.word)));
+    };
+    let given = profile.points();
+    if given.is_empty() {
+        return Err(Refusal::Invalid(format!("profile of {}: has no points", word.name)));
+    }
+    if let Some(pair) = given.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
+        let [before, at] = [pair[0][0], pair[1][0]];
+        let reason = format!("profile of {}: {at} ms after {before} ms; times must increase", word.name);
+        return Err(Refusal::Invalid(reason));
+    }
+    let point = |[ms, value]: [i64; 2]| {
+        let value = i32::try_from(value).ok().filter(|value| (min..=max).contains(value)).ok_or_else(|| {
+            Refusal::Invalid(format!("profile of {}: {value} is out of range, {}", word.name, word.values))
+        })?;
+        let ms = u64::try_from(ms).ok().filter(|ms| *ms <= Profile::MAX_MS).ok_or_else(|| {
+            Refusal::Invalid(format!("profile of {}: {ms} ms must be from 0 to {}", word.name, Profile::MAX_MS))
+        })?;
+        Ok((after(now, Duration::from_millis(ms)), value))
+    };
+    Ok((word.name, given.into_iter().map(point).collect::<Result<_, Refusal>>()?))
+}
+
+#[cfg(test)]
+#[path = "profiles_tests.rs"]
+mod tests;
