@@ -106,6 +106,15 @@ impl Journal {
         }
     }
 
+    /// Records events before that of a frame, or after all others if this frame has no event.
+    pub(super) fn extend_before(&mut self, frame: &Frame, at: Instant, events: Vec<Event>) {
+        if self.recording {
+            let place = self.events.iter().rposition(|event| event.at == at && event.frame() == Some(frame));
+            let place = place.unwrap_or(self.events.len());
+            self.events.splice(place..place, events);
+        }
+    }
+
     /// Records an event, if recording is on.
     pub(super) fn note(&mut self, event: impl FnOnce() -> Option<Event>) {
         if self.recording {

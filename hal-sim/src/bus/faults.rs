@@ -12,8 +12,10 @@ use super::{Event, EventKind};
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     list: Vec<Active>,
-    /// Whether a fault acts between sending applications and their controllers.
+    /// Whether a fault, or the delay of answers, acts between sending applications and their controllers.
     pub(super) at_senders: bool,
+    /// Whether a device delays its answers.
+    delays_answers: bool,
     /// Whether a fault acts between receiving controllers and their applications.
     pub(super) at_receivers: bool,
     /// Whether a fault acts on the wire.
@@ -24,7 +26,14 @@ pub(super) struct Faults {
 
 impl Default for Faults {
     fn default() -> Self {
-        Self { list: Vec::new(), at_senders: false, at_receivers: false, on_wire: false, next_insertion: NEVER }
+        Self {
+            list: Vec::new(),
+            at_senders: false,
+            delays_answers: false,
+            at_receivers: false,
+            on_wire: false,
+            next_insertion: NEVER,
+        }
     }
 }
 
@@ -135,7 +144,14 @@ impl Faults {
 
     /// Ends all faults.
     pub(super) fn clear(&mut self) {
-        *self = Self::default();
+        self.list.clear();
+        self.sort_out();
+    }
+
+    /// Sets whether a device delays its answers.
+    pub(super) fn delay_answers(&mut self, delays: bool) {
+        self.delays_answers = delays;
+        self.sort_out();
     }
 
     pub(super) fn states(&self, now: Instant) -> impl Iterator<Item = FaultState> {
@@ -155,7 +171,7 @@ impl Faults {
         let any = |acts: fn(&FaultKind) -> bool| self.list.iter().any(|active| acts(&active.fault.kind));
         let at_receivers = any(|kind| matches!(kind, FaultKind::Lose { .. }));
         let on_wire = any(|kind| matches!(kind, FaultKind::Destroy | FaultKind::Omit { .. }));
-        self.at_senders = any(FaultKind::acts_at_sender);
+        self.at_senders = self.delays_answers || any(FaultKind::acts_at_sender);
         (self.at_receivers, self.on_wire) = (at_receivers, on_wire);
         self.next_insertion = self.list.iter().map(|active| active.next).min().unwrap_or(NEVER);
     }

@@ -76,7 +76,7 @@ impl Bus {
         frame: &Frame,
         now: Instant,
     ) -> nb::Result<Option<Frame>, Infallible> {
-        if self.faults.at_senders || self.ports[id.0].is_slow() {
+        if self.faults.at_senders || !self.ports[id.0].delayed.is_empty() {
             return self.hand_over_with_faults(id, frame, now);
         }
         self.ports[id.0].transmit(frame)
@@ -142,6 +142,7 @@ impl Bus {
     /// Delays the answers of a device; `None` for no delay.
     pub(crate) fn delay_answers(&mut self, id: PortId, answers: Option<SlowAnswers>) {
         self.ports[id.0].answers = answers.map(Box::new);
+        self.faults.delay_answers(self.ports.iter().any(|port| port.answers.is_some()));
     }
 
     /// Hands the due frames of a port to its controller, as far as the controller accepts them.

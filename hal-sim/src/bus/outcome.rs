@@ -48,8 +48,7 @@ impl Bus {
             self.current = Some(transmission);
             return true;
         };
-        let is_lost = self.faults.at_receivers && self.lose(&transmission);
-        self.deliver(&transmission, is_lost);
+        self.deliver(&transmission);
         transmission.failure = Some(Box::new(Failure {
             error: BusError::Bit,
             by_other_rate: false,
@@ -73,11 +72,10 @@ impl Bus {
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
-        let error = transmission.error();
-        let is_lost = error.is_none() && self.faults.at_receivers && self.lose(&transmission);
         self.note(&transmission);
+        let error = transmission.error();
         match error {
-            None => self.deliver(&transmission, is_lost),
+            None => self.deliver(&transmission),
             // A sender without acknowledgement is alone, so no other controller counts the error.
             Some(BusError::Acknowledgement) => {}
             Some(_) => self.count_errors(&transmission),
@@ -107,13 +105,13 @@ impl Bus {
         });
     }
 
-    /// Delivers a frame to all receivers, or to none if it is lost for all.
-    fn deliver(&mut self, transmission: &Transmission, is_lost: bool) {
+    fn deliver(&mut self, transmission: &Transmission) {
         let Transmission { frame, rate, end, over: at, omission, .. } = transmission;
         let Some(place) = self.groups.iter().position(|group| group.rate == *rate) else { return };
         if !self.groups[place].counting.is_empty() {
             self.count_received(place, *at, omission.as_deref());
         }
+        let is_lost = self.faults.at_receivers && self.lose(transmission);
         let Self { ports, senders, .. } = self;
         for id in senders {
             ports[id.0].heard = *end;
@@ -168,7 +166,7 @@ impl Bus {
                 port.heard = transmission.end;
             }
         }
-        self.journal.extend(struck);
+        self.journal.extend_before(&transmission.frame, transmission.over, struck);
         is_lost
     }
 

@@ -93,12 +93,6 @@ pub(super) struct Recovery {
 }
 
 impl Port {
-    /// Returns whether a frame of the application may be delayed.
-    #[inline]
-    pub(super) const fn is_slow(&self) -> bool {
-        !self.delayed.is_empty() || self.answers.is_some()
-    }
-
     /// Creates the port of a device, initially disconnected.
     pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
