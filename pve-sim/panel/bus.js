@@ -2,7 +2,8 @@
 
 import { call } from "./api.js";
 import { clock } from "./clock.js";
-import { byId, el, setText } from "./dom.js";
+import { Communication } from "./communication.js";
+import { byId, el, onSubmit, setText } from "./dom.js";
 import { attempt, notice } from "./notice.js";
 import { hex, identifier, seconds } from "./words.js";
 
@@ -21,6 +22,7 @@ export class Bus {
       this.ask("POST", "/bus/disturb", { frames: Number(frames), ...(id && identifier(id)) }),
     );
     byId("spare").addEventListener("click", () => this.ask("POST", "/bus/disturb", { frames: 0 }));
+    this.faults = new Communication();
     onSubmit(byId("send"), ({ frame, every }) => this.send(frame, every));
     byId("stop").addEventListener("click", () =>
       attempt(async () => notice(`${(await call("DELETE", "/bus/frames")).stopped} cyclic frames stopped`)),
@@ -38,6 +40,7 @@ export class Bus {
     setText(byId("speed"), speed === "step" ? "step" : `× ${speed}`);
     this.isOpen = true;
     this.show(await call("GET", "/bus"));
+    await this.faults.read();
   }
 
   /** Stops the clock: the server is away. */
@@ -48,7 +51,9 @@ export class Bus {
 
   /** Reads the bus while the page is visible. A failure needs no notice: the stream of events ends, too. */
   poll() {
-    if (this.isOpen && !document.hidden) call("GET", "/bus").then((bus) => this.show(bus), () => {});
+    if (!this.isOpen || document.hidden) return;
+    call("GET", "/bus").then((bus) => this.show(bus), () => {});
+    this.faults.read().catch(() => {});
   }
 
   /** Changes the bus, and shows it. */
@@ -85,12 +90,4 @@ export class Bus {
     await attempt(() => call("POST", "/time", { advance_ms: ms }));
     this.poll();
   }
-}
-
-/** Has a form do something with its values. */
-function onSubmit(form, work) {
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    work(Object.fromEntries(new FormData(form)));
-  });
 }

@@ -34,3 +34,11 @@ export function setAttribute(element, name, value) {
   if (value == null) element.removeAttribute(name);
   else if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
 }
+
+/** Has a form do something with its values. */
+export function onSubmit(form, work) {
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    work(Object.fromEntries(new FormData(form)));
+  });
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from dataclasses import fields
 from http.client import HTTPConnection
@@ -11,6 +12,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from pve_sim import (
+    Bus,
     BusError,
     BusState,
     Disturbance,
@@ -24,6 +26,7 @@ from pve_sim import (
     ValvePlant,
     ValveState,
 )
+from pve_sim import _faults as faults
 from pve_sim import _state as types
 
 
@@ -44,6 +47,13 @@ def names(*kinds: type) -> set[str]:
 
 def keys(*kinds: type) -> set[str]:
     return {key for kind in kinds for key in kind.__annotations__}
+
+
+def parameters(kind: type) -> set[str]:
+    """Returns the public methods of a class, and their parameters."""
+    methods = {name: getattr(kind, name) for name in vars(kind) if not name.startswith("_")}
+    own = {name for method in methods.values() for name in inspect.signature(method).parameters}
+    return {*methods, *own, *keys(faults.FaultLimits, faults.FrameFault)} - {"self", "id", "parameters"}
 
 
 @pytest.mark.parametrize(
@@ -70,6 +80,11 @@ def keys(*kinds: type) -> set[str]:
         ("PowerChange", {"on", "reset"}),
         ("Advance", {"advance_ms"}),
         ("BusChange", {"bit_rate"}),
+        ("CommunicationFault", parameters(Bus)),
+        ("DataMasks", keys(faults.DataMasks)),
+        ("DlcMasks", keys(faults.DlcMasks)),
+        ("IdentifierMasks", keys(faults.IdentifierMasks)),
+        ("FaultRecord", {"name", "fault", "struck", "is_over"}),
     ],
 )
 def test_every_field_has_a_name(description: Any, schema: str, known: set[str]) -> None:
@@ -105,6 +120,10 @@ def test_every_call_has_a_name(description: Any) -> None:
         "sendFrame",  # Simulator.send
         "stopFrames",  # Simulator.stop
         "wait",  # Device.wait, Simulator.wait_frame
+        "listFaults",  # Simulator.faults
+        "addFault",  # Bus.lose, delay, repeat, swap, corrupt, insert, masquerade, destroy, omit
+        "endFaults",  # Simulator.end_faults
+        "endFault",  # CommunicationFault.end
         "showTime",  # Simulator.now_us
         "advanceTime",  # Simulator.advance
         "showTrace",  # Simulator.trace

@@ -83,6 +83,44 @@ def test_markers_settings_and_the_factory_choose_the_devices(pytester: pytest.Py
     pytester.runpytest_subprocess("--strict-markers").assert_outcomes(passed=4)
 
 
+def test_what_a_test_leaves_does_not_last(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import pytest, pve_sim
+
+        @pytest.fixture(scope="module")
+        def rig():
+            with pve_sim.Simulator(speed="step") as sim:
+                sim.bus.delay(0x1A0, ms=5)
+                yield sim
+
+        def test_leaves_a_fault(rig):
+            rig.bus.lose(0x220)
+            assert len(rig.faults()) == 2
+
+        @pytest.mark.xfail(raises=ZeroDivisionError, strict=True)
+        def test_leaves_a_fault_and_fails(rig):
+            assert [fault.name for fault in rig.faults()] == ["delay-1A0"]
+            rig.bus.lose(0x220)
+            raise ZeroDivisionError
+
+        def test_has_none(rig):
+            assert [fault.name for fault in rig.faults()] == ["delay-1A0"]
+
+        def test_ends_the_one_of_the_fixture(rig):
+            rig.end_faults()
+            with rig.bus.lose(0x220):
+                pass
+    """)
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=2, xfailed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            ">       with rig.bus.lose(0x220):",
+            "E       pve_sim._errors.FaultWithoutEffect: fault lose-220 affected no frame (lose 220): *",
+        ]
+    )
+
+
 def test_a_simulator_that_dies_is_an_error(pytester: pytest.Pytester) -> None:
     pytester.makepyfile("""
         import os, signal

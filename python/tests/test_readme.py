@@ -31,8 +31,9 @@ def test_a_valve_is_driven() -> None:
     assert run(BLOCKS[0]) == "Led(color='green', flashing=False)\n"
 
 
-def test_a_fault_is_injected_from_pytest(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(BLOCKS[1])
+@pytest.mark.parametrize("block", BLOCKS[1:], ids=["supply", "frames"])
+def test_a_fault_is_injected_from_pytest(pytester: pytest.Pytester, block: str) -> None:
+    pytester.makepyfile(block)
     pytester.runpytest_subprocess().assert_outcomes(passed=1)
 
 

@@ -7,9 +7,11 @@ with Simulator("pvea-canopen@0x20") as sim:
 """
 
 from ._binary import find_binary
+from ._bus import Bus
 from ._device import Device, Devices, Sensor, Valve
 from ._errors import (
     Conflict,
+    FaultWithoutEffect,
     InvalidValue,
     NotHeard,
     Refused,
@@ -19,6 +21,7 @@ from ._errors import (
     UnknownDevice,
     WaitTimeout,
 )
+from ._faults import CommunicationFault
 from ._simulator import Events, Simulator
 from ._state import (
     BusError,
@@ -37,8 +40,10 @@ from ._state import (
 )
 
 __all__ = [
+    "Bus",
     "BusError",
     "BusState",
+    "CommunicationFault",
     "Conflict",
     "Device",
     "DeviceState",
@@ -47,6 +52,7 @@ __all__ = [
     "Event",
     "Events",
     "Fault",
+    "FaultWithoutEffect",
     "Frame",
     "InvalidValue",
     "Led",

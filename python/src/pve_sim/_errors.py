@@ -44,6 +44,10 @@ class NotHeard(SimulatorError):
     """A device runs, or ran, at another bit rate than the bus and cannot communicate. The text has the remedy."""
 
 
+class FaultWithoutEffect(SimulatorError):
+    """A communication fault affected no frame within its `with` block: the test has tested nothing."""
+
+
 class WaitTimeout(SimulatorError, TimeoutError):
     """A state or a frame did not come in time. The text has the last state or frame instead."""
 

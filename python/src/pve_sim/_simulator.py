@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlencode, urlsplit
 from weakref import WeakSet
 
+from ._bus import Bus
 from ._device import Device, Devices, Sensor, Valve
 from ._errors import Conflict, InvalidValue, NotHeard, SimulatorError, UnknownDevice, WaitTimeout
+from ._faults import CommunicationFault, Faults
 from ._process import Process
 from ._state import (
     BusError,
@@ -90,7 +92,8 @@ class Simulator:
             if value is not None:
                 arguments += [option, str(value)]
         self._process = Process([*arguments, *options], None if executable is None else os.fspath(executable))
-        self._buses: WeakSet[can.BusABC] = WeakSet()
+        self._clients: WeakSet[can.BusABC] = WeakSet()
+        self._faults = Faults(self._process)
         self._process.not_heard = frozenset([not_heard] if isinstance(not_heard, str) else not_heard)
         try:
             states: list[Json] = self._process.call("GET", "/devices")
@@ -146,20 +149,29 @@ class Simulator:
         at = urlsplit(self.bus_url)
         return {"interface": "socketcand", "host": at.hostname, "port": at.port, "channel": at.path.strip("/")}
 
-    def bus(self, **options: Any) -> can.BusABC:
-        """Returns a new python-can client of the bus, with these options.
+    @property
+    def bus(self) -> Bus:
+        """The bus: `sim.bus()` returns a python-can client, `sim.bus.lose(0x220)` adds a communication fault."""
+        return Bus(self._faults, self._join)
 
-        The simulator shuts it down at its end.
-        """
+    def _join(self, **options: Any) -> can.BusABC:
         try:
             import can
         except ImportError as error:
             raise SimulatorError("a client of the bus needs python-can: pip install 'pve-sim[can]'") from error
-        bus = can.Bus(**self.can_options, **options)
-        self._buses.add(bus)
+        client = can.Bus(**self.can_options, **options)
+        self._clients.add(client)
         # As long as the client is used, so is the simulator.
-        bus.simulator = self  # type: ignore[attr-defined]
-        return bus
+        client.simulator = self  # type: ignore[attr-defined]
+        return client
+
+    def faults(self) -> list[CommunicationFault]:
+        """Returns the communication faults, those included whose count or time is over."""
+        return self._faults.read()
+
+    def end_faults(self) -> list[CommunicationFault]:
+        """Ends all communication faults, and returns them."""
+        return self._faults.end()
 
     def bus_state(self) -> BusState:
         """Returns bit rate, load and disturbance of the bus."""
@@ -332,8 +344,8 @@ class Simulator:
 
     def _end(self) -> None:
         running.discard(self)
-        for bus in list(self._buses):
-            bus.shutdown()
+        for client in list(self._clients):
+            client.shutdown()
         self._process.close()
 
     def __enter__(self) -> Self:

@@ -10,6 +10,7 @@ import pytest
 
 from ._device import Valve
 from ._errors import SimulatorEnded
+from ._faults import CommunicationFault
 from ._simulator import Simulator, running
 
 #: Frames of the trace in a report.
@@ -57,8 +58,18 @@ def valve(pve_sim: Simulator) -> Valve:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Generator[None, Any, Any]:
-    """Fails a test in which a device ran at another bit rate than the bus: the absence of its frames proves nothing."""
-    outcome = yield
+    """Ends the communication faults that a test leaves to the next one, in a simulator that they share.
+
+    Fails a test in which a device ran at another bit rate than the bus: the absence of its frames proves nothing.
+    """
+    before = _faults()
+    try:
+        outcome = yield
+    finally:
+        for fault in _faults():
+            if fault not in before:
+                with suppress(SimulatorEnded):
+                    fault.end()
     for simulator in list(running):
         # Of one that has ended its end tells.
         with suppress(SimulatorEnded):
@@ -73,3 +84,12 @@ def pytest_runtest_makereport() -> Generator[None, Any, None]:
     if report.failed:
         for simulator in list(running):
             report.sections.append((f"pve-sim: the last frames of {simulator!r}", simulator.trace_text(_SHOWN)))
+
+
+def _faults() -> list[CommunicationFault]:
+    """Returns the communication faults of every simulator that runs."""
+    faults = []
+    for simulator in list(running):
+        with suppress(SimulatorEnded):
+            faults += simulator.faults()
+    return faults

@@ -136,6 +136,36 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   await press(page.getByRole("button", { name: "End", exact: true }), "Enter");
   assert.equal((await simulator.call("GET", "/bus")).disturb.frames, 0);
 
+  const faults = page.getByRole("list", { name: "Communication faults" });
+  const addFault = async (kind, frames, count, parameters, status) => {
+    await (await hold(page.getByRole("combobox", { name: "Fault" }))).selectOption(kind);
+    await (await hold(page.getByLabel("Frames", { exact: true }))).fill(frames);
+    await (await hold(page.getByLabel("Count"))).fill(count);
+    await (await hold(page.getByLabel("Parameters"))).fill(parameters);
+    await press(page.getByRole("button", { name: "Add" }), "Enter", status);
+  };
+  await addFault("lose", "5FD", "1", "receivers=hat1000,pvea-canopen name=gap");
+  await addFault("corrupt", "", "", "data.toggle=01 dlc.set=8 probability=0.5 sender=hat1000");
+  await addFault("delay", "5FC", "", "ms=5..20 overtake=true");
+  await addFault("insert", "5FB#01", "", "from_ms=100");
+  const told = (await simulator.call("GET", "/bus/faults")).map(({ name, fault }) => `${name}: ${fault}`);
+  assert.deepEqual(told, [
+    "gap: lose 5FD for hat1000, pvea-canopen, count 1",
+    "corrupt: corrupt all of hat1000, dlc set 8, data toggle 01, probability 0.5",
+    "delay-5FC: delay 5FC by 5 ms to 20 ms, overtaken by later ones",
+    "insert-5FB: insert 5FB: 01, from 100 ms",
+  ]);
+  for (const [at, text] of told.entries()) await faults.getByRole("listitem").nth(at).getByText(text).waitFor();
+  await simulator.call("POST", "/bus/frames", { id: "5FD", data: "" });
+  await faults.getByRole("listitem").filter({ hasText: "×1, over" }).waitFor();
+  for (const name of ["gap", "corrupt", "delay-5FC"]) await press(faults.getByRole("button", { name: `End ${name}` }), "Enter");
+  await until(page, () => document.activeElement.id === "end-all" && document.querySelectorAll("#communication li").length === 1);
+  await hold(faults.getByRole("button", { name: "End insert-5FB" }));
+  await press(page.getByRole("button", { name: "End all" }), "Enter");
+  await until(page, () => document.querySelectorAll("#communication li").length === 0);
+  await addFault("delay", "5FC", "", "ms=x", 400);
+  await page.locator("#notice", { hasText: /^ms / }).waitFor();
+
   const frame = await hold(page.getByLabel("Frame", { exact: true }));
   await frame.fill("5FF#");
   await press(page.getByRole("button", { name: "Send" }), "Enter");
@@ -161,7 +191,7 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   assert.equal(await lines.count(), sent);
   await page.getByRole("button", { name: "Pause" }).press("Enter");
   await until(page, shows, await onTheBus());
-  await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe");
+  await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe -5fd");
   await until(page, () => {
     const rows = [...document.querySelectorAll("#frames li")];
     return rows.length > 0 && rows.every((row) => row.textContent.includes("5FF"));

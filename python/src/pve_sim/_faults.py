@@ -1,0 +1,175 @@
+"""The communication faults of a bus."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from types import TracebackType
+from typing import Self, TypedDict
+from weakref import WeakValueDictionary
+
+from ._errors import FaultWithoutEffect, SimulatorError, UnknownDevice
+from ._process import Process
+from ._state import Json
+
+
+class FaultLimits(TypedDict, total=False):
+    """The parameters of every communication fault."""
+
+    #: The name; by default the kind and the identifier, as in lose-220.
+    name: str
+    #: The maximum number of affected frames.
+    count: int
+    #: The probability that a frame is affected, from 0 to 1.
+    probability: float
+    #: The seed of the random choices.
+    seed: int
+    #: The time until the fault begins, in milliseconds.
+    from_ms: int
+    #: The duration, in milliseconds.
+    for_ms: int
+
+
+class FrameFault(FaultLimits, total=False):
+    """The parameters of a fault that affects frames of others."""
+
+    #: The bits of the identifier to compare.
+    mask: int | str
+    #: Whether the identifier has 29 bits; by default by its size.
+    extended: bool
+    #: The device or client whose frames are affected.
+    sender: str
+
+
+class DataMasks(TypedDict, total=False):
+    """Changed bits of the data, first byte first; a text is in hex."""
+
+    set: bytes | str
+    clear: bytes | str
+    toggle: bytes | str
+
+
+class DlcMasks(TypedDict, total=False):
+    """Changed bits of the data length code."""
+
+    set: int
+    clear: int
+    toggle: int
+
+
+class IdentifierMasks(TypedDict, total=False):
+    """Changed bits of the identifier; a text is in hex."""
+
+    set: int | str
+    clear: int | str
+    toggle: int | str
+
+
+class CommunicationFault:
+    """A fault on the bus, until `end`, the end of its `with` block, or the end of the simulator."""
+
+    def __init__(self, faults: Faults, record: Json, probability: float = 1) -> None:
+        self._faults = faults
+        self._struck: int = record["struck"]
+        self._is_over: bool = record["is_over"]
+        self._probability = probability
+        #: Whether the fault has left the bus, and whether its last frames were not counted.
+        self._is_ended = self._is_uncounted = False
+        #: The name, unique among the active faults.
+        self.name: str = record["name"]
+        #: The fault in words: "lose 220, count 3".
+        self.fault: str = record["fault"]
+
+    @property
+    def struck(self) -> int:
+        """The number of affected frames until now, or until the end of the fault."""
+        self._update()
+        return self._struck
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its count or its time is over, or it was ended."""
+        self._update()
+        return self._is_over
+
+    def end(self) -> int:
+        """Ends the fault, and returns the number of affected frames. More than once is allowed."""
+        if not self._is_ended:
+            self._faults.end(self.name)
+        return self._struck
+
+    def _update(self) -> None:
+        if not self._is_ended:
+            self._faults.read()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        # pytest shows the line of the test instead.
+        __tracebackhide__ = True
+        if error is not None:
+            # Nothing may hide the error of the block.
+            with suppress(SimulatorError):
+                self.end()
+        elif self.end() == 0 and self._probability > 0 and not self._is_uncounted:
+            raise FaultWithoutEffect(
+                f"fault {self.name} affected no frame ({self.fault}): none matched, or no time passed"
+            )
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name!r}: {self.fault}>"
+
+
+class Faults:
+    """The faults of a simulator."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        #: The faults on the bus by name, as far as anybody refers to them.
+        self._known: WeakValueDictionary[str, CommunicationFault] = WeakValueDictionary()
+
+    def add(self, request: Json) -> CommunicationFault:
+        """Adds a fault."""
+        # The new fault replaces one of its name that is over, together with its count.
+        self.read()
+        record: Json = self._process.call("POST", "/bus/faults", request)
+        self._forget(record["name"])
+        fault = self._known[record["name"]] = CommunicationFault(self, record, request.get("probability", 1))
+        return fault
+
+    def read(self) -> list[CommunicationFault]:
+        """Returns the faults on the bus."""
+        records: list[Json] = self._process.call("GET", "/bus/faults")
+        for name in set(self._known) - {record["name"] for record in records}:
+            self._forget(name)
+        return [self._fault(record) for record in records]
+
+    def end(self, name: str | None = None) -> list[CommunicationFault]:
+        """Ends a fault, or all, and returns them."""
+        path = "/bus/faults" if name is None else f"/bus/faults/{name}"
+        try:
+            records: list[Json] = self._process.call("DELETE", path)
+        except UnknownDevice:
+            # Somebody else ended it.
+            records = []
+        ended = [self._fault({**record, "is_over": True}) for record in records]
+        for gone in [name] if name else [fault.name for fault in ended]:
+            self._forget(gone)
+        return ended
+
+    def _fault(self, record: Json) -> CommunicationFault:
+        """Returns the fault of a record, up to date."""
+        fault = self._known.get(record["name"])
+        if fault is None:
+            fault = self._known[record["name"]] = CommunicationFault(self, record)
+        fault._struck, fault._is_over = record["struck"], record["is_over"]
+        return fault
+
+    def _forget(self, name: str) -> None:
+        """Marks a fault that is no longer on the bus; its count is final if it was over before."""
+        fault = self._known.pop(name, None)
+        if fault is not None:
+            fault._is_uncounted = not fault._is_over
+            fault._is_ended = fault._is_over = True
