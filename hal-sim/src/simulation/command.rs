@@ -30,7 +30,8 @@ pub enum Command {
     /// Ends the named communication fault, or all. Returns [`Reply::Faults`] with the ended ones.
     EndFaults(Option<String>),
     /// Sends a frame once or, with a period, cyclically; replaces a cyclic frame with the same identifier. Returns
-    /// [`Reply::Sent`] once the first frame is sent; refused if that takes more than a second.
+    /// [`Reply::Sent`] once the first frame is sent, or held back by a communication fault; refused if that takes more
+    /// than a second.
     Send(Frame, Option<Duration>),
     /// Stops the cyclic frames with an identifier, or all. Returns [`Reply::Stopped`].
     Stop(Option<Id>),

@@ -71,6 +71,32 @@ fn a_refused_fault_changes_nothing() {
     assert_eq!(rig.get("/bus/faults").as_array().map(Vec::len), Some(64));
 }
 
+/// A frame that a fault holds back does not hold back the other frames of its client.
+#[test]
+fn clients_go_on_while_a_frame_is_held_back() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=boom"]);
+    rig.post("/bus/faults", json!({"delay": "123", "ms": 3000}));
+    rig.post("/bus/faults", json!({"swap": "124", "count": 1}));
+    let sent = rig.send("123: 01");
+    assert_eq!(sent, 10_000, "it is answered at once");
+    rig.send("124: 01");
+    rig.send("125: 01");
+    rig.advance(4000);
+    let from = |rig: &Rig, name: &str| -> Vec<String> {
+        let frames = rig.trace().into_iter().filter(|(.., from)| from == name);
+        frames.map(|(_, frame, _)| frame).collect()
+    };
+    assert_eq!(from(&rig, "http"), ["125: 01", "124: 01", "123: 01"]);
+    let mut client = rig.simulator.join();
+    rig.post("/bus/faults", json!({"swap": "126", "sender": "the gateway", "count": 1}));
+    say(&mut client, "< send 126 1 1 >");
+    say(&mut client, "< send 127 1 1 >");
+    while from(&rig, "the gateway").len() < 2 {
+        rig.advance(1);
+    }
+    assert_eq!(from(&rig, "the gateway"), ["127: 01", "126: 01"]);
+}
+
 /// Clients of gateways are receivers, too: together they are "the gateway".
 #[test]
 fn clients_lose_frames() {
