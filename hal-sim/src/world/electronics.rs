@@ -6,10 +6,6 @@ use protocol_core::wire::cob_id::{Function, LSS_ANSWER, classify};
 use protocol_core::wire::j1939_id::{J1939Id, Pgn};
 use protocol_core::wire::uds;
 
-use super::node::{Node, Power};
-use super::{NodeId, World};
-use crate::bus::SlowAnswers;
-
 /// The electronics of a device. The defaults add no delay and have no undervoltage reset (A): the manuals name neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Electronics {
@@ -60,50 +56,8 @@ impl State {
     }
 }
 
-impl Node {
-    /// Returns whether the supply is too low for the device.
-    pub(super) fn is_undervoltage(&self) -> bool {
-        let supply = self.inputs.valve().map(|valve| valve.supply_mv);
-        self.electronics.electronics.brown_out_mv.zip(supply).is_some_and(|(limit, supply)| supply < limit)
-    }
-}
-
-impl World {
-    /// Sets the electronics of a device. A new delay of the start applies to the next one.
-    pub fn set_electronics(&mut self, node: NodeId, electronics: Electronics) {
-        let seed = self.random.u64(..);
-        let Node { port, electronics: state, .. } = &mut self.nodes[node.0];
-        state.electronics = electronics;
-        let (from, to) = electronics.answer;
-        let slow = SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) };
-        self.bus.delay_answers(*port, Some(slow).filter(|_| to > Duration::from_ticks(0)));
-        self.watch_supply(node);
-        self.service(node);
-    }
-
-    /// Returns the electronics of a device.
-    #[must_use]
-    pub fn electronics(&self, node: NodeId) -> Electronics {
-        self.nodes[node.0].electronics.electronics
-    }
-
-    /// Switches a device off below its undervoltage limit, and on again above.
-    pub(super) fn watch_supply(&mut self, node: NodeId) {
-        let is_low = self.nodes[node.0].is_undervoltage();
-        let state = &mut self.nodes[node.0];
-        match (&state.power, is_low) {
-            (Power::On(_) | Power::Coming(..), true) => {
-                state.electronics.is_browned_out = true;
-                self.cut_power(node);
-            }
-            (Power::Off, false) if std::mem::take(&mut state.electronics.is_browned_out) => self.power(node, true),
-            _ => {}
-        }
-    }
-}
-
 /// Returns whether a frame of a device is an answer.
-fn is_answer(frame: &Frame) -> bool {
+pub(super) fn is_answer(frame: &Frame) -> bool {
     match frame.id() {
         Id::Standard(id) => {
             id.as_raw() == LSS_ANSWER || classify(id).is_some_and(|(function, _)| function == Function::SdoAnswer)

@@ -5,7 +5,7 @@ use protocol_core::controller::BitRate;
 use super::*;
 use crate::devices::{DeviceSpec, NamedDevice, named};
 use crate::memory::Memory;
-use crate::world::{ClientPortId, EventKind, Plant};
+use crate::world::{ClientPortId, EventKind, NodeId, Plant, World};
 
 /// A world with a device and a master.
 struct Rig {

@@ -3,8 +3,10 @@
 use protocol_core::device::{Restart, StartCause};
 use protocol_core::time::{Duration, Instant, after, since};
 
+use super::electronics::{Electronics, is_answer};
 use super::node::{Node, Power};
 use super::{NodeId, World};
+use crate::bus::SlowAnswers;
 
 /// The time window in which devices on a common supply start (A).
 pub const SUPPLY_JITTER: Duration = Duration::from_millis(5);
@@ -121,5 +123,45 @@ impl World {
         device.restart(scope, &image, now);
         let rate = device.bit_rate();
         self.set_device_rate(id, rate);
+    }
+
+    /// Sets the electronics of a device. A new delay of the start applies to the next one.
+    pub fn set_electronics(&mut self, node: NodeId, electronics: Electronics) {
+        let seed = self.random.u64(..);
+        let Node { port, electronics: state, .. } = &mut self.nodes[node.0];
+        state.electronics = electronics;
+        let (from, to) = electronics.answer;
+        let slow = SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) };
+        self.bus.delay_answers(*port, Some(slow).filter(|_| to > Duration::from_ticks(0)));
+        self.watch_supply(node);
+        self.service(node);
+    }
+
+    /// Returns the electronics of a device.
+    #[must_use]
+    pub fn electronics(&self, node: NodeId) -> Electronics {
+        self.nodes[node.0].electronics.electronics
+    }
+
+    /// Switches a device off below its undervoltage limit, and on again above.
+    pub(super) fn watch_supply(&mut self, node: NodeId) {
+        let is_low = self.nodes[node.0].is_undervoltage();
+        let state = &mut self.nodes[node.0];
+        match (&state.power, is_low) {
+            (Power::On(_) | Power::Coming(..), true) => {
+                state.electronics.is_browned_out = true;
+                self.cut_power(node);
+            }
+            (Power::Off, false) if std::mem::take(&mut state.electronics.is_browned_out) => self.power(node, true),
+            _ => {}
+        }
+    }
+}
+
+impl Node {
+    /// Returns whether the supply is too low for the device.
+    pub(super) fn is_undervoltage(&self) -> bool {
+        let supply = self.inputs.valve().map(|valve| valve.supply_mv);
+        self.electronics.electronics.brown_out_mv.zip(supply).is_some_and(|(limit, supply)| supply < limit)
     }
 }

@@ -163,10 +163,23 @@ class LedCondition(TypedDict, total=False):
     flashing: bool
 
 
+class Profile(TypedDict, total=False):
+    """A numeric word of the plant that changes in time."""
+
+    word: str
+    #: Times in milliseconds from now, each with a value; or a ready profile.
+    points: Sequence[tuple[int, int] | list[int]] | Literal["cranking"]
+    #: Each value stays until the next point; by default the values in between are interpolated.
+    steps: bool
+
+
 class _Change(TypedDict, total=False):
     internal_fault: bool
     memory: Memory
     bus_off: bool
+    #: The duration of the change, after which the earlier values come back.
+    for_ms: int
+    profile: Profile
 
 
 class Spool(TypedDict):
