@@ -176,11 +176,6 @@ impl Port {
         self.transmit.len() + self.delayed.len()
     }
 
-    /// Returns the number of frames in the controller, including the one on the wire.
-    pub(crate) fn in_controller(&self) -> usize {
-        self.transmit.len()
-    }
-
     /// Returns the number of received frames lost because the queue was full.
     #[must_use]
     pub const fn overruns(&self) -> u32 {

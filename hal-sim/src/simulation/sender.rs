@@ -115,7 +115,7 @@ impl Sender {
             return;
         }
         let now = world.now();
-        if world.in_controller(self.port) == 0
+        if world.pending(self.port) == 0
             && let Some(sent) = self.sending.take()
             && let Some(ticket) = sent.ticket
         {

@@ -288,13 +288,6 @@ impl World {
         self.bus.port(port.0).pending()
     }
 
-    /// Returns the number of frames in a client's controller, including the one on the wire, without those that a fault
-    /// holds back before it.
-    #[must_use]
-    pub fn in_controller(&self, port: ClientPortId) -> usize {
-        self.bus.port(port.0).in_controller()
-    }
-
     /// Returns whether a frame of a client is on the wire.
     #[must_use]
     pub fn is_sending(&self, port: ClientPortId) -> bool {

@@ -169,7 +169,7 @@ impl Clients {
     /// Loads the next frame into the controller once the last one is sent, and returns its permit. Call this after
     /// every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
-        if world.in_controller(self.port) > 0 {
+        if world.pending(self.port) > 0 {
             return;
         }
         if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
