@@ -101,7 +101,7 @@ impl Sender {
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
-                world.withdraw(self.port);
+                world.drop_waiting(self.port);
                 outgoing.refuse(STOPPED, completed);
                 self.load(world);
             }
@@ -115,7 +115,8 @@ impl Sender {
             return;
         }
         let now = world.now();
-        if world.pending(self.port) == 0
+        // A frame that a fault holds back has left the sender, too.
+        if world.is_controller_empty(self.port)
             && let Some(sent) = self.sending.take()
             && let Some(ticket) = sent.ticket
         {
@@ -126,7 +127,7 @@ impl Sender {
         if !world.is_sending(self.port)
             && let Some(outgoing) = self.sending.take_if(is_late)
         {
-            world.withdraw(self.port);
+            world.drop_waiting(self.port);
             late.push(outgoing);
         }
         for outgoing in late {

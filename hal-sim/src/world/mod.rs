@@ -288,6 +288,16 @@ impl World {
         self.bus.port(port.0).pending()
     }
 
+    /// Drops the pending frames of a client, except one on the wire and those that a fault holds back.
+    pub(crate) fn drop_waiting(&mut self, port: ClientPortId) {
+        self.bus.drop_waiting(port.0, self.now);
+    }
+
+    /// Returns whether the controller of a client is empty; faults may still hold back frames of its application.
+    pub(crate) fn is_controller_empty(&self, port: ClientPortId) -> bool {
+        self.bus.port(port.0).is_controller_empty()
+    }
+
     /// Returns whether a frame of a client is on the wire.
     #[must_use]
     pub fn is_sending(&self, port: ClientPortId) -> bool {
