@@ -187,6 +187,11 @@ impl Port {
         self.transmit.is_empty()
     }
 
+    /// Returns whether faults can hold back another frame of the application.
+    pub(crate) fn can_delay(&self) -> bool {
+        !self.delayed.is_full()
+    }
+
     /// Returns the number of received frames lost because the queue was full.
     #[must_use]
     pub const fn overruns(&self) -> u32 {
