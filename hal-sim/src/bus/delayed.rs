@@ -7,6 +7,9 @@ use protocol_core::time::{Instant, NEVER, after};
 use super::faults::Handed;
 use super::transmit::Transmit;
 
+/// The maximum number of delayed frames of a device or gateway, which keeps further frames.
+const MAX: usize = 256;
+
 /// Delayed frames, in the order in which the application sent them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DelayedFrames(Vec<Delayed>);
@@ -45,6 +48,11 @@ impl DelayedFrames {
     #[inline]
     pub(super) const fn is_empty(&self) -> bool {
         self.0.is_empty()
+    }
+
+    /// Returns whether the sender has to keep further frames.
+    pub(super) const fn is_full(&self) -> bool {
+        self.0.len() >= MAX
     }
 
     /// Returns whether no frame of the application waits.

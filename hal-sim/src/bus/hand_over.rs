@@ -12,9 +12,6 @@ use super::port::{Port, SlowAnswers};
 use super::transmit::Transmit;
 use super::{Bus, PortId};
 
-/// The maximum number of delayed frames of a device; the device keeps further frames.
-const DELAYED: usize = 256;
-
 /// The CAN controller as its device sees it, behind the communication faults.
 pub struct DeviceCan<'a> {
     bus: &'a mut Bus,
@@ -91,7 +88,7 @@ impl Bus {
     ) -> nb::Result<Option<Frame>, Infallible> {
         let port = &mut self.ports[id.0];
         let waits = port.delayed.holds_back(frame);
-        let is_full = matches!(port.transmit, Transmit::Mailboxes(_)) && port.delayed.len() >= DELAYED;
+        let is_full = matches!(port.transmit, Transmit::Mailboxes(_)) && port.delayed.is_full();
         if is_full || (!waits && !port.transmit.takes(frame)) {
             port.used = true;
             return Err(nb::Error::WouldBlock);

@@ -176,6 +176,16 @@ impl Port {
         self.transmit.len() + self.delayed.len()
     }
 
+    /// Returns whether no frame is in the controller; faults may still hold back frames of the application.
+    pub(crate) fn is_controller_empty(&self) -> bool {
+        self.transmit.is_empty()
+    }
+
+    /// Returns whether faults can hold back another frame of the application.
+    pub(crate) fn can_delay(&self) -> bool {
+        !self.delayed.is_full()
+    }
+
     /// Returns the number of received frames lost because the queue was full.
     #[must_use]
     pub const fn overruns(&self) -> u32 {

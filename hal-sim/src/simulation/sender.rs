@@ -101,7 +101,7 @@ impl Sender {
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
-                world.withdraw(self.port);
+                world.drop_waiting(self.port);
                 outgoing.refuse(STOPPED, completed);
                 self.load(world);
             }
@@ -115,18 +115,13 @@ impl Sender {
             return;
         }
         let now = world.now();
-        if world.pending(self.port) == 0
-            && let Some(sent) = self.sending.take()
-            && let Some(ticket) = sent.ticket
-        {
-            completed.push((ticket, Ok(Reply::Sent(Sent { t_us: now.as_micros() }))));
-        }
+        self.complete(world, completed);
         let is_late = |outgoing: &mut Outgoing| outgoing.deadline <= now;
         let mut late: Vec<Outgoing> = self.waiting.extract_if(.., is_late).collect();
         if !world.is_sending(self.port)
             && let Some(outgoing) = self.sending.take_if(is_late)
         {
-            world.withdraw(self.port);
+            world.drop_waiting(self.port);
             late.push(outgoing);
         }
         for outgoing in late {
@@ -137,6 +132,18 @@ impl Sender {
         }
         self.repeat(now);
         self.load(world);
+        while self.complete(world, completed) {
+            self.load(world);
+        }
+    }
+
+    /// Completes the frame in the controller if it was sent, or if a fault holds it back; returns whether it did.
+    fn complete(&mut self, world: &World, completed: &mut Completed) -> bool {
+        let Some(sent) = self.sending.take_if(|_| world.is_controller_empty(self.port)) else { return false };
+        if let Some(ticket) = sent.ticket {
+            completed.push((ticket, Ok(Reply::Sent(Sent { t_us: world.now().as_micros() }))));
+        }
+        true
     }
 
     /// Queues the due cyclic frames. A frame that is still queued from the last period is not queued again.
@@ -154,7 +161,7 @@ impl Sender {
 
     /// Loads the most urgent frame into the controller; among equals, the oldest.
     fn load(&mut self, world: &mut World) {
-        if self.sending.is_some() {
+        if self.sending.is_some() || !world.can_delay(self.port) {
             return;
         }
         let urgency = |(place, outgoing): &(usize, &Outgoing)| (outgoing.frame.arbitration(), *place);

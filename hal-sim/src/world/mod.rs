@@ -288,6 +288,23 @@ impl World {
         self.bus.port(port.0).pending()
     }
 
+    /// Drops the pending frames of a client, except one on the wire and those that a fault holds back.
+    pub fn drop_waiting(&mut self, port: ClientPortId) {
+        self.bus.drop_waiting(port.0, self.now);
+    }
+
+    /// Returns whether the controller of a client is empty; faults may still hold back frames of its application.
+    #[must_use]
+    pub fn is_controller_empty(&self, port: ClientPortId) -> bool {
+        self.bus.port(port.0).is_controller_empty()
+    }
+
+    /// Returns whether faults can hold back another frame of a client.
+    #[must_use]
+    pub fn can_delay(&self, port: ClientPortId) -> bool {
+        self.bus.port(port.0).can_delay()
+    }
+
     /// Returns whether a frame of a client is on the wire.
     #[must_use]
     pub fn is_sending(&self, port: ClientPortId) -> bool {

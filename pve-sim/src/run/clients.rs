@@ -30,6 +30,8 @@ pub(super) struct Clients {
     port: ClientPortId,
     /// The sender of the frame in the controller.
     sending: Option<ClientId>,
+    /// The frames that are not on the bus yet, with their senders: faults delay, change and repeat frames.
+    sent: Vec<Sent>,
     /// The queued frames per client, including disconnected clients. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
     /// The number of pending frames of disconnected clients.
@@ -49,6 +51,17 @@ struct Client {
     listening: bool,
 }
 
+/// A frame on its way to the bus.
+struct Sent {
+    sender: ClientId,
+    /// The frame as the client sent it.
+    frame: Frame,
+    /// The frame as it will be on the bus.
+    on_bus: Frame,
+    /// The number of times that it is still to be sent.
+    left: u32,
+}
+
 /// A pending frame with its number.
 struct Waiting {
     frame: Frame,
@@ -64,6 +77,7 @@ impl Clients {
             error_frames,
             port: world.add_gateway(NAME),
             sending: None,
+            sent: Vec::new(),
             waiting: BTreeMap::new(),
             left_behind: 0,
             dropped: 0,
@@ -121,6 +135,7 @@ impl Clients {
     /// Sends a frame to all listening clients except its sender, and a reported error to all clients if enabled.
     /// Returns the number of dismissed clients.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
+        let sender = if *event.who == *NAME { self.sender(event) } else { None };
         let has_clients = |names: &[Arc<str>]| names.iter().any(|name| **name == *NAME);
         let received = match &event.what {
             EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } => {
@@ -139,11 +154,39 @@ impl Clients {
             _ => None,
         };
         let received = received.filter(|_| !std::mem::take(&mut self.is_lost));
-        let sender = self.sending.filter(|_| *event.who == *NAME);
         let frame = received.map_or(0, |frame| self.tell(&ToClient::Frame(at, *frame), sender));
         match told {
             Some(class) if self.error_frames => frame + self.tell(&ToClient::Error(at, class), None),
             _ => frame,
+        }
+    }
+
+    /// Returns the sender of a frame of the clients, and records the effect of a communication fault.
+    fn sender(&mut self, event: &Event) -> Option<ClientId> {
+        match &event.what {
+            EventKind::Frame { frame, .. } => {
+                let place = self.sent.iter().position(|sent| sent.on_bus == *frame)?;
+                let Sent { sender, left, .. } = &mut self.sent[place];
+                let sender = *sender;
+                *left -= 1;
+                if *left == 0 {
+                    self.sent.remove(place);
+                }
+                Some(sender)
+            }
+            EventKind::ErrorFrame { frame, .. } => {
+                self.sent.iter().find(|sent| sent.on_bus == *frame).map(|sent| sent.sender)
+            }
+            EventKind::Fault { frame, effect, .. } => {
+                let sent = self.sent.iter_mut().rfind(|sent| sent.frame == *frame)?;
+                match effect {
+                    FaultEffect::Corrupted(frame) => sent.on_bus = *frame,
+                    FaultEffect::Repeated(times) => sent.left += times,
+                    _ => {}
+                }
+                None
+            }
+            _ => None,
         }
     }
 
@@ -160,28 +203,36 @@ impl Clients {
     /// Withdraws a destroyed frame of a disconnected client, which could otherwise be retried forever. Call this after
     /// every event, before [`send`](Self::send).
     pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
-        let left = self.sending.is_some_and(|sender| !self.clients.contains_key(&sender));
-        if event.is_error_frame() && *event.who == *NAME && left {
-            world.withdraw(self.port);
+        let Some(left) = self.sending.filter(|sender| !self.clients.contains_key(sender)) else { return };
+        if event.is_error_frame() && *event.who == *NAME {
+            world.drop_waiting(self.port);
+            self.sent.retain(|sent| sent.sender != left);
         }
     }
 
-    /// Loads the next frame into the controller once the last one is sent, and returns its permit. Call this after
-    /// every event, before the next frame starts.
+    /// Loads the next frame into the controller once the last one is sent or held back by a fault, and returns its
+    /// permit. Call this after every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
-        if world.pending(self.port) > 0 {
-            return;
+        while world.is_controller_empty(self.port) {
+            if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
+                client.to_client.refund(1);
+            }
+            if !world.can_delay(self.port) || !self.load(world) {
+                return;
+            }
         }
-        if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
-            client.to_client.refund(1);
-        }
+    }
+
+    /// Loads the next frame into the controller; returns whether there was one.
+    fn load(&mut self, world: &mut World) -> bool {
         // The most urgent of the clients' next frames; among equals, the oldest.
         let heads = self.waiting.iter().filter_map(|(id, queue)| Some((*id, queue.front()?)));
         let next = heads.min_by_key(|(_, head)| (head.frame.arbitration(), head.number));
-        let Some(id) = next.map(|(id, _)| id) else { return };
+        let Some(id) = next.map(|(id, _)| id) else { return false };
         if let Some(queue) = self.waiting.get_mut(&id) {
             if let Some(Waiting { frame, .. }) = queue.pop_front() {
                 world.send(self.port, frame);
+                self.sent.push(Sent { sender: id, frame, on_bus: frame, left: 1 });
                 self.sending = Some(id);
                 if !self.clients.contains_key(&id) {
                     self.left_behind -= 1;
@@ -191,6 +242,7 @@ impl Clients {
                 self.waiting.remove(&id);
             }
         }
+        true
     }
 
     fn post(&mut self, id: ClientId, message: ToClient) -> Result<(), Overrun> {

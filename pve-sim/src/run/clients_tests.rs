@@ -8,7 +8,7 @@ use protocol_core::time::Duration;
 
 use super::*;
 use crate::inbox::{ClientEnd, PERMITS, Reply};
-use hal_sim::bus::DestroyNext;
+use hal_sim::bus::{Corruption, Delay, DestroyNext, Fault, FaultKind, FrameFilter, Masks};
 
 struct Rig {
     world: World,
@@ -54,7 +54,8 @@ impl Rig {
         while self.world.next_event() <= end {
             self.world.step();
             for event in self.world.take_events() {
-                sent.push(*event.frame().expect("no error frame"));
+                assert!(!event.is_error_frame());
+                sent.extend(event.frame());
                 assert_eq!(self.clients.show(&event, Timestamp::from_micros(0), None), 0);
             }
             self.clients.send(&mut self.world);
@@ -216,4 +217,53 @@ async fn credit_comes_back_with_each_frame_that_is_sent() {
         }
         assert_eq!(rig.run().len(), PERMITS);
     }
+}
+
+/// A client does not hear its own frame, whatever a fault makes of it, and nobody waits for a frame that is held back.
+#[test]
+fn a_frame_that_a_fault_holds_back_is_that_of_its_client() {
+    let of_220 = || FrameFilter { id: Some(standard(0x220).into()), ..FrameFilter::default() };
+    let toggle = Masks { toggle: [0x80, 0, 0, 0, 0, 0, 0, 0], ..Masks::default() };
+    let kinds = [
+        (FaultKind::Delay { delay: Delay::Constant(Duration::from_millis(5)), overtake: false }, vec![1]),
+        (FaultKind::Repeat { times: 2, after: Duration::from_millis(5) }, vec![1, 1, 1]),
+        (FaultKind::Corrupt(Corruption { data: toggle, ..Corruption::default() }), vec![0x81]),
+    ];
+    for (kind, expected) in kinds {
+        let mut rig = Rig::new(2);
+        let is_delay = matches!(kind, FaultKind::Delay { .. });
+        rig.world.fault(Fault { frames: of_220(), ..Fault::new("fault", kind) }).expect("a fault");
+        rig.send(0, frame(0x220, &[1]));
+        rig.send(1, frame(0x300, &[]));
+        let sent = rig.run();
+        assert_eq!(sent.len(), expected.len() + 1);
+        assert_eq!(sent[0] == frame(0x300, &[]), is_delay, "{sent:?}");
+        assert_eq!(rig.heard(0), [frame(0x300, &[])]);
+        assert_eq!(rig.heard(1), expected.iter().map(|byte| frame(0x220, &[*byte])).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn the_frames_of_clients_are_swapped() {
+    let mut rig = Rig::new(2);
+    rig.world
+        .fault(Fault { count: Some(1), ..Fault::new("fault", FaultKind::Swap { within: Duration::from_secs(1) }) })
+        .expect("a fault");
+    rig.send(0, frame(0x220, &[1]));
+    rig.send(1, frame(0x220, &[2]));
+    assert_eq!(rig.run(), [2, 1].map(|byte| frame(0x220, &[byte])));
+    assert_eq!((rig.heard(0), rig.heard(1)), (vec![frame(0x220, &[2])], vec![frame(0x220, &[1])]));
+}
+
+/// A fault holds back some hundred frames; the clients keep the rest.
+#[test]
+fn delayed_frames_are_bounded() {
+    let mut rig = Rig::new(1);
+    let delay = Delay::Constant(Duration::from_secs(5));
+    rig.world.fault(Fault::new("fault", FaultKind::Delay { delay, overtake: false })).expect("a fault");
+    for _ in 0..1000 {
+        rig.send(0, frame(0x220, &[]));
+    }
+    assert_eq!(rig.world.pending(rig.clients.port), 256);
+    assert_eq!(rig.clients.waiting.values().map(VecDeque::len).sum::<usize>(), 1000 - 256);
 }

@@ -37,6 +37,7 @@ const OPTIONS: &[Line] = &[
     ("--seed", "--seed 18446744073709551615", "--seed 18446744073709551616", "0–18446744073709551615"),
     ("--allow-clash", "--allow-clash --device pvea-canopen --device pvea-canopen", "--allow-clash=2", "no more"),
     ("--http", "--http 127.0.0.1:0", "--http 8408", "must be ADDR:PORT"),
+    ("--allow-real-bus", "--allow-real-bus", "--allow-real-bus=can0", "no more"),
     ("--allow-remote", "--allow-remote --http 0.0.0.0:0", "--http 0.0.0.0:0", "or add --allow-remote"),
     ("--no-http", "--no-http", "--no-http=1", "no more were expected"),
 ];

@@ -15,6 +15,23 @@ fn a_fault_affects_the_frames_of_the_next_steps() {
     );
 }
 
+/// The scenario goes on while a fault holds back its frame.
+#[test]
+fn a_delayed_frame_does_not_hold_back_the_next_one() {
+    passes(
+        r#"{ send = "000#0120" },
+           { send = "220#0F00 0020", every_ms = 50, expect = { dsm = "active", position = 8192 } },
+           { fault = { swap = "220", count = 1 } },
+           { after_ms = 60, stop = "220" },
+           { send = "220#0B00 0000", expect = ["1A0#0B00 0020", "1A0#0F00 ????"], within_ms = 2 },
+           { fault = { delay = "220", ms = 1500, count = 1 } },
+           { send = "220#0F00 0010" },
+           { send = "620#4018 1001 0000 0000", expect = "5A0#4318 1001 1900 0001", within_ms = 5 },
+           { stop = "all" },
+           { at_ms = 1700, expect = "1A0#0300 0000", within_ms = 150 }"#,
+    );
+}
+
 #[test]
 fn a_fault_that_affects_no_frame_fails() {
     let report = fails(r#"{ fault = { lose = "7FF" } }, { after_ms = 100 }"#, 1);
