@@ -104,7 +104,7 @@ fn plant() -> impl Strategy<Value = Plant> {
 
 const FAULTS: [&str; 3] = ["one", "two", "three"];
 
-fn fault() -> impl Strategy<Value = Fault> {
+pub(super) fn fault() -> impl Strategy<Value = Fault> {
     let millis = Duration::from_millis;
     let receivers = || vec(select(&["device-0", "tap", "client", "controller"][..]).prop_map(Into::into), 0..3);
     let toggle = any::<[u8; 8]>().prop_map(|toggle| Masks { toggle, ..Masks::default() });

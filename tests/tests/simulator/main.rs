@@ -6,4 +6,5 @@ mod bus_physics;
 mod clone;
 mod faults;
 mod fork;
+mod invariants;
 mod power_cuts;
