@@ -56,11 +56,7 @@ impl NamedDevice {
     /// Adds the device to a world, healthy and unpowered.
     pub fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
         let node = world.add_with(&self.name, self.setup, memory);
-        let mut inputs = *world.inputs(node);
-        if let Some(valve) = inputs.valve_mut() {
-            valve.spool.times = self.spool_times;
-            world.set_inputs(node, inputs);
-        }
+        world.set_spool_times(node, self.spool_times);
         if self.electronics != Electronics::default() {
             world.set_electronics(node, self.electronics);
         }

@@ -9,6 +9,7 @@ mod controller;
 mod electronics;
 mod link;
 mod node;
+mod oil;
 mod plant;
 mod power;
 mod run;
@@ -22,6 +23,7 @@ mod tests;
 use std::sync::Arc;
 use std::vec::Drain;
 
+use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::{AnyDevice, Device, Inputs, Outputs, Setup, StartCause};
 use protocol_core::frame::Frame;
@@ -33,6 +35,7 @@ pub use controller::ControllerId;
 pub use electronics::Electronics;
 pub use link::{Link, LinkError};
 pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, write_time};
+pub use oil::OIL;
 pub use plant::{Plant, PlantError};
 pub use power::SUPPLY_JITTER;
 pub use run::FLUSH_PATIENCE;
@@ -148,6 +151,7 @@ impl World {
             forced_bus_off: false,
             frames_dropped: 0,
             electronics: electronics::State::default(),
+            spool_times: SpoolTimes::DEFAULT,
         });
         id
     }

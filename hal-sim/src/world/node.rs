@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
+use protocol_core::actuator::SpoolTimes;
 use protocol_core::device::{AnyDevice, Device, Effect, Inputs, StartCause, Viewable};
 use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
@@ -73,6 +74,8 @@ pub(super) struct Node {
     /// The device's counter of dropped frames at its last service.
     pub(super) frames_dropped: u32,
     pub(super) electronics: electronics::State,
+    /// The times of a valve's spool in warm oil.
+    pub(super) spool_times: SpoolTimes,
 }
 
 /// The power state of a device.

@@ -1,11 +1,12 @@
 //! The plant of a device: all influences except the bus, in the terms and units of the control interface.
 
+use protocol_core::actuator::SpoolTimes;
 use protocol_core::device::Inputs;
 /// A change of a device's plant.
 pub use protocol_core::device::plant::Change as Plant;
 use protocol_core::device::plant::Inapplicable;
 
-use super::{NodeId, World};
+use super::{NodeId, World, oil};
 
 /// The reason why a plant change is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -37,7 +38,10 @@ impl World {
     /// [`PlantError`] for the first refused change; the plant is unchanged.
     pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
-        let inputs = self.check_plants(node, plants)?;
+        let mut inputs = self.check_plants(node, plants)?;
+        if plants.iter().any(|plant| matches!(plant, Plant::TemperatureC(_))) {
+            self.warm_oil(node, &mut inputs);
+        }
         // A linked shaft is set through its link, not through the inputs.
         for plant in plants {
             if let Plant::AngleCdeg(angle) = *plant {
@@ -55,6 +59,21 @@ impl World {
             }
         }
         Ok(())
+    }
+
+    /// Sets the times of a valve's spool in warm oil, from 0 to 60 °C; no effect on an angle sensor.
+    pub fn set_spool_times(&mut self, node: NodeId, times: SpoolTimes) {
+        self.nodes[node.0].spool_times = times;
+        let mut inputs = *self.inputs(node);
+        self.warm_oil(node, &mut inputs);
+        self.set_inputs(node, inputs);
+    }
+
+    /// Adapts the times of a valve's spool to the temperature.
+    fn warm_oil(&self, node: NodeId, inputs: &mut Inputs) {
+        if let Some(valve) = inputs.valve_mut() {
+            valve.spool.times = oil::at_temperature(self.nodes[node.0].spool_times, valve.temperature_c);
+        }
     }
 
     /// Returns the inputs of a device after several changes, without changing them.
