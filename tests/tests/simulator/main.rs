@@ -7,4 +7,5 @@ mod clone;
 mod faults;
 mod fork;
 mod invariants;
+mod isobus_faults;
 mod power_cuts;
