@@ -37,6 +37,8 @@ pub struct NamedDevice {
     pub setup: Setup,
     /// The spool times (valves only).
     pub spool_times: SpoolTimes,
+    /// Whether the spool's times depend on the temperature (valves only).
+    pub has_oil: bool,
     /// The electronics.
     pub electronics: Electronics,
 }
@@ -49,6 +51,7 @@ impl NamedDevice {
             name: name.to_owned(),
             setup: setup.into(),
             spool_times: SpoolTimes::default(),
+            has_oil: false,
             electronics: Electronics::default(),
         }
     }
@@ -56,7 +59,14 @@ impl NamedDevice {
     /// Adds the device to a world, healthy and unpowered.
     pub fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
         let node = world.add_with(&self.name, self.setup, memory);
-        world.set_spool_times(node, self.spool_times);
+        let mut inputs = *world.inputs(node);
+        if let Some(valve) = inputs.valve_mut() {
+            valve.spool.times = self.spool_times;
+            world.set_inputs(node, inputs);
+        }
+        if self.has_oil {
+            world.fill_with_oil(node);
+        }
         if self.electronics != Electronics::default() {
             world.set_electronics(node, self.electronics);
         }
@@ -111,7 +121,13 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
             taken.push(name.clone());
             name
         });
-        NamedDevice { name, setup: spec.setup, spool_times: spec.spool_times, electronics: spec.electronics }
+        NamedDevice {
+            name,
+            setup: spec.setup,
+            spool_times: spec.spool_times,
+            has_oil: spec.has_oil,
+            electronics: spec.electronics,
+        }
     });
     let mut devices: Vec<NamedDevice> = devices.collect();
     number(&mut devices);

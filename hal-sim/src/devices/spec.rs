@@ -12,7 +12,7 @@ use crate::world::Electronics;
 
 /// The keys of a device specification.
 const KEYS: &str =
-    "name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, blank";
+    "name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, oil, blank";
 
 /// The maximum length of a device name, in characters.
 const NAME_MAX: usize = 32;
@@ -26,6 +26,8 @@ pub struct DeviceSpec {
     pub name: Option<String>,
     /// The spool times (valves only).
     pub spool_times: SpoolTimes,
+    /// Whether the spool's times depend on the temperature (valves only).
+    pub has_oil: bool,
     /// The electronics.
     pub electronics: Electronics,
 }
@@ -34,7 +36,13 @@ impl DeviceSpec {
     /// Creates a device of this kind in factory state.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
-        Self { setup: kind.into(), name: None, spool_times: SpoolTimes::DEFAULT, electronics: Electronics::default() }
+        Self {
+            setup: kind.into(),
+            name: None,
+            spool_times: SpoolTimes::DEFAULT,
+            has_oil: false,
+            electronics: Electronics::default(),
+        }
     }
 }
 
@@ -86,6 +94,10 @@ impl FromStr for DeviceSpec {
                     return Err(format!("'{key}' applies to a valve's supply; that of a {kind} is not simulated"));
                 }
                 ("brown-out-mv", Some(supply)) => spec.electronics.brown_out_mv = Some(brown_out(supply)?),
+                ("oil", None) if matches!(kind, Kind::Hat(_)) => {
+                    return Err(format!("'oil' applies to a valve; a {kind} has none"));
+                }
+                ("oil", None) => spec.has_oil = true,
                 ("blank", None) if !kind.can_be_blank() => {
                     return Err(format!("a {kind} always has an address; give @ID, or omit 'blank' for the default"));
                 }
@@ -93,6 +105,7 @@ impl FromStr for DeviceSpec {
                     return Err("a blank device has no node ID; use either @ID or blank".to_owned());
                 }
                 ("blank", None) => spec.setup.node_id = None,
+                ("oil", Some(_)) => return Err("'oil' takes no value".to_owned()),
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
                 (
                     "name" | "serial" | "bit-rate" | "stroke-ms" | "return-ms" | "boot-ms" | "answer-ms" | "cycle-ms"

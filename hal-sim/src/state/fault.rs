@@ -5,7 +5,9 @@ use std::sync::Arc;
 use protocol_core::frame::{Frame, Id, MAX_LEN};
 use protocol_core::time::Duration;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{Object, Schema, Type};
+use utoipa::{PartialSchema, ToSchema};
 
 use super::given::{given, given_object};
 use super::identifier::IdentifierOrAll;
@@ -137,10 +139,23 @@ pub struct FaultRequest {
 #[serde(untagged)]
 pub enum Millis {
     /// A time.
+    #[schema(value_type = MillisOfDay)]
     One(u32),
     /// The smallest and the largest time.
     Between([u32; 2]),
 }
+
+/// The schema of a time of up to a day, in milliseconds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MillisOfDay;
+
+impl PartialSchema for MillisOfDay {
+    fn schema() -> RefOr<Schema> {
+        Object::builder().schema_type(Type::Integer).minimum(Some(0)).maximum(Some(86_400_000)).into()
+    }
+}
+
+impl ToSchema for MillisOfDay {}
 
 /// Changed bits of the data, in hex as in "00 80".
 #[derive(Clone, Debug, Default, Deserialize, ToSchema)]

@@ -23,7 +23,6 @@ mod tests;
 use std::sync::Arc;
 use std::vec::Drain;
 
-use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::{AnyDevice, Device, Inputs, Outputs, Setup, StartCause};
 use protocol_core::frame::Frame;
@@ -151,7 +150,7 @@ impl World {
             forced_bus_off: false,
             frames_dropped: 0,
             electronics: electronics::State::default(),
-            spool_times: SpoolTimes::DEFAULT,
+            oil: None,
         });
         id
     }

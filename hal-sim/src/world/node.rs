@@ -74,8 +74,8 @@ pub(super) struct Node {
     /// The device's counter of dropped frames at its last service.
     pub(super) frames_dropped: u32,
     pub(super) electronics: electronics::State,
-    /// The times of a valve's spool in warm oil.
-    pub(super) spool_times: SpoolTimes,
+    /// The times of a valve's spool in warm oil, if they depend on its temperature.
+    pub(super) oil: Option<SpoolTimes>,
 }
 
 /// The power state of a device.

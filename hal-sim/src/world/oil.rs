@@ -52,6 +52,7 @@ mod tests {
         let valve = world.add("boom", pve::Kind::PveaCanopen);
         let master = world.add_client_port("master");
         world.power(valve, true);
+        world.fill_with_oil(valve);
         world.run_for(Duration::from_millis(100));
         world.send(master, "000: 01 20".parse().expect("a frame"));
         (world, valve, master)
@@ -83,7 +84,10 @@ mod tests {
     fn a_change_moves_nothing_and_is_reversible() {
         let (mut world, valve, master) = moving();
         let own = SpoolTimes::new(320, 210).expect("times");
-        world.set_spool_times(valve, own);
+        let mut inputs = *world.inputs(valve);
+        inputs.valve_mut().expect("a valve").spool.times = own;
+        world.set_inputs(valve, inputs);
+        world.fill_with_oil(valve);
         for _ in 0..5 {
             world.send(master, "220: 0F 00 00 40".parse().expect("a frame"));
             world.run_for(Duration::from_millis(30));

@@ -1,6 +1,5 @@
 //! The plant of a device: all influences except the bus, in the terms and units of the control interface.
 
-use protocol_core::actuator::SpoolTimes;
 use protocol_core::device::Inputs;
 /// A change of a device's plant.
 pub use protocol_core::device::plant::Change as Plant;
@@ -39,9 +38,7 @@ impl World {
     pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
         let mut inputs = self.check_plants(node, plants)?;
-        if plants.iter().any(|plant| matches!(plant, Plant::TemperatureC(_))) {
-            self.warm_oil(node, &mut inputs);
-        }
+        self.warm_oil(node, &mut inputs);
         // A linked shaft is set through its link, not through the inputs.
         for plant in plants {
             if let Plant::AngleCdeg(angle) = *plant {
@@ -61,18 +58,19 @@ impl World {
         Ok(())
     }
 
-    /// Sets the times of a valve's spool in warm oil, from 0 to 60 °C; no effect on an angle sensor.
-    pub fn set_spool_times(&mut self, node: NodeId, times: SpoolTimes) {
-        self.nodes[node.0].spool_times = times;
+    /// Makes the times of a valve's spool depend on its temperature, see [`OIL`](super::OIL); the present times are those
+    /// in warm oil, from 0 to 60 °C.
+    pub fn fill_with_oil(&mut self, node: NodeId) {
         let mut inputs = *self.inputs(node);
+        self.nodes[node.0].oil = inputs.valve().map(|valve| valve.spool.times);
         self.warm_oil(node, &mut inputs);
         self.set_inputs(node, inputs);
     }
 
     /// Adapts the times of a valve's spool to the temperature.
     fn warm_oil(&self, node: NodeId, inputs: &mut Inputs) {
-        if let Some(valve) = inputs.valve_mut() {
-            valve.spool.times = oil::at_temperature(self.nodes[node.0].spool_times, valve.temperature_c);
+        if let (Some(times), Some(valve)) = (self.nodes[node.0].oil, inputs.valve_mut()) {
+            valve.spool.times = oil::at_temperature(times, valve.temperature_c);
         }
     }
 

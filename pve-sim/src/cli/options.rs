@@ -54,6 +54,7 @@ pub struct RunArgs {
     ///   cycle-ms=N 0–1000 ms between two cycles of the device's program, by default 0
     ///   brown-out-mv=N
     ///              valves only: off below this supply; by default never
+    ///   oil        valves only: cold oil slows the spool down
     ///   blank      CANopen only: no node ID, waits for LSS
     ///
     /// With --state, an existing memory takes precedence over ID, serial and bit-rate.

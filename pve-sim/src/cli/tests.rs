@@ -64,6 +64,7 @@ fn defaults() {
                 name: "pvea-canopen".to_owned(),
                 setup: Setup { serial: Some(0x5B2E_0100), ..PVEA.into() },
                 spool_times: SpoolTimes::DEFAULT,
+                has_oil: false,
                 electronics: Electronics::default(),
             }],
             links: vec![],
@@ -227,11 +228,11 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-canopen,blank,blank", "duplicate key 'blank'"),
         (
             "--device pvea-canopen,colour=red",
-            "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, blank",
+            "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, oil, blank",
         ),
         (
             "--device pvea-canopen,",
-            "unknown key ''; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, blank",
+            "unknown key ''; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, oil, blank",
         ),
         ("--device pvea-canopen,stroke-ms=9", "'9' is not a valid spool time; accepted: 10–5000, in milliseconds"),
         ("--device pvea-isobus,return-ms=5001", "'5001' is not a valid spool time; accepted: 10–5000, in milliseconds"),

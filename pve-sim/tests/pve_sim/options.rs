@@ -71,20 +71,31 @@ const PARTS: &[Line] = &[
         "--device hat1000,return-ms=100",
         "'return-ms' applies to a valve's spool",
     ),
-    ("boot-ms=", "--device hat1000,boot-ms=1500", "--device hat1000,boot-ms=60001", "accepted: 0–60000, in milliseconds"),
+    (
+        "boot-ms=",
+        "--device hat1000,boot-ms=1500",
+        "--device hat1000,boot-ms=60001",
+        "accepted: 0–60000, in milliseconds",
+    ),
     (
         "answer-ms=",
         "--device pvea-canopen,answer-ms=5..20",
         "--device pvea-canopen,answer-ms=20..5",
         "accepted: the smaller time first, as in 5..20",
     ),
-    ("cycle-ms=", "--device pvea-isobus,cycle-ms=10", "--device pvea-isobus,cycle-ms=1001", "accepted: 0–1000, in milliseconds"),
+    (
+        "cycle-ms=",
+        "--device pvea-isobus,cycle-ms=10",
+        "--device pvea-isobus,cycle-ms=1001",
+        "accepted: 0–1000, in milliseconds",
+    ),
     (
         "brown-out-mv=",
         "--device pvea-canopen,brown-out-mv=5500",
         "--device hat1000,brown-out-mv=5500",
         "'brown-out-mv' applies to a valve's supply",
     ),
+    ("oil", "--device pvea-canopen,oil", "--device hat1000,oil", "'oil' applies to a valve"),
     ("blank", "--device pvea-canopen,blank", "--device pvea-isobus,blank", "give @ID"),
 ];
 

@@ -106,6 +106,13 @@ fn what_is_described_is_what_is_answered() {
         ("get", "/bus", "/bus", None),
         ("patch", "/bus", "/bus", Some(json!({"bit_rate": 250000}))),
         ("post", "/bus/disturb", "/bus/disturb", Some(json!({"frames": 1, "id": 1}))),
+        ("post", "/bus/faults", "/bus/faults", Some(json!({"lose": "220", "count": 1}))),
+        ("post", "/bus/faults", "/bus/faults", Some(json!({"delay": "220", "ms": [5, 20], "probability": 0.5}))),
+        ("post", "/bus/faults", "/bus/faults", Some(json!({"lose": "220", "count": 0}))),
+        ("get", "/bus/faults", "/bus/faults", None),
+        ("delete", "/bus/faults/{name}", "/bus/faults/lose-220", None),
+        ("delete", "/bus/faults/{name}", "/bus/faults/lose-220", None),
+        ("delete", "/bus/faults", "/bus/faults", None),
         ("post", "/bus/frames", "/bus/frames", Some(json!({"id": 1, "data": "00", "every_ms": 10}))),
         ("delete", "/bus/frames", "/bus/frames", None),
         (
@@ -243,7 +250,10 @@ fn what_is_described_is_what_is_accepted() {
     let mut numbers = 0;
     type Body = fn(Value) -> Value;
     let bodies: [(&str, &str, &[&str], Body); 6] = [
-        ("PlantChange", "/plant", &["valve", "sensor"], |change| change),
+        ("PlantChange", "/plant", &["valve", "sensor"], |change| match change["for_ms"].is_null() {
+            true => change,
+            false => extend(json!({"memory": "ok"}), change),
+        }),
         ("StateCondition", "/wait", &["valve"], |state| json!({"device": "valve", "state": state, "within_ms": 0})),
         ("Disturb", "/bus/disturb", &[""], |change| extend(json!({"frames": 0}), change)),
         ("FrameToSend", "/bus/frames", &[""], |frame| extend(json!({"id": 1, "data": ""}), frame)),

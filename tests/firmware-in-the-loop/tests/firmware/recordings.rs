@@ -58,7 +58,8 @@ fn replays(file: PathBuf, devices: &[Device]) -> u64 {
         name: device.kind.name().to_owned(),
         setup: Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) },
         spool_times: SpoolTimes::DEFAULT,
-        electronics: Electronics::default(),
+        has_oil: false,
+                electronics: Electronics::default(),
     };
     let options = ReplayOptions {
         file,
