@@ -170,7 +170,7 @@ pub enum FaultError {
     #[error("{MAX_FAULTS} faults are active: end one first")]
     TooMany,
     /// No device or client on the bus has this name.
-    #[error("no device or client '{name}'; there are: {known}")]
+    #[error("no device or client '{name}'; known: {known}")]
     Unknown {
         /// The unknown name.
         name: Arc<str>,
@@ -205,43 +205,43 @@ impl Fault {
     pub fn check(&self) -> Result<(), FaultError> {
         let refuse = |reason| Err(FaultError::Invalid(reason));
         if self.probability > ALWAYS {
-            return refuse("the probability is above 1");
+            return refuse("the probability must not exceed 1");
         }
         if self.count == Some(0) {
-            return refuse("count 0: the fault would never happen");
+            return refuse("count must be at least 1");
         }
         if self.lasts.is_some_and(|lasts| lasts.as_ticks() == 0) {
-            return refuse("the fault would end as it begins");
+            return refuse("the duration must be above 0");
         }
         if self.frames.mask.is_some() && self.frames.id.is_none() {
-            return refuse("a mask without an identifier");
+            return refuse("a mask needs an identifier");
         }
         if self.times().into_iter().flatten().any(|time| time > LONGEST_TIME) {
-            return refuse("a time of a fault is a day at most");
+            return refuse("times must not exceed one day");
         }
         match &self.kind {
             FaultKind::Delay { delay: Delay::Uniform(from, to), .. } if from > to => {
-                refuse("the bounds of the delay are the wrong way round")
+                refuse("the first bound of the delay must not exceed the second")
             }
             FaultKind::Delay { delay: Delay::Burst(period), .. } if period.as_ticks() == 0 => {
-                refuse("a burst has a period above 0")
+                refuse("the burst period must be above 0")
             }
             FaultKind::Repeat { times, .. } if !(1..=MAX_REPEATS).contains(times) => {
-                refuse("a frame is repeated 1 to 1000 times")
+                refuse("times must be from 1 to 1000")
             }
-            FaultKind::Corrupt(corruption) if *corruption == Corruption::default() => refuse("nothing to corrupt"),
+            FaultKind::Corrupt(corruption) if *corruption == Corruption::default() => {
+                refuse("corrupt needs at least one mask")
+            }
             FaultKind::Insert { every: Some(every), .. } if every.as_ticks() == 0 => {
-                refuse("a cyclic frame has a period above 0")
+                refuse("the period must be above 0")
             }
             FaultKind::Insert { every: None, .. } if self.count.is_some() => {
-                refuse("a frame that is inserted once has no count")
+                refuse("a frame inserted once does not accept a count")
             }
             FaultKind::Insert { .. } if self.frames != FrameFilter::default() => {
-                refuse("an inserted frame has no filter")
+                refuse("insert does not accept a frame filter")
             }
-            FaultKind::Omit { receivers } if receivers.is_empty() => {
-                refuse("name the receivers that do not have the frame")
-            }
+            FaultKind::Omit { receivers } if receivers.is_empty() => refuse("omit needs receivers"),
             _ => Ok(()),
         }
     }

@@ -250,15 +250,15 @@ fn a_bad_fault_is_refused() {
     let mut rig = Rig::of(2);
     let lose = || FaultKind::Lose { receivers: vec!["nobody".into()] };
     let refused = rig.bus.add_fault(Fault::new("x", lose()), START).unwrap_err();
-    assert_eq!(refused.to_string(), "no device or client 'nobody'; there are: a, b");
+    assert_eq!(refused.to_string(), "no device or client 'nobody'; known: a, b");
     let all = || FaultKind::Lose { receivers: Vec::new() };
     let cases = [
-        (Fault { probability: 1_000_001, ..Fault::new("x", all()) }, "the probability is above 1"),
-        (Fault { count: Some(0), ..Fault::new("x", all()) }, "count 0: the fault would never happen"),
-        (Fault::new("x", FaultKind::Omit { receivers: Vec::new() }), "name the receivers that do not have the frame"),
-        (Fault::new("x", FaultKind::Corrupt(Corruption::default())), "nothing to corrupt"),
-        (Fault { from: Duration::MAX, ..Fault::new("x", all()) }, "a time of a fault is a day at most"),
-        (Fault::new("x", FaultKind::Repeat { times: 0, after: millis(1) }), "a frame is repeated 1 to 1000 times"),
+        (Fault { probability: 1_000_001, ..Fault::new("x", all()) }, "the probability must not exceed 1"),
+        (Fault { count: Some(0), ..Fault::new("x", all()) }, "count must be at least 1"),
+        (Fault::new("x", FaultKind::Omit { receivers: Vec::new() }), "omit needs receivers"),
+        (Fault::new("x", FaultKind::Corrupt(Corruption::default())), "corrupt needs at least one mask"),
+        (Fault { from: Duration::MAX, ..Fault::new("x", all()) }, "times must not exceed one day"),
+        (Fault::new("x", FaultKind::Repeat { times: 0, after: millis(1) }), "times must be from 1 to 1000"),
     ];
     for (fault, reason) in cases {
         assert_eq!(rig.bus.add_fault(fault, START).unwrap_err().to_string(), reason);

@@ -131,7 +131,7 @@ impl Bus {
         let collision = if self.senders.len() > 1 { self.resolve(start) } else { None };
         let first = self.senders[0];
         let sender = &self.ports[first.0];
-        let frame = *sender.transmit.head().expect("a sender has something to send");
+        let frame = *sender.transmit.head().expect("a sender has a pending frame");
         let rate = sender.rate;
         let on_wire = FrameBits::of(&frame).on_wire();
         let on_command = self.disturbance.disturb(&sender.name, &frame, on_wire);
@@ -281,7 +281,7 @@ impl Bus {
     }
 
     fn head_of(&self, id: PortId) -> FrameBits {
-        FrameBits::of(self.ports[id.0].transmit.head().expect("a sender has something to send"))
+        FrameBits::of(self.ports[id.0].transmit.head().expect("a sender has a pending frame"))
     }
 
     /// Silences a sender in the middle of its frame: the other controllers detect an error where the bits end.

@@ -112,7 +112,7 @@ pub enum Refusal {
         known: String,
     },
     /// No communication fault has this name.
-    #[error("no fault '{name}'; there are: {known}")]
+    #[error("no fault '{name}'; known: {known}")]
     UnknownFault {
         /// The unknown name.
         name: String,

@@ -137,7 +137,7 @@ fn the_controller_of_a_fault_leaves_with_it() {
         frames: FrameFilter { sender: Some("?".into()), ..FrameFilter::default() },
         ..Fault::new("x", FaultKind::Destroy)
     });
-    assert_eq!(names.unwrap_err().to_string(), "no device or client '?'; there are: master, valve-1");
+    assert_eq!(names.unwrap_err().to_string(), "no device or client '?'; known: master, valve-1");
     assert!(rig.world.faults().all(|state| state.is_over));
     assert!(rig.world.fault(Fault::new("valve-1", once)).is_err(), "the name of a device");
 }

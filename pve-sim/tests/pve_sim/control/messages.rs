@@ -48,8 +48,8 @@ fn a_refused_fault_changes_nothing() {
     let rig = Rig::stepped(&["--device", "pvea-canopen,name=boom"]);
     for (body, reason) in [
         (r#"{}"#, "a fault needs one of "),
-        (r#"{"lose": "220", "sender": "bucket"}"#, "no device or client 'bucket'; there are: boom"),
-        (r#"{"lose": "220", "receivers": ["bucket"]}"#, "no device or client 'bucket'; there are: boom"),
+        (r#"{"lose": "220", "sender": "bucket"}"#, "no device or client 'bucket'; known: boom"),
+        (r#"{"lose": "220", "receivers": ["bucket"]}"#, "no device or client 'bucket'; known: boom"),
         (r#"{"lose": ""}"#, "id \"\" is not valid; "),
         (r#"{"lose": "220", "probability": 2}"#, "probability 2 is not valid; "),
         (r#"{"lose": "220", "lose": "221"}"#, ""),
