@@ -14,11 +14,11 @@ use crate::recording::{Logged, ReadError, Reader};
 pub struct DecodeOptions {
     /// The recording; `-` reads stdin.
     pub file: PathBuf,
-    /// The devices known to be on the bus.
+    /// The devices on the recorded bus, as far as known.
     pub devices: Vec<NamedDevice>,
 }
 
-/// A decoding failure.
+/// An error of [`decode`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -35,11 +35,11 @@ pub enum DecodeError {
     Write(io::Error),
 }
 
-/// Writes the explanation of a recording to `out` and passes each unreadable line to `warn`; returns whether every line
-/// was readable. Ends without an error when the reader of `out` has gone.
+/// Explains a recording line by line to `out`, and passes a message about each unreadable line to `warn`. Returns
+/// whether every line was readable. Ends without an error if the reader of `out` has closed it.
 ///
 /// # Errors
-/// [`DecodeError`] when the recording cannot be read, or `out` cannot be written.
+/// [`DecodeError`] if the recording cannot be read or `out` cannot be written.
 pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMut(&str)) -> Result<bool, DecodeError> {
     let unread = |source| DecodeError::Read { path: options.file.clone(), source };
     let mut reader = Reader::open(&options.file).map_err(unread)?;
@@ -52,7 +52,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     let mut all_read = true;
     let mut line = String::new();
     loop {
-        // A reader may be waiting for the explanation of the log so far.
+        // A reader may wait for the explanation of the recording so far.
         if reader.may_wait() && !is_read(out.flush())? {
             return Ok(all_read);
         }
@@ -76,7 +76,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
             }
             Some(Err(error @ ReadError::NoEntry { .. })) => {
                 all_read = false;
-                // After the earlier lines, where both go to the same terminal.
+                // Prints the message after the earlier lines if both outputs share a terminal.
                 if !is_read(out.flush())? {
                     return Ok(all_read);
                 }
@@ -92,7 +92,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     Ok(all_read)
 }
 
-/// Returns whether the output still has a reader.
+/// Returns whether `out` still has a reader.
 fn is_read(written: io::Result<()>) -> Result<bool, DecodeError> {
     match written {
         Ok(()) => Ok(true),

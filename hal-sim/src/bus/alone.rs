@@ -1,4 +1,4 @@
-//! A CAN controller without a bus: the owner takes the frames out of its mailboxes.
+//! A CAN controller without a bus: its owner takes the frames from the mailboxes.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use protocol_core::frame::Frame;
 use super::port::Port;
 
 impl Port {
-    /// Creates a device controller that is connected to no bus. Its mailboxes are empty and it receives nothing.
+    /// Creates a device controller without a bus. Its mailboxes are empty and it receives nothing.
     #[must_use]
     pub fn alone(name: &str, rate: BitRate) -> Self {
         Self::of_device(Arc::from(name), rate)

@@ -3,7 +3,7 @@
 use crc::{CRC_15_CAN, Crc, Table};
 use protocol_core::frame::{Frame, Id};
 
-/// A 16-byte lookup table, which computes the CRC of a whole frame in one step.
+/// A 16-byte-wide lookup table, which computes the CRC of a whole frame in one step.
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_15_CAN);
 const CRC_BITS: u32 = 15;
 
@@ -109,9 +109,9 @@ const ALTERNATING: u128 = 0x5555_5555_5555_5555_5555_5555_5555_5555;
 
 /// The number of states in the table: the states of [`run`], rounded up to a power of two.
 const STATES: usize = 16;
-/// The bits of a table entry that hold the next state, which indexes the next look-up.
+/// The mask of the next state in a table entry. The state is shifted so that it can index the next look-up.
 const STATE: u16 = (STATES as u16 - 1) << 8;
-/// The bits of a table entry that hold the number of stuff bits.
+/// The mask of the number of stuff bits in a table entry.
 const COUNT: u16 = 0xFF;
 
 /// The next state and the number of stuff bits, indexed by the current state and the next byte.
@@ -129,7 +129,7 @@ static STUFF: [u16; STATES * 256] = {
     table
 };
 
-/// Returns the state after `length` bits equal to `last` (1 to 4; 0 before the first bit).
+/// Returns the state after a run of `length` bits equal to `last`. `length` is 1 to 4, or 0 before the first bit.
 const fn run(last: u8, length: u8) -> u8 {
     last * STUFF_AFTER + length
 }
@@ -153,11 +153,12 @@ const fn step(state: u8, byte: u8) -> u16 {
     (run(last, length) as u16) << 8 | stuffed
 }
 
-/// The first difference between two frames that are sent simultaneously.
+/// The first difference between two frames sent simultaneously.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// The position on the wire with stuff bits, counted from 0 at the start of frame.
+    /// The bit position on the wire, including stuff bits, counted from 0 at the start of frame.
     pub bit: u32,
-    /// Whether `self` of [`FrameBits::first_difference`] is dominant at this bit, and the other frame recessive.
+    /// Whether the frame that [`FrameBits::first_difference`] was called on is dominant at this bit, and the other
+    /// recessive.
     pub dominant: bool,
 }

@@ -11,7 +11,7 @@ fn data(id: impl Into<Id>, bytes: &[u8]) -> FrameBits {
 
 #[test]
 fn zeros_have_a_stuff_bit_after_every_fifth() {
-    // Start of frame, identifier, control field and CRC are all zero: 34 bits, 6 stuff bits, 10 bits of trailer.
+    // Start of frame, identifier, control field and CRC are all zero: 34 bits, 6 stuff bits, a trailer of 10 bits.
     assert_eq!(data(standard(0), &[]).on_wire(), 34 + 6 + 10);
 }
 
@@ -24,7 +24,7 @@ fn standard_frames() {
         (0x7FF, &[0xFF; 8], 98, 15),
         (0x555, &[0x55; 8], 98, 1),
         (0x078, &[0x3C; 8], 98, 20),
-        // the worst case that a search found; the limit would be 24
+        // The worst case found by a search; the theoretical limit is 24.
         (0x07C, &[0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3F], 98, 21),
     ] {
         assert_eq!(data(standard(id), bytes).on_wire(), raw + stuff + 10, "{id:03X} {bytes:X?}");
@@ -61,8 +61,8 @@ fn the_acknowledgement_comes_eight_bits_before_the_end() {
 #[test]
 fn two_frames_part_where_the_first_bit_differs() {
     let (a, b) = (data(standard(0x700), &[0x7F]), data(standard(0x700), &[0x05]));
-    // 19 bits up to the data, among them two stuff bits (8 zeros of the identifier, the zeros up to the length), and
-    // the first data bit; the second one is 1 in 7F, 0 in 05.
+    // 19 bits up to the data, including two stuff bits (8 zeros of the identifier, the zeros up to the length), and the
+    // first data bit; the second data bit is 1 in 7F and 0 in 05.
     let parting = a.first_difference(b).unwrap();
     assert!(!parting.dominant);
     let other = b.first_difference(a).unwrap();
@@ -70,12 +70,12 @@ fn two_frames_part_where_the_first_bit_differs() {
     assert_eq!(parting.bit, other.bit);
     assert_eq!(parting.bit, 19 + 1 + 2);
     assert_eq!(a.first_difference(a), None);
-    // Frames of different lengths differ in the length code.
+    // Frames of different lengths differ in the data length code.
     let longer = data(standard(0x700), &[0x7F, 0]).first_difference(a).unwrap();
     assert_eq!(longer.bit, 1 + 11 + 3 + 2 + 2);
 }
 
-/// Returns the number of stuff bits of a frame, bit by bit, as in ISO 11898-1, 10.5.
+/// Counts the stuff bits of a frame bit by bit, as in ISO 11898-1, 10.5.
 fn stuffed_bit_by_bit(bits: &[bool]) -> u32 {
     let (mut count, mut run, mut last) = (0, 0, None);
     for bit in bits {
@@ -89,7 +89,7 @@ fn stuffed_bit_by_bit(bits: &[bool]) -> u32 {
 }
 
 proptest! {
-    /// The table agrees with the rule, also for a part of a frame.
+    /// The table agrees with the stuffing rule, even for a part of a frame.
     #[test]
     fn the_table_counts_as_the_rule_says(value: u128, len in 1..=118_u32, part in 1..=118_u32) {
         // A start of frame is dominant.

@@ -1,4 +1,5 @@
-//! Senders of one identifier with different data (ISO 11898-1, 10.11 and 12.1): the loser, its return, and the times.
+//! Senders of the same identifier with different data (ISO 11898-1, 10.11 and 12.1): the loser, its bus integration,
+//! and the times.
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
@@ -48,7 +49,7 @@ fn the_loser_of_a_bit_waits_before_it_sends_again() {
     assert_eq!((ended.error, ended.frame), (None, frame(ID, DOMINANT)));
     assert_eq!((rig.receive(1), rig.receive(2)), (None, Some(frame(ID, DOMINANT))));
     assert_eq!(rig.counters(1), (136, 0), "a frame that is not received counts nothing down");
-    // The intermission, and suspend transmission of an error-passive sender.
+    // The intermission, and suspend transmission by the error-passive sender.
     let (sent, ended) = rig.next();
     assert_eq!((ended.error, ended.frame), (None, frame(ID, RECESSIVE)));
     assert_eq!(sent, won + bits(3 + 8 + FrameBits::of(&ended.frame).on_wire()));
@@ -70,7 +71,7 @@ fn a_loser_whose_counter_overruns_recovers() {
         rig.run_for(bits(20));
     }
     assert_eq!(collisions, 16);
-    // The winner's frame and the intermission are one sequence of 11 recessive bits, then the bus is idle.
+    // The winner's frame and the intermission count as one sequence of 11 recessive bits; then the bus is idle.
     let end = rig.ended.last().expect("the last frame").0;
     let back = end + bits(3 + 127 * 11);
     rig.run(back - Duration::from_micros(1));

@@ -6,11 +6,11 @@ use protocol_core::controller::BusErrorMode;
 const PASSIVE_FROM: u16 = 128;
 /// The transmit error counter value from which the controller is bus-off.
 const BUS_OFF_FROM: u16 = 256;
-/// The value of a receive error counter above 127 after a successful reception; the standard allows 119 to 127.
+/// The value that a receive error counter above 127 takes after a successful reception; the standard allows 119 to 127.
 const RECEIVED_WHILE_PASSIVE: u16 = 119;
 /// The upper limit of the receive error counter: higher values would not change the mode.
 const RECEIVE_LIMIT: u16 = 255;
-/// The number of sequences of 11 recessive bits that end bus-off.
+/// The number of sequences of 11 recessive bits required for bus-off recovery.
 pub(super) const RECOVERY_SEQUENCES: u32 = 128;
 
 /// The error counters of one controller.
@@ -40,7 +40,7 @@ impl Confinement {
         self.receive
     }
 
-    /// Counts a successful transmission.
+    /// Decrements the transmit error counter after a successful transmission.
     pub(super) const fn sent(&mut self) {
         if self.transmit > 0 {
             self.transmit -= 1;
@@ -48,28 +48,29 @@ impl Confinement {
         }
     }
 
-    /// Counts a successful reception.
+    /// Lowers the receive error counter after a successful reception.
     pub(super) const fn received(&mut self) {
         self.receive =
             if self.receive >= PASSIVE_FROM { RECEIVED_WHILE_PASSIVE } else { self.receive.saturating_sub(1) };
         self.settle();
     }
 
-    /// Counts an error in a transmission of this controller.
+    /// Raises the transmit error counter after a failed transmission.
     pub(super) const fn transmit_error(&mut self) {
         self.transmit += 8;
         self.settle();
     }
 
-    /// Counts a missing acknowledgement. An error-passive sender does not count it, so a lone node never goes bus-off.
+    /// Raises the transmit error counter after a missing acknowledgement, but only if the controller is error-active: a
+    /// lone node never goes bus-off.
     pub(super) fn no_acknowledgement(&mut self) {
         if self.mode == BusErrorMode::ErrorActive {
             self.transmit_error();
         }
     }
 
-    /// Counts an error in another controller's frame. `first`: this controller sent the first error flag, which it
-    /// detects by dominant bits after its own flag.
+    /// Raises the receive error counter after an error in another controller's frame. If `first`, this controller sent
+    /// the first error flag: it detects dominant bits after its own flag.
     pub(super) const fn receive_error(&mut self, first: bool) {
         let raised = self.receive + if first { 1 + 8 } else { 1 };
         self.receive = if raised < RECEIVE_LIMIT { raised } else { RECEIVE_LIMIT };

@@ -1,14 +1,15 @@
-//! The ports with a frame to send, in arbitration order; the last entry wins.
+//! The ports with pending frames, in arbitration order; the last entry wins.
 
 use super::PortId;
 
 /// The contention state of a port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Contends {
-    /// The port has nothing to send.
+    /// The port has no pending frame.
     #[default]
     No,
-    /// The port may not send yet: it is joining, suspended or bus-off, or its frame came after the bus became free.
+    /// The port may not send yet: it is joining, suspended or bus-off, or its frame was queued after the bus became
+    /// free.
     Waiting,
     /// The port may send as soon as the bus is free, with this arbitration key.
     Ready(u32),
@@ -32,10 +33,10 @@ impl Rank {
     }
 }
 
-/// The ports with a frame to send.
+/// The ports with pending frames.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contenders {
-    /// The ports that may send, the most urgent one last. Of equal keys, the lowest port number is last.
+    /// The ports that may send, most urgent last. Among equal keys, the lowest port number is last.
     ready: Vec<Rank>,
     /// The ports that may not send yet, unordered.
     waiting: Vec<PortId>,
@@ -46,7 +47,7 @@ impl Contenders {
         self.ready.is_empty() && self.waiting.is_empty()
     }
 
-    /// Returns whether a port may send as soon as the bus is free.
+    /// Returns whether any port may send as soon as the bus is free.
     pub(super) const fn is_any_ready(&self) -> bool {
         !self.ready.is_empty()
     }
@@ -81,7 +82,7 @@ impl Contenders {
         }
     }
 
-    /// Makes each waiting port ready for which `key` returns an arbitration key.
+    /// Moves the waiting ports for which `key` returns an arbitration key to the ready ports.
     pub(super) fn promote(&mut self, mut key: impl FnMut(PortId) -> Option<u32>) {
         let mut place = 0;
         while let Some(id) = self.waiting.get(place).copied() {
@@ -95,7 +96,7 @@ impl Contenders {
         }
     }
 
-    /// Adds the ports that win the arbitration: usually one, several with equal keys.
+    /// Adds the ports that win the arbitration to `into`: usually one, or several with equal keys.
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
         let Some((first, others)) = self.ready.split_last() else { return };
         into.push(first.id());

@@ -1,4 +1,4 @@
-//! Frames that faults hold back between the application and its CAN controller.
+//! Frames delayed between the application and its CAN controller.
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
@@ -7,7 +7,7 @@ use protocol_core::time::{Instant, NEVER, after};
 use super::faults::Handed;
 use super::transmit::Transmit;
 
-/// The maximum number of delayed frames of a device or gateway, which keeps further frames.
+/// The maximum number of delayed frames of a device or gateway. Its application keeps further frames.
 const MAX: usize = 256;
 
 /// Delayed frames, in the order in which the application sent them.
@@ -21,22 +21,22 @@ struct Delayed {
     wait: Wait,
     /// Whether later frames with the same identifier may overtake this frame.
     is_overtaken: bool,
-    /// The frame behind it was swapped with it.
+    /// Whether a swapped frame must wait until this frame is sent.
     is_next: bool,
-    /// A copy, which the application has not sent.
+    /// Whether the frame is a copy made by a fault.
     is_copy: bool,
 }
 
-/// The event that a delayed frame waits for.
+/// The condition for the handover of a delayed frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wait {
-    /// An instant.
+    /// A point in time.
     Until(Instant),
-    /// Room in the controller.
+    /// A free mailbox in the controller.
     Room,
-    /// The next frame of its sender, or an instant.
+    /// The sender's next frame, but no longer than until a point in time.
     Next(Instant),
-    /// The end of the frame before it on the bus.
+    /// The transmission of the frame with which this frame was swapped.
     Sent,
 }
 
@@ -50,12 +50,12 @@ impl DelayedFrames {
         self.0.is_empty()
     }
 
-    /// Returns whether the sender has to keep further frames.
+    /// Returns whether no further frame can be delayed. The application must keep it.
     pub(super) const fn is_full(&self) -> bool {
         self.0.len() >= MAX
     }
 
-    /// Returns whether no frame of the application waits.
+    /// Returns whether no frame of the application is delayed; copies do not count.
     pub(super) fn is_idle(&self) -> bool {
         self.0.iter().all(|delayed| delayed.is_copy)
     }
@@ -65,14 +65,14 @@ impl DelayedFrames {
         self.0.clear();
     }
 
-    /// Drops the frames of these identifiers that wait for room, as those in a transmit buffer; frames that a fault still
-    /// delays go on, unless everything is aborted.
+    /// Drops the frames with these identifiers that wait for a free mailbox, as if they were in one. Frames that a
+    /// fault still delays are kept, unless `which` is [`Filter::ALL`].
     pub(super) fn abort(&mut self, which: Filter) {
         let is_all = which == Filter::ALL;
         self.0.retain(|delayed| !which.passes(&delayed.frame) || !(is_all || delayed.wait == Wait::Room));
     }
 
-    /// Returns whether a new frame has to wait behind a delayed frame.
+    /// Returns whether a new frame must queue behind a delayed frame.
     pub(super) fn holds_back(&self, frame: &Frame) -> bool {
         self.0.iter().any(|delayed| match delayed.wait {
             Wait::Until(_) | Wait::Room => delayed.frame.key() == frame.key() && !delayed.is_overtaken,
@@ -81,7 +81,8 @@ impl DelayedFrames {
         })
     }
 
-    /// Delays a frame. It waits behind earlier ones of its identifier, unless they are overtaken.
+    /// Delays a frame. It is handed over no earlier than delayed frames with the same identifier, unless those may be
+    /// overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
         let Handed { frame, late, is_overtaken, is_copy, swaps } = handed;
         let due = after(now, late);
@@ -96,12 +97,13 @@ impl DelayedFrames {
         self.0.push(Delayed { frame, wait, is_overtaken, is_next: false, is_copy });
     }
 
-    /// Returns the place of the frame that waits for the next one of its sender.
+    /// Returns the index of the frame to be swapped with the sender's next frame.
     pub(super) fn swapped(&self) -> Option<usize> {
         self.0.iter().position(|delayed| matches!(delayed.wait, Wait::Next(_)))
     }
 
-    /// Puts a swapped frame behind the next one of its sender, which is at place `next` if it is delayed itself.
+    /// Moves the frame at index `swapped` behind the sender's next frame. `next` is the index of that frame if it is
+    /// delayed, otherwise the number of delayed frames.
     pub(super) fn follow(&mut self, swapped: usize, next: usize) {
         if let Some(next) = self.0.get_mut(next) {
             next.is_next = true;
@@ -110,7 +112,7 @@ impl DelayedFrames {
         self.0.insert(next.min(self.0.len()), swapped);
     }
 
-    /// Hands over the due frames that the controller accepts; returns whether it accepted any.
+    /// Hands the due frames to the controller, as far as it accepts them. Returns whether it accepted any.
     pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get(place).copied() {
@@ -120,7 +122,7 @@ impl DelayedFrames {
                 Wait::Sent => transmit.is_empty() && !self.0[..place].iter().any(|earlier| earlier.is_next),
             };
             if !is_due && delayed.wait == Wait::Sent {
-                // All later frames wait behind it.
+                // A swapped frame blocks all later frames.
                 break;
             }
             if !is_due {
@@ -141,7 +143,7 @@ impl DelayedFrames {
         has_released
     }
 
-    /// Returns the next scheduled handover; frames that wait for a free mailbox are not considered.
+    /// Returns the time of the next handover; frames that wait for a free mailbox are not considered.
     pub(super) fn next_due(&self) -> Instant {
         let dues =
             self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent).filter_map(|delayed| match delayed.wait {

@@ -15,7 +15,8 @@ use super::fault::FaultEffect;
 pub struct Event {
     /// The time of the event: the end of a frame or error frame, or the time of a change.
     pub at: Instant,
-    /// The device, client or controller that sent the frame, changed its mode or dropped frames.
+    /// The name of the sender of the frame, or of the device, client or controller that changed its mode or dropped
+    /// frames.
     pub who: Arc<str>,
     /// The kind of the event and its data.
     pub what: EventKind,
@@ -50,7 +51,7 @@ pub enum EventKind {
         /// The new mode.
         to: BusErrorMode,
     },
-    /// A fault affected a frame of `who`.
+    /// A fault that affected a frame sent by [`Event::who`].
     Fault {
         /// The name of the fault.
         fault: Arc<str>,
@@ -59,9 +60,9 @@ pub enum EventKind {
         /// The effect of the fault.
         effect: FaultEffect,
     },
-    /// A device dropped frames before transmission.
+    /// Frames that a device dropped before transmission.
     FramesDropped {
-        /// The number of frames dropped since the last such event.
+        /// The number of frames dropped since the device's previous event of this kind.
         count: u32,
     },
 }
@@ -106,7 +107,7 @@ impl Journal {
         }
     }
 
-    /// Records events before that of a frame, or after all others if this frame has no event.
+    /// Inserts events before the event of a frame, or after all events if the frame has no event.
     pub(super) fn extend_before(&mut self, frame: &Frame, at: Instant, events: Vec<Event>) {
         if self.recording {
             let place = self.events.iter().rposition(|event| event.at == at && event.frame() == Some(frame));

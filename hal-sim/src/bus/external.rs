@@ -31,8 +31,7 @@ impl Bus {
         self.ports[id.0].external.is_some()
     }
 
-    /// Connects a controller and keeps its error counters. Bus integration ends once the controller has seen the bus
-    /// idle.
+    /// Connects a controller without clearing its error counters. Bus integration completes after 11 recessive bits.
     pub fn attach(&mut self, id: PortId, rate: BitRate, silent: bool, now: Instant) {
         self.leave(id);
         let port = &mut self.ports[id.0];
@@ -56,7 +55,7 @@ impl Bus {
         }
     }
 
-    /// Sets the frame that a controller sends next. While its frame is on the wire, the offer cannot be changed.
+    /// Sets the frame that a controller sends next. No effect while its previous frame is on the wire.
     pub fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();
@@ -68,7 +67,7 @@ impl Bus {
     pub fn start_recovery(&mut self, id: PortId, now: Instant) {
         let port = &self.ports[id.0];
         if port.mode() == BusErrorMode::BusOff && port.recovery.is_none() {
-            // During a frame, its end counts as the first sequence.
+            // The end of a frame on the wire counts as the first sequence.
             let joined_at = if port.joined_at == Nanos::MAX { 0 } else { port.joined_at };
             self.begin_recovery(id, nanos(now).max(joined_at));
         }
@@ -88,7 +87,7 @@ impl Bus {
         self.externals.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// Reports [`WireEvent::Joined`] to the controllers that have joined by `now`.
+    /// Reports [`WireEvent::Joined`] to the controllers that have completed bus integration by `now`.
     pub(super) fn tell_joined(&mut self, now: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -102,7 +101,7 @@ impl Bus {
         }
     }
 
-    /// Reports the lost arbitration to the losing controllers, before the frame begins.
+    /// Reports lost arbitration to the external controllers with a losing offer, before the frame begins.
     pub(super) fn tell_losers(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -112,7 +111,7 @@ impl Bus {
         }
     }
 
-    /// Reports the start of a frame to all controllers on the bus.
+    /// Reports the start of a frame to all connected external controllers that have completed bus integration.
     pub(super) fn tell_begin(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -125,7 +124,7 @@ impl Bus {
         }
     }
 
-    /// Reports the end of a frame to all controllers that were told of its start.
+    /// Reports the end of a frame to the external controllers that received its start event.
     pub(super) fn tell_end(&mut self, end: Nanos) {
         for id in &self.externals {
             if let Some(external) = &mut self.ports[id.0].external

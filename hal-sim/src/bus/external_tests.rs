@@ -1,4 +1,4 @@
-//! An external controller on a bus with ordinary ones.
+//! An external controller on a bus with simulated controllers.
 
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::{Frame, standard};
@@ -18,7 +18,7 @@ struct Rig {
 }
 
 impl Rig {
-    /// Returns a controller and a client, at 250 kbit/s; the controller begins to listen at 0.
+    /// Creates a controller and a client at 250 kbit/s; the controller starts to listen at 0.
     fn new(silent: bool) -> Self {
         let start = Instant::from_micros(0);
         let mut bus = Bus::default();
@@ -28,7 +28,7 @@ impl Rig {
         Self { bus, controller, client, now: start }
     }
 
-    /// Returns a rig whose controller is bus-off, because all its frames were destroyed.
+    /// Creates a rig whose controller is bus-off because all its frames were destroyed.
     fn in_bus_off() -> Self {
         let mut rig = Self::new(false);
         rig.run(100);

@@ -14,10 +14,10 @@ pub const MAX_REPEATS: u32 = 1000;
 /// The probability of a fault that affects every frame, in millionths.
 pub const ALWAYS: u32 = 1_000_000;
 
-/// The longest time of a fault.
+/// The maximum for every time parameter of a fault.
 const LONGEST_TIME: Duration = Duration::from_secs(24 * 60 * 60);
 
-/// The bits of the longest identifier.
+/// The largest identifier: all 29 bits.
 const LONGEST: u32 = 0x1FFF_FFFF;
 
 /// A communication fault on a bus.
@@ -35,13 +35,13 @@ pub struct Fault {
     pub probability: u32,
     /// The seed of the random choices.
     pub seed: u64,
-    /// The time until the fault begins.
+    /// The time from the addition of the fault to its start.
     pub from: Duration,
-    /// The duration of the fault; `None` until it is ended by name.
+    /// The duration of the fault; with `None`, the fault lasts until it is ended by name.
     pub lasts: Option<Duration>,
 }
 
-/// A filter for the frames that a fault can affect: all conditions must hold.
+/// A filter for the frames that a fault can affect. A frame must satisfy all conditions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FrameFilter {
     /// The identifier; `None` for any.
@@ -54,35 +54,35 @@ pub struct FrameFilter {
 
 /// The kind of a fault.
 ///
-/// [`Lose`](Self::Lose) acts between the controllers that received a frame and their applications,
-/// [`Destroy`](Self::Destroy) and [`Omit`](Self::Omit) on the wire, [`Insert`](Self::Insert) by a controller of its own,
-/// and all others between the application that sends the frame and its controller: not at controllers that live
-/// elsewhere, whose application is not in this world.
+/// [`Lose`](Self::Lose) acts between the receiving controllers and their applications. [`Destroy`](Self::Destroy) and
+/// [`Omit`](Self::Omit) act on the wire. [`Insert`](Self::Insert) sends from its own controller. All other kinds act
+/// between the sending application and its controller; they do not affect external controllers, whose applications are
+/// outside the simulated world.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultKind {
-    /// The frame is sent and acknowledged, but the receiving applications do not get it.
+    /// The frame is sent and acknowledged, but the receiving applications do not receive it.
     Lose {
         /// The names of the affected devices and clients; empty for all.
         receivers: Vec<Arc<str>>,
     },
     /// The frame reaches the sending controller late.
     Delay {
-        /// The delay time.
+        /// The time by which the frame is late.
         delay: Delay,
         /// Whether later frames with the same identifier may overtake this frame.
         overtake: bool,
     },
-    /// The frame is sent repeatedly.
+    /// The frame is sent, followed by copies of it.
     Repeat {
         /// The number of copies, from 1 to [`MAX_REPEATS`].
         times: u32,
         /// The time between two copies.
         after: Duration,
     },
-    /// The frame is exchanged with the next one of its sender. It follows that one at once, also if it was delayed.
+    /// The frame is swapped with the sender's next frame and follows it immediately, even if that frame is delayed.
     Swap {
-        /// The maximum wait for the next frame, after which the frame is sent unswapped.
+        /// The maximum wait for the next frame; after this time, the frame is sent without a swap.
         within: Duration,
     },
     /// The frame is sent with changed content and a valid CRC.
@@ -94,28 +94,28 @@ pub enum FaultKind {
         /// The period; `None` sends the frame once.
         every: Option<Duration>,
     },
-    /// A bit error destroys the attempt to send the frame; the controller retries.
+    /// A bit error destroys the attempt to send the frame; the controller retransmits it.
     Destroy,
-    /// Some receivers see an error in the last but one bit of the end of frame. They discard the frame, all others
-    /// accept it, and the sender repeats it.
+    /// Some receivers detect an error in the last but one bit of the end of frame. They discard the frame, all others
+    /// accept it, and the sender retransmits it.
     Omit {
-        /// The names of the devices and clients that see the error.
+        /// The names of the devices and clients that detect the error.
         receivers: Vec<Arc<str>>,
     },
 }
 
-/// The delay time of a frame.
+/// The delay of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delay {
     /// The same delay for every frame.
     Constant(Duration),
-    /// A uniformly distributed delay between two bounds, both included.
+    /// A uniformly distributed delay between two inclusive bounds.
     Uniform(Duration, Duration),
-    /// A delay until the next multiple of this period since the start of the fault: frames arrive in bursts.
+    /// A delay to the next multiple of this period since the start of the fault, so that frames arrive in bursts.
     Burst(Duration),
 }
 
-/// The changes to the content of a frame.
+/// Changes to the content of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Corruption {
     /// The changes to the identifier.
@@ -141,21 +141,21 @@ pub struct Masks<T> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultEffect {
-    /// The named receivers do not get the frame; empty for all receivers.
+    /// The named receivers do not receive the frame; an empty list means all receivers.
     Lost(Vec<Arc<str>>),
     /// The frame reaches the sending controller later by this time.
     Delayed(Duration),
     /// The frame is sent this many additional times.
     Repeated(u32),
-    /// The frame waits for the sender's next frame.
+    /// The frame is held back until after the sender's next frame.
     Swapped,
-    /// This frame is sent instead.
+    /// This frame is sent instead of the original.
     Corrupted(Frame),
     /// The frame was inserted.
     Inserted,
     /// The attempt to send the frame is destroyed.
     Destroyed,
-    /// The named receivers discard the frame; all others accept it, and the sender repeats it.
+    /// The named receivers discard the frame; all others accept it, and the sender retransmits it.
     Omitted(Vec<Arc<str>>),
 }
 
@@ -177,13 +177,13 @@ pub enum FaultError {
         /// The names on the bus.
         known: String,
     },
-    /// A value is out of range.
+    /// A parameter is out of range or contradicts another one.
     #[error("{0}")]
     Invalid(&'static str),
 }
 
 impl Fault {
-    /// Creates a fault that affects all frames and starts now; it lasts until it is ended.
+    /// Creates a fault that affects all frames, starts immediately and lasts until it is ended.
     #[must_use]
     pub fn new(name: &str, kind: FaultKind) -> Self {
         Self {
@@ -198,10 +198,10 @@ impl Fault {
         }
     }
 
-    /// Validates the values of the fault.
+    /// Validates the parameters of the fault.
     ///
     /// # Errors
-    /// [`FaultError::Invalid`] if a value is out of range or contradicts another one.
+    /// [`FaultError::Invalid`] if a parameter is out of range or contradicts another one.
     pub fn check(&self) -> Result<(), FaultError> {
         let refuse = |reason| Err(FaultError::Invalid(reason));
         if self.probability > ALWAYS {
@@ -246,7 +246,7 @@ impl Fault {
         }
     }
 
-    /// Returns all times in it.
+    /// Returns the time parameters of the fault.
     fn times(&self) -> [Option<Duration>; 3] {
         let of_kind = match &self.kind {
             FaultKind::Delay {
@@ -260,7 +260,7 @@ impl Fault {
         [of_kind, Some(self.from), self.lasts]
     }
 
-    /// Returns the names of devices and clients in it.
+    /// Returns the names of the devices and clients that the fault refers to.
     pub(super) fn names(&self) -> impl Iterator<Item = &Arc<str>> {
         let receivers = match &self.kind {
             FaultKind::Lose { receivers } | FaultKind::Omit { receivers } => receivers.as_slice(),
@@ -278,11 +278,11 @@ impl FaultKind {
 }
 
 impl FrameFilter {
-    /// Returns whether the filter matches a frame of this sender.
+    /// Returns whether a frame sent by `sender` passes the filter.
     pub(super) fn passes(&self, sender: &str, frame: &Frame) -> bool {
         self.sender.as_deref().is_none_or(|wanted| wanted == sender)
             && self.id.is_none_or(|id| {
-                // The mask applies to the identifier's number; the format must always be equal.
+                // The mask applies to the identifier's value; the identifier formats must always be equal.
                 let compared = self.mask.unwrap_or(u32::MAX) | !LONGEST;
                 (key(id) ^ frame.key()) & compared == 0
             })

@@ -1,4 +1,4 @@
-//! Faults of the communication: sender, named receiver and third party, to the microsecond.
+//! Communication faults as seen by the sender, a named receiver and a third party, to the microsecond.
 
 use protocol_core::controller::{Controller as _, Filter};
 use protocol_core::frame::{extended, standard};
@@ -19,7 +19,7 @@ fn length(frame: &protocol_core::frame::Frame) -> u32 {
     FrameBits::of(frame).on_wire()
 }
 
-/// A fault of the frames with the identifier 220h.
+/// Creates a fault that affects frames with the identifier 220h.
 fn of_220(kind: FaultKind) -> Fault {
     let frames = FrameFilter { id: Some(standard(0x220).into()), ..FrameFilter::default() };
     Fault { frames, ..Fault::new("test", kind) }
@@ -163,15 +163,15 @@ fn a_mask_compares_some_bits_of_one_format() {
     assert_eq!(received[0], frame(0x280, &[]));
 }
 
-/// ISO 11898-1, 10.4.6: the frame is valid for a receiver without an error until the last but one bit of the end of
-/// frame, and for its transmitter until the last one.
+/// ISO 11898-1, 10.4.6: a receiver accepts a frame without an error up to the last but one bit of the end of frame; the
+/// transmitter requires that the last bit is correct, too.
 #[test]
 fn an_omitted_frame_is_had_twice_by_the_others() {
     let omit = FaultKind::Omit { receivers: vec!["b".into()] };
     let mut rig = rig_with(Fault { count: Some(1), ..of_220(omit) });
     let sent = frame(0x220, &[1, 2, 3]);
     rig.send(0, sent);
-    // The others have it with the last but one bit; the error flag begins with the last one.
+    // The unaffected receivers accept the frame with the last but one bit; the error flag begins with the last bit.
     let accepted = START + bits(length(&sent) - 1);
     rig.run(accepted - Duration::from_ticks(1));
     assert_eq!(rig.receive(2), None);
@@ -179,9 +179,10 @@ fn an_omitted_frame_is_had_twice_by_the_others() {
     assert_eq!((rig.receive(1), rig.receive(2)), (None, Some(sent)));
     let failed = rig.next();
     assert_eq!(failed.1.error, Some(BusError::Bit));
-    // The error flag, the overload flag of the others one bit later, and the delimiter.
+    // The error flag, the overload flag of the other receivers one bit later, and the delimiter.
     assert_eq!(failed.0, accepted + bits(6 + 1 + 8));
-    // TEC of the sender, REC of the one that saw the error first, none for the one that saw an overload condition.
+    // TEC of the sender, REC of the receiver that detected the error first; an overload condition does not change a
+    // REC.
     assert_eq!((rig.counters(0), rig.counters(1), rig.counters(2)), ((8, 0), (0, 9), (0, 0)));
     assert_eq!(rig.next().0, failed.0 + bits(INTERMISSION + length(&sent)));
     assert_eq!((rig.receive(1), rig.receive(2), rig.receive(2)), (Some(sent), Some(sent), None));
@@ -233,7 +234,7 @@ fn a_fault_that_never_strikes_changes_nothing() {
         for _ in 0..500 {
             let port = PortId(random.usize(..3));
             let offered = frame(random.u16(0x200..0x204), &[random.u8(..)]);
-            // The three transmit buffers of bxCAN push back, and give frames back.
+            // The three transmit buffers of bxCAN refuse frames and return displaced frames.
             let answer = rig.bus.hand_over(port, &offered, rig.now);
             rig.bus.refresh(port, rig.now);
             rig.run_for(Duration::from_micros(random.u64(..400)));
@@ -273,7 +274,7 @@ fn a_bad_fault_is_refused() {
     assert_eq!(rig.bus.add_fault(Fault::new("x", all()), START), Ok(()));
 }
 
-/// A delay of a device's frames holds back what waits for them, and no more than so many.
+/// Delayed frames hold back later frames of the device, up to a limit.
 #[test]
 fn a_device_is_held_back_by_delayed_frames() {
     let delay = FaultKind::Delay { delay: Delay::Constant(millis(500)), overtake: false };
@@ -308,7 +309,7 @@ fn time_goes_on_with_a_frame_behind_two_swapped_ones() {
     rig.send(0, frame(0x220, &[2]));
     rig.send(0, frame(0x100, &[3]));
     rig.run_for(millis(10));
-    // The last two are in the controller together: the more urgent one goes first.
+    // The last two frames are in the controller together; the more urgent one is sent first.
     assert_eq!(rig.frames(), [frame(0x220, &[2]), frame(0x100, &[3]), frame(0x220, &[1])]);
 }
 
@@ -334,7 +335,7 @@ fn a_fault_of_the_next_frame_does_not_undo_a_swap() {
     }
 }
 
-/// The hazard of a repetition: the old content comes after a newer one.
+/// The hazard of a repetition: old content is sent after newer content.
 #[test]
 fn a_copy_comes_after_a_newer_frame() {
     let mut rig = rig_with(count_one(FaultKind::Repeat { times: 1, after: millis(50) }));
@@ -345,7 +346,7 @@ fn a_copy_comes_after_a_newer_frame() {
     assert_eq!(rig.frames(), [1, 2, 1].map(|byte| frame(0x220, &[byte])));
 }
 
-/// bxCAN gives a frame back for a more urgent one; the device offers it again.
+/// bxCAN returns a frame that a more urgent frame displaces; the device offers it again.
 #[test]
 fn a_frame_that_is_given_back_is_struck_once() {
     let toggle = Masks { toggle: [0x80, 0, 0, 0, 0, 0, 0, 0], ..Masks::default() };

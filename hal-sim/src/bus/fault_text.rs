@@ -56,7 +56,7 @@ impl Fault {
     }
 }
 
-/// The fault in the order of its keys: `lose 220 for boom, count 3, from 100 ms`.
+/// Writes the fault in the order of its keys: `lose 220 for boom, count 3, from 100 ms`.
 impl Display for Fault {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match &self.kind {
@@ -91,7 +91,7 @@ impl Display for FrameFilter {
     }
 }
 
-/// The effect in words, after the frame that it affects.
+/// Writes the effect in words, to follow the affected frame.
 impl Display for FaultEffect {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,4 +1,4 @@
-//! The faults of a bus: selects the affected frames and counts them.
+//! The active faults of a bus: selects and counts the affected frames.
 
 use std::sync::Arc;
 
@@ -8,17 +8,17 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use super::fault::{ALWAYS, Delay, Fault, FaultEffect, FaultError, FaultKind, MAX_FAULTS};
 use super::{Event, EventKind};
 
-/// The faults in the order in which they were added; each acts on the result of the previous ones.
+/// The faults of a bus, in the order in which they were added. Each fault acts on the result of the previous ones.
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     list: Vec<Active>,
-    /// Whether a fault, or the delay of answers, acts between sending applications and their controllers.
+    /// Whether any fault or any delay of answers acts between sending applications and their controllers.
     pub(super) at_senders: bool,
-    /// Whether a device delays its answers.
+    /// Whether any device delays its answers.
     delays_answers: bool,
-    /// Whether a fault acts between receiving controllers and their applications.
+    /// Whether any fault acts between receiving controllers and their applications.
     pub(super) at_receivers: bool,
-    /// Whether a fault acts on the wire.
+    /// Whether any fault acts on the wire.
     pub(super) on_wire: bool,
     /// The time of the next frame to insert.
     pub(super) next_insertion: Instant,
@@ -37,7 +37,7 @@ impl Default for Faults {
     }
 }
 
-/// A fault with its progress.
+/// A fault and its progress.
 #[derive(Clone, Debug)]
 struct Active {
     fault: Fault,
@@ -58,7 +58,7 @@ pub struct FaultState {
     pub fault: Fault,
     /// The number of affected frames.
     pub struck: u64,
-    /// Whether the duration or the number of frames is exhausted.
+    /// Whether the fault will affect no further frames: its duration or its count is exhausted.
     pub is_over: bool,
 }
 
@@ -72,18 +72,18 @@ pub(super) struct Handed {
     pub(super) is_overtaken: bool,
     /// The maximum wait for the sender's next frame, if the two are to be swapped.
     pub(super) swaps: Option<Duration>,
-    /// The application has not sent it.
+    /// Whether the frame is a copy made by a fault.
     pub(super) is_copy: bool,
 }
 
 impl Handed {
-    /// Returns an unaffected frame.
+    /// Creates the immediate handover of an unaffected frame.
     pub(super) const fn at_once(frame: &Frame) -> Self {
         Self { frame: *frame, late: Duration::from_ticks(0), is_overtaken: false, swaps: None, is_copy: false }
     }
 }
 
-/// The frames that result from one frame, and the events of the faults that affected it.
+/// The frames that replace one sent frame, and the events of the faults that affected it.
 #[derive(Debug, Default)]
 pub(super) struct Struck {
     pub(super) frames: Vec<Handed>,
@@ -91,12 +91,12 @@ pub(super) struct Struck {
 }
 
 impl Struck {
-    /// Returns an unaffected frame.
+    /// Creates the result for a frame that no fault affects.
     pub(super) fn unaffected(frame: &Frame) -> Self {
         Self { frames: vec![Handed::at_once(frame)], events: Vec::new() }
     }
 
-    /// Delays all frames.
+    /// Adds a delay to all frames.
     pub(super) fn delayed(mut self, late: Duration) -> Self {
         self.frames.iter_mut().for_each(|handed| handed.late += late);
         self
@@ -104,7 +104,7 @@ impl Struck {
 }
 
 impl Faults {
-    /// Adds a fault. When the list is full, it replaces a fault that is over.
+    /// Adds a fault. It replaces an expired fault with the same name, or any expired fault when the list is full.
     pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         fault.check()?;
         if fault.name.is_empty() {
@@ -148,7 +148,7 @@ impl Faults {
         self.sort_out();
     }
 
-    /// Sets whether a device delays its answers.
+    /// Sets whether any device delays its answers.
     pub(super) fn delay_answers(&mut self, delays: bool) {
         self.delays_answers = delays;
         self.sort_out();
@@ -162,7 +162,7 @@ impl Faults {
         })
     }
 
-    /// Returns whether a fault is going to insert frames.
+    /// Returns whether the fault with this name will insert further frames.
     pub(super) fn inserts(&self, name: &str) -> bool {
         self.list.iter().any(|active| *active.fault.name == *name && active.next != NEVER)
     }
@@ -176,7 +176,8 @@ impl Faults {
         self.next_insertion = self.list.iter().map(|active| active.next).min().unwrap_or(NEVER);
     }
 
-    /// Returns what comes of a frame between its application and the controller; `None` when nothing happens to it.
+    /// Applies the faults between the sending application and its controller. Returns the resulting frames and fault
+    /// events; `None` if no fault applies.
     pub(super) fn at_sender(
         &mut self,
         sender: &Arc<str>,
@@ -199,7 +200,8 @@ impl Faults {
         Some(struck).filter(|struck| !struck.events.is_empty())
     }
 
-    /// Applies the faults between receiving controllers and their applications; returns one event per fault.
+    /// Applies the faults between the receiving controllers and their applications. Returns one event per applied
+    /// fault.
     pub(super) fn at_receivers(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Vec<Event> {
         let mut events = Vec::new();
         for active in &mut self.list {
@@ -219,7 +221,7 @@ impl Faults {
         events
     }
 
-    /// Returns the first fault that acts on an attempt to send a frame.
+    /// Applies the first matching fault on the wire to an attempt. Returns the fault event, if any.
     pub(super) fn on_wire(
         &mut self,
         sender: &Arc<str>,
@@ -237,7 +239,7 @@ impl Faults {
         })
     }
 
-    /// Returns the frames that are to be inserted by now, each with the name of its fault.
+    /// Returns the frames to insert by `now`, each with its fault event. A fault listed in `busy` skips its frame.
     pub(super) fn insert(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Frame, Event)> {
         let mut inserted = Vec::new();
         for active in self.list.iter_mut().filter(|active| active.next <= now) {
@@ -262,7 +264,7 @@ impl Active {
         self.left == 0 || self.ends <= now || is_inserted
     }
 
-    /// Decides whether the fault affects a frame, and counts the frame if so.
+    /// Decides whether the fault affects a frame; counts an affected frame.
     fn strikes(&mut self, sender: &str, frame: &Frame, now: Instant) -> bool {
         let can = self.begins <= now && !self.is_over(now) && self.fault.frames.passes(sender, frame);
         if !can || self.random.u32(..ALWAYS) >= self.fault.probability {
@@ -275,8 +277,8 @@ impl Active {
         true
     }
 
-    /// Applies the fault to the frames that have resulted from one frame; `None` if this kind of fault does not act
-    /// between an application and its controller.
+    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` for a fault that
+    /// does not act between the sending application and its controller.
     fn act(&mut self, frames: &mut Vec<Handed>, now: Instant) -> Option<FaultEffect> {
         Some(match &self.fault.kind {
             FaultKind::Corrupt(corruption) => {

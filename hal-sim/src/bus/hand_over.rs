@@ -12,7 +12,7 @@ use super::port::{Port, SlowAnswers};
 use super::transmit::Transmit;
 use super::{Bus, PortId};
 
-/// The CAN controller as its device sees it, behind the communication faults.
+/// A device's view of its CAN controller, behind the communication faults.
 pub struct DeviceCan<'a> {
     bus: &'a mut Bus,
     id: PortId,
@@ -61,11 +61,11 @@ impl Controller for DeviceCan<'_> {
 }
 
 impl Bus {
-    /// Queues a frame of the application behind a port, and returns a less urgent frame if it displaces one. The caller
-    /// calls [`refresh`](Self::refresh) afterwards.
+    /// Queues a frame of the application for transmission. Returns a less urgent frame if it displaces one. The caller
+    /// must call [`refresh`](Self::refresh) afterwards.
     ///
     /// # Errors
-    /// `WouldBlock` when the controller cannot accept the frame now.
+    /// `WouldBlock` if the controller cannot accept the frame now.
     #[inline]
     pub(crate) fn hand_over(
         &mut self,
@@ -93,7 +93,7 @@ impl Bus {
             port.used = true;
             return Err(nb::Error::WouldBlock);
         }
-        // A frame that the controller gave back has been through the faults.
+        // Faults were already applied to a frame that the controller returned.
         let is_returned = port.returned.iter().position(|returned| returned == frame);
         let swapped = port.delayed.swapped();
         let struck = match is_returned {
@@ -136,7 +136,7 @@ impl Bus {
         taken
     }
 
-    /// Delays the answers of a device; `None` for no delay.
+    /// Sets the delay of a device's answers; `None` for no delay.
     pub(crate) fn delay_answers(&mut self, id: PortId, answers: Option<SlowAnswers>) {
         self.ports[id.0].answers = answers.map(Box::new);
         self.faults.delay_answers(self.ports.iter().any(|port| port.answers.is_some()));
@@ -165,7 +165,7 @@ impl Bus {
         }
     }
 
-    /// Hands over the frames that wait for a free mailbox, after a frame of the port has left its controller.
+    /// Hands over the frames that wait for a free mailbox, after a frame of the port was sent or aborted.
     pub(super) fn release_waiting(&mut self, id: PortId, now: Instant) {
         if !self.ports[id.0].delayed.is_empty() {
             self.release(id, now);

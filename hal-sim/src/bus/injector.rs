@@ -6,8 +6,8 @@ use protocol_core::frame::{Frame, Id};
 
 /// An injector of bit errors. Each bit error destroys the frame for all controllers.
 pub trait Injector: Send {
-    /// Returns the bit to destroy, counted from 0, if any. Called at the start of each frame: the port named `from`
-    /// sends `frame`, which is `bits` bits long.
+    /// Returns the index of the bit to destroy, if any. Called at the start of each frame: `from` is the name of the
+    /// sending port, `bits` the length of the frame.
     fn disturb(&mut self, from: &str, frame: &Frame, bits: u32) -> Option<u32>;
 }
 
@@ -49,7 +49,7 @@ impl Injector for BitErrors {
     }
 }
 
-/// A disturbance on command: a bit error destroys each of the next matching attempts.
+/// A requested disturbance: a bit error destroys each of the next matching attempts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Disturbance {
     /// The number of attempts still to destroy.

@@ -8,7 +8,7 @@ use protocol_core::frame::Frame;
 
 use super::PortId;
 
-/// The ports in step with the bus at one bit rate.
+/// The ports of one bit rate that have completed bus integration.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
     pub(super) rate: BitRate,
@@ -18,20 +18,21 @@ pub(super) struct Group {
     pub(super) audible: usize,
     /// The number of error-active members that are not silent: their error flags destroy a frame.
     pub(super) active: usize,
-    /// The members with a receive error counter above 0: a received frame changes only their counters.
+    /// The members with a receive error counter above 0. A received frame changes only their counters.
     pub(super) counting: Vec<PortId>,
-    /// The members without filters.
+    /// The members that receive every frame, because they have no filters.
     open: Vec<PortId>,
-    /// The listeners of each standard identifier, for filters that accept exactly one: the usual case in CANopen.
+    /// The listeners of each standard identifier, for filters that accept exactly one identifier: the usual case in
+    /// CANopen.
     standard: Vec<Vec<PortId>>,
-    /// All other filters, by the identifier bits that they compare.
+    /// The listeners of all other filters, grouped by the identifier bits that the filters compare.
     masks: Vec<Mask>,
 }
 
 /// The number of standard identifiers.
 const STANDARD: usize = 1 << 11;
 
-/// The filters that compare the same identifier bits.
+/// The listeners of filters that compare the same identifier bits.
 #[derive(Clone, Debug)]
 struct Mask {
     bits: u32,
@@ -53,7 +54,7 @@ impl Hasher for Multiply {
     }
 
     fn write_u32(&mut self, number: u32) {
-        // 2^64 divided by the golden ratio, which spreads neighbouring values.
+        // 2^64 divided by the golden ratio: spreads adjacent values.
         self.0 = (self.0 ^ u64::from(number)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         self.0 ^= self.0 >> 32;
     }
@@ -104,7 +105,7 @@ impl Group {
         }
     }
 
-    /// Adds a port to the lists.
+    /// Adds a port to the listener lists of its filters.
     pub(super) fn list(&mut self, id: PortId, hears: Hears<'_>) {
         match hears {
             Hears::Nothing => {}
@@ -120,7 +121,7 @@ impl Group {
         }
     }
 
-    /// Removes a port from the lists.
+    /// Removes a port from the listener lists of its filters.
     pub(super) fn unlist(&mut self, id: PortId, hears: Hears<'_>) {
         match hears {
             Hears::Nothing => {}
@@ -150,7 +151,7 @@ impl Group {
         self.masks[place].wanted.entry(filter.key & filter.mask).or_default()
     }
 
-    /// Removes the list of a filter without listeners.
+    /// Removes the empty listener list of a filter.
     fn forget(&mut self, filter: Filter) {
         if let Some(mask) = self.masks.iter_mut().find(|mask| mask.bits == filter.mask) {
             mask.wanted.remove(&(filter.key & filter.mask));

@@ -2,12 +2,12 @@
 
 use super::clock::Nanos;
 
-/// The number of parts into which the second is divided.
+/// The number of parts of a second.
 const PARTS: usize = 100;
 const SECOND: Nanos = 1_000_000_000;
 const PART: Nanos = SECOND / PARTS as Nanos;
 
-/// The busy time of the last second.
+/// The busy time in each part of the last second.
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     busy: [Nanos; PARTS],

@@ -1,7 +1,7 @@
-//! The transmit mailboxes of a device's controller, as in bxCAN and its driver (RM0090 32.7.1).
+//! The transmit mailboxes of a device's controller, modelled on bxCAN and its driver (RM0090 32.7.1).
 //!
-//! bxCAN sends frames with equal identifiers in the order of the mailbox numbers, not in the order of the requests. To
-//! preserve the order, the driver accepts a further frame only if it is strictly more urgent than all pending ones.
+//! bxCAN sends frames with equal identifiers in mailbox order, not in request order. To preserve the order of requests,
+//! the driver accepts a frame only if it is strictly more urgent than all pending frames.
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
@@ -25,7 +25,7 @@ struct Mailbox {
     aborted: bool,
 }
 
-/// The error when no mailbox accepts the frame now.
+/// The mailboxes do not accept the frame now.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Full;
 
@@ -35,10 +35,7 @@ impl Mailboxes {
         self.head().is_none_or(|head| head.arbitration() > frame.arbitration())
     }
 
-    /// Stores a frame. When all mailboxes are full, returns the least urgent frame, but never the one on the wire.
-    ///
-    /// # Errors
-    /// [`Full`] when an equally or more urgent frame is pending.
+    /// Stores a frame. If all mailboxes are full, removes and returns the least urgent frame that is not on the wire.
     pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
         if !self.takes(&frame) {
             return Err(Full);
@@ -70,7 +67,7 @@ impl Mailboxes {
         });
     }
 
-    /// Drops the pending frames with these identifiers. A frame on the wire is not repeated.
+    /// Drops the pending frames with these identifiers. A frame on the wire is not retransmitted if it fails.
     pub(super) fn abort(&mut self, which: Filter) {
         self.waiting.retain_mut(|mailbox| {
             let meant = which.passes(&mailbox.frame);

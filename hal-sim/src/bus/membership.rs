@@ -86,8 +86,8 @@ impl Bus {
         }
     }
 
-    /// Removes an error-passive port that lost a bit from the members. Its passive error flag does not stop the winning
-    /// frame and cannot end before that frame.
+    /// Counts a transmit error of an error-passive port that lost a bit, and restarts its bus integration. Its passive
+    /// error flag does not stop the winning frame and cannot end before that frame.
     pub(super) fn fall_out_of_step(&mut self, id: PortId, at: Instant) {
         self.change(id, at, Confinement::transmit_error);
         let port = &mut self.ports[id.0];
@@ -101,7 +101,8 @@ impl Bus {
         }
     }
 
-    /// Changes the error counters of a port and updates its error mode. Every bus-off entry passes through here.
+    /// Applies a change to the error counters of a port and updates its error mode. Every transition to bus-off uses
+    /// this function.
     pub(super) fn change(&mut self, id: PortId, at: Instant, change: impl FnOnce(&mut Confinement)) {
         let port = &mut self.ports[id.0];
         let from = port.mode();
@@ -126,7 +127,7 @@ impl Bus {
         }
         if to == BusErrorMode::BusOff {
             port.ready_at = Nanos::MAX;
-            // An external controller decides itself whether to recover.
+            // An external controller starts its recovery itself.
             let recovers = port.external.is_none() && !port.held;
             self.leave(id);
             self.refresh(id, at);
@@ -154,8 +155,8 @@ impl Bus {
         self.recovering.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// Counts a sequence of 11 recessive bits: the end of a frame or error frame plus the intermission. It counts
-    /// towards bus-off recovery, and completes the integration of joining controllers.
+    /// Counts the end of a frame or error frame plus the intermission as one sequence of 11 recessive bits, both for
+    /// bus-off recovery and for bus integration.
     pub(super) fn count_idle_sequence(&mut self) {
         for place in 0..self.joining.len() {
             let id = self.joining[place];
@@ -190,7 +191,7 @@ impl Bus {
         }
     }
 
-    /// Returns controllers that have completed their bus-off recovery to the bus.
+    /// Completes the bus-off recoveries that are due by `now`.
     pub(super) fn recover(&mut self, now: Nanos) {
         if self.current.is_some() {
             return;
@@ -214,7 +215,7 @@ impl Bus {
     }
 }
 
-/// Returns the group of a port's bit rate, created if necessary.
+/// Returns the group of a port's bit rate, and creates the group if necessary.
 fn group_of<'a>(groups: &'a mut Vec<Group>, port: &Port) -> &'a mut Group {
     let place = groups.iter().position(|group| group.rate == port.rate).unwrap_or_else(|| {
         groups.push(Group::new(port.rate));

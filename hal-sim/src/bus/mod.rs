@@ -1,11 +1,11 @@
 //! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and fault confinement.
 //!
-//! One frame or error frame is on the wire at a time. Its end is computed at its start (`transmission`) and applied to
-//! each port at its end (`outcome`); nothing is computed in between. A frame costs only the ports that it affects:
-//! contenders are sorted in arbitration order (`contenders`), listeners are indexed by bit rate and filter
-//! (`listeners`), and only error counters that can change are visited.
+//! One frame or error frame is on the wire at a time. `transmission` computes its outcome and its end when it starts;
+//! `outcome` applies them to the ports at the end. A frame costs only the ports that it affects: contenders are sorted
+//! in arbitration order (`contenders`), listeners are indexed by bit rate and filter (`listeners`), and only error
+//! counters that can change are visited.
 //!
-//! A port becomes a member of its bit rate's group once it is synchronised to the bus. It remains a member until it
+//! A port becomes a member of its bit rate's group when it completes bus integration. It remains a member until it
 //! disconnects, loses a bit while error-passive, or goes bus-off (`membership`). Only members receive and acknowledge.
 //!
 //! Simplifications: a failed attempt ends at the bit of the first error, and all controllers see the error frame
@@ -99,19 +99,19 @@ pub struct Bus {
     recovering: Vec<PortId>,
     /// The frame or error frame on the wire.
     current: Option<Transmission>,
-    /// The senders of the current frame: several if they send the same frame or their frames have not differed yet.
+    /// The senders of the frame on the wire: more than one if they send the same frame or collide.
     senders: Vec<PortId>,
     /// The earliest start of the next frame.
     free_at: Nanos,
     /// The device ports that have changed since the last [`swap_touched`](Self::swap_touched).
     touched: Vec<PortId>,
     injectors: Vec<Box<dyn Injects>>,
-    /// The disturbance on command.
+    /// The disturbance requested by the user.
     disturbance: Disturbance,
     faults: Faults,
-    /// The ports with frames that a fault holds back between application and controller.
+    /// The ports with frames delayed between application and controller.
     delaying: Vec<PortId>,
-    /// The time of the next handover or insertion by a fault, or earlier.
+    /// A lower bound of the next time at which a delayed frame or an insertion is due.
     fault_due: Instant,
     load: Load,
     journal: Journal,
@@ -177,7 +177,7 @@ impl Bus {
         &mut self.ports[id.0]
     }
 
-    /// Connects a controller with cleared error counters. It participates once it has seen the bus idle.
+    /// Connects a controller with cleared error counters. It participates after bus integration.
     pub fn connect(&mut self, id: PortId, now: Instant) {
         self.leave(id);
         self.stop_recovery(id);
@@ -188,7 +188,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Disconnects a controller and drops its pending and received frames. A frame that it is sending is cut off.
+    /// Disconnects a controller and drops its pending and received frames. Its frame on the wire is cut off.
     pub fn disconnect(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.leave(id);
@@ -201,7 +201,7 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Drops the pending frames of a port. A frame that it is sending is cut off.
+    /// Drops the pending frames of a port. Its frame on the wire is cut off.
     pub fn drop_pending(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.clear(id);
@@ -235,7 +235,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Forces a port bus-off, like an overflow of its transmit error counter, or starts its recovery.
+    /// Forces a port bus-off if `on`, like an overflow of its transmit error counter; otherwise starts its recovery.
     pub fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
         self.ports[id.0].held = on;
         if on {
@@ -252,12 +252,12 @@ impl Bus {
         self.injectors.push(Box::new(injector));
     }
 
-    /// Sets the disturbance on command, replacing any earlier one.
+    /// Sets the requested disturbance, replacing any earlier one.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.disturbance = disturbance;
     }
 
-    /// Returns the remaining disturbance on command.
+    /// Returns the requested disturbance, with the number of attempts still to destroy.
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.disturbance
@@ -285,7 +285,7 @@ impl Bus {
         Ok(())
     }
 
-    /// Ends a fault; returns whether it existed. Frames that it holds back are still sent when they are due.
+    /// Ends a fault; returns whether it existed. Frames that it delays are still sent when they are due.
     pub fn end_fault(&mut self, name: &str) -> bool {
         let has_ended = self.faults.end(name);
         self.schedule_faults();
@@ -303,13 +303,13 @@ impl Bus {
         self.faults.states(now)
     }
 
-    /// Returns whether [`serve_faults`](Self::serve_faults) has something to do.
+    /// Returns whether [`serve_faults`](Self::serve_faults) must be called at `now`.
     pub(crate) fn is_fault_due(&self, now: Instant) -> bool {
         self.fault_due <= now
     }
 
-    /// Hands over the delayed frames that are due by now; returns those to be inserted, each with the name of its fault:
-    /// none for a fault that is `busy` with an earlier one.
+    /// Hands over the delayed frames that are due by `now`. Returns the due frames to insert, each with the name of its
+    /// fault. A fault listed in `busy` skips its frame, because its previous one is still pending.
     #[cold]
     pub(crate) fn serve_faults(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Arc<str>, Frame)> {
         self.release_due(now);
@@ -320,12 +320,12 @@ impl Bus {
         frames
     }
 
-    /// Returns whether a fault is going to insert frames.
+    /// Returns whether the fault with this name will insert further frames.
     pub(crate) fn inserts(&self, fault: &str) -> bool {
         self.faults.inserts(fault)
     }
 
-    /// Drops the waiting frames of a client, but not the one on the wire.
+    /// Drops the queued frames of a client except the one on the wire.
     pub(crate) fn drop_waiting(&mut self, id: PortId, now: Instant) {
         let is_sending = self.is_sending(id);
         self.ports[id.0].transmit.drop_waiting(is_sending);
@@ -337,7 +337,7 @@ impl Bus {
         self.injectors.clear();
     }
 
-    /// [Refreshes](Self::refresh) a port if its device has used it since the last refresh.
+    /// [Refreshes](Self::refresh) a port that its device has used since the last refresh.
     pub(crate) fn refresh_used(&mut self, id: PortId, now: Instant) {
         if self.ports[id.0].used {
             self.refresh(id, now);
@@ -403,13 +403,13 @@ impl Bus {
         self.load.percent(nanos(now))
     }
 
-    /// Returns whether [`swap_touched`](Self::swap_touched) would return ports.
+    /// Returns whether any device port has changed since the last [`swap_touched`](Self::swap_touched).
     pub(crate) const fn is_any_touched(&self) -> bool {
         !self.touched.is_empty()
     }
 
-    /// Swaps the list of changed device ports with the empty `ports` and sorts it by number. A port changes when it
-    /// receives, sends, or changes its error mode.
+    /// Moves the changed device ports into the empty list `ports`, sorted by number. A port has changed if it received
+    /// or sent a frame, or changed its error mode.
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
         if !ports.is_sorted_by(|one, next| one < next) {

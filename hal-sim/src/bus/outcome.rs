@@ -1,4 +1,4 @@
-//! The end of a frame or error frame: reception and error counters.
+//! The end of a frame or error frame: delivery and error counters.
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Instant;
@@ -27,8 +27,9 @@ impl Bus {
         }
     }
 
-    /// Delivers a frame to all receivers but those that see the error in its last but one bit, and begins the error frame
-    /// with the last bit. Returns false if no error-active receiver is left that signals the error.
+    /// Handles the last but one bit of a frame with an omission: delivers the frame to the unaffected receivers and
+    /// starts the error frame with the last bit. If no affected receiver is still error-active, the frame continues to
+    /// its last bit instead. Returns false if the transmission is already at its end.
     #[cold]
     fn accept(&mut self) -> bool {
         let Some(mut transmission) = self.current.take_if(|transmission| transmission.failure.is_none()) else {
@@ -55,7 +56,7 @@ impl Bus {
             signalled_by: Some(self.ports[by.0].name.clone()),
             gone: None,
         }));
-        // The sender and the other receivers answer the flag one bit later: an error flag and an overload flag.
+        // The sender responds with an error flag one bit later, the unaffected receivers with an overload flag.
         transmission.set_end(transmission.end + bit_times(1 + ERROR_FLAG + ERROR_DELIMITER, transmission.rate));
         self.current = Some(transmission);
         true
@@ -141,7 +142,8 @@ impl Bus {
         });
     }
 
-    /// Counts the error for receivers that see it and do not signal it.
+    /// Increments the receive error counter of each receiver affected by an omission that no error-active receiver
+    /// signals.
     #[cold]
     fn count_omitted(&mut self, place: usize, receivers: &[PortId], at: Instant) {
         for id in receivers.iter().filter(|id| self.groups[place].members.contains(id)).copied().collect::<Vec<_>>() {
@@ -152,8 +154,8 @@ impl Bus {
         }
     }
 
-    /// Lets faults lose a frame between the controllers that received it and their applications; returns whether it is
-    /// lost for all. The event of the fault precedes that of the frame.
+    /// Applies the faults between the receiving controllers and their applications. Returns whether the frame is lost
+    /// for all receivers. The fault events precede the event of the frame.
     #[cold]
     fn lose(&mut self, transmission: &Transmission) -> bool {
         let Some(sender) = self.senders.first() else { return false };
@@ -170,7 +172,7 @@ impl Bus {
         is_lost
     }
 
-    /// Counts a received frame down at the members with a receive error counter above 0.
+    /// Counts a successful reception at the members whose receive error counter is above 0.
     fn count_received(&mut self, place: usize, at: Instant, omission: Option<&Omission>) {
         let mut counting = std::mem::take(&mut self.groups[place].counting);
         counting.retain(|id| {
@@ -183,7 +185,7 @@ impl Bus {
         self.groups[place].counting = counting;
     }
 
-    /// Counts an error at all controllers that detected it.
+    /// Increments the receive error counters of all controllers that detected the error.
     fn count_errors(&mut self, transmission: &Transmission) {
         let by_other_rate = transmission.failure.as_ref().is_some_and(|failure| failure.by_other_rate);
         for group in 0..self.groups.len() {

@@ -25,17 +25,17 @@ pub const RECEIVE_QUEUE: usize = 256;
 #[derive(Clone, Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
-    /// Whether the port belongs to a device, which is served after bus events.
+    /// Whether the port belongs to a device, which must be served after events on its port.
     pub(super) is_device: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
     pub(super) transmit: Transmit,
-    /// The frames that a fault holds back between the application and the controller.
+    /// The frames delayed between the application and the controller.
     pub(super) delayed: DelayedFrames,
-    /// The delay of the device's answers.
+    /// The delay of the device's answers, if any.
     pub(super) answers: Option<Box<SlowAnswers>>,
-    /// Frames that the controller gave back for a more urgent one while faults were active.
+    /// The frames that the controller returned for more urgent ones. Faults have already been applied to them.
     pub(super) returned: Vec<Frame>,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// The acceptance filters of a device's controller; `None` accepts all frames.
@@ -47,15 +47,15 @@ pub struct Port {
     /// The capacity of the receive queue.
     room: usize,
     overruns: u32,
-    /// The end of the last frame that the port received or sent.
+    /// The end of the last frame that the port sent, received or must ignore. Prevents a second delivery of a frame.
     pub(super) heard: Nanos,
     /// The end of bus integration; `Nanos::MAX` until the end of the current frame is known.
     pub(super) joined_at: Nanos,
-    /// The earliest time at which the port may send; `Nanos::MAX` while it may not.
+    /// The earliest time at which the port may send; `Nanos::MAX` while it may not send.
     pub(super) ready_at: Nanos,
     /// Whether the bus lists the port among the members at its bit rate.
     pub(super) member: bool,
-    /// Whether the port lost a bit while error-passive, and must suspend transmission after integration.
+    /// Whether the port must suspend transmission after bus integration, because it lost a bit while error-passive.
     pub(super) suspended: bool,
     /// Whether the port is forced bus-off.
     pub(super) held: bool,
@@ -66,7 +66,7 @@ pub struct Port {
     pub(super) external: Option<Box<External>>,
 }
 
-/// The delay of a device's answers, between two bounds.
+/// The random delay of a device's answers, within bounds.
 #[derive(Clone, Debug)]
 pub(crate) struct SlowAnswers {
     pub(crate) is_answer: fn(&Frame) -> bool,
@@ -76,7 +76,7 @@ pub(crate) struct SlowAnswers {
 }
 
 impl SlowAnswers {
-    /// Returns the delay of a frame, if it is an answer.
+    /// Returns a random delay if the frame is an answer.
     pub(super) fn delay(&mut self, frame: &Frame) -> Option<Duration> {
         let range = self.from.as_ticks()..=self.to.as_ticks();
         (self.is_answer)(frame).then(|| Duration::from_ticks(self.random.u64(range)))
@@ -88,7 +88,7 @@ impl SlowAnswers {
 pub(super) struct Recovery {
     /// The remaining number of sequences of 11 recessive bits.
     pub(super) left: u32,
-    /// The time from which sequences on the idle bus count.
+    /// The time from which idle time counts towards the recovery.
     pub(super) since: Nanos,
 }
 
@@ -176,12 +176,12 @@ impl Port {
         self.transmit.len() + self.delayed.len()
     }
 
-    /// Returns whether no frame is in the controller; faults may still hold back frames of the application.
+    /// Returns whether the controller has no pending frame. Frames delayed by faults do not count.
     pub(crate) fn is_controller_empty(&self) -> bool {
         self.transmit.is_empty()
     }
 
-    /// Returns whether faults can hold back another frame of the application.
+    /// Returns whether a further frame of the application can be delayed.
     pub(crate) fn can_delay(&self) -> bool {
         !self.delayed.is_full()
     }
@@ -207,7 +207,7 @@ impl Port {
         self.external.as_ref().is_some_and(|external| external.silent)
     }
 
-    /// Returns the frames that the port receives.
+    /// Returns which frames the port receives.
     pub(super) const fn hears(&self) -> Hears<'_> {
         match &self.filters {
             _ if self.room == 0 => Hears::Nothing,
@@ -216,7 +216,7 @@ impl Port {
         }
     }
 
-    /// Returns the end of the bus-off recovery if the bus stays idle.
+    /// Returns the time at which the bus-off recovery completes if the bus stays idle.
     pub(super) fn recovered_at(&self) -> Option<Nanos> {
         let recovery = self.recovery?;
         Some(recovery.since + bit_times(recovery.left * BUS_IDLE, self.rate))

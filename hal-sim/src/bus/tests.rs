@@ -24,7 +24,7 @@ fn a_frame_takes_its_bits_at_every_bit_rate() {
         let [one, two] = sent.map(|frame| u64::from(FrameBits::of(&frame).on_wire()));
         rig.send(0, sent[0]);
         rig.send(2, sent[1]);
-        // The second one follows after three bits of intermission, to the nanosecond.
+        // The second frame follows after three bits of intermission, to the nanosecond.
         let first = start + one * bit_ns;
         assert_eq!(rig.next().0, micros(first.div_ceil(1000)), "{rate:?}");
         assert_eq!(rig.next().0, micros((first + (3 + two) * bit_ns).div_ceil(1000)), "{rate:?}");
@@ -66,7 +66,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
     let first = rig.next();
     assert_eq!(first.1.error, Some(BusError::Acknowledgement));
     assert_eq!(first.1.from.as_ref(), "a");
-    // An attempt up to the ACK slot, error flag and delimiter; the retry follows after the intermission.
+    // An attempt up to the ACK slot, error flag and delimiter; the retransmission follows after the intermission.
     let attempt = FrameBits::of(&sent).to_ack_slot() + 6 + 8;
     assert_eq!(first.0, micros(10_000) + bits(attempt));
     assert_eq!(rig.next().0, first.0 + bits(3 + attempt));
@@ -81,7 +81,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
     rig.run_for(Duration::from_secs(2));
     assert_eq!((rig.counters(0), rig.mode(0)), ((128, 0), BusErrorMode::ErrorPassive));
 
-    // A late listener acknowledges: the frame gets through.
+    // A late listener acknowledges, so the frame is sent.
     let late = rig.bus.add_client_port("late".into(), RATE, rig.now);
     rig.run_for(Duration::from_millis(5));
     assert_eq!(rig.frames(), [sent]);
@@ -105,7 +105,7 @@ fn a_sender_that_nobody_understands_goes_bus_off_and_recovers() {
     assert_eq!(rig.mode(0), BusErrorMode::BusOff);
     assert_eq!(rig.mode(1), BusErrorMode::ErrorActive);
 
-    // On an idle bus, 128 × 11 bits later the port is back and sends its waiting frame at once.
+    // On an idle bus, the port recovers 128 × 11 bits later and sends its pending frame immediately.
     let back = last + bits(128 * 11);
     rig.run(back - Duration::from_micros(1));
     assert_eq!(rig.mode(0), BusErrorMode::BusOff);
@@ -124,7 +124,7 @@ fn frames_of_others_count_towards_recovery_once_each() {
     assert_eq!(rig.mode(0), BusErrorMode::BusOff, "kept off the bus");
     rig.bus.force_bus_off(PortId(0), false, rig.now);
     let start = rig.now;
-    // Back to back: each frame with its intermission is one sequence of 11 recessive bits.
+    // Back to back, each frame with its intermission is one sequence of 11 recessive bits.
     let sent = frame(EMPTY, &[]);
     for _ in 0..27 {
         rig.send(1, sent);
@@ -152,7 +152,7 @@ fn a_listener_at_another_rate_disturbs_until_it_is_error_passive() {
     assert_eq!(ended.error, Some(BusError::Stuff));
     assert_eq!((rig.counters(0), rig.counters(1), rig.counters(2)), ((8, 0), (0, 1), (0, 9)));
     rig.run_for(Duration::from_millis(50));
-    // 15 × 9 = 135: the listener is error-passive, and the frame gets through.
+    // 15 × 9 = 135: the listener is error-passive, so the frame is sent.
     assert_eq!(rig.ended.len(), 16);
     assert_eq!(rig.frames(), [sent]);
     assert_eq!(rig.mode(2), BusErrorMode::ErrorPassive);
@@ -239,7 +239,7 @@ fn a_controller_takes_part_after_eleven_recessive_bits() {
     let length = FrameBits::of(&frame(0x123, &[])).on_wire();
     assert_eq!(rig.next().0, micros(10_000) + bits(11 + length));
 
-    // A port that joins during a frame does not receive it, and has seen enough bits at its end.
+    // A port that joins during a frame does not receive it, but completes bus integration at its end.
     rig.run_for(bits(3));
     let now = rig.now;
     rig.send(0, frame(0x124, &[]));
@@ -280,7 +280,7 @@ fn the_load_is_that_of_the_last_second() {
     assert_eq!(rig.bus.load(rig.now), 0);
     let sent = frame(0x555, &[0x55; 8]);
     let length = FrameBits::of(&sent).on_wire() + 3;
-    // A quarter of a second, at 250 kbit/s.
+    // A quarter of a second at 250 kbit/s.
     let count = 62_500 / length;
     for _ in 0..count {
         rig.send(0, sent);

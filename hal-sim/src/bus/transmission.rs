@@ -29,34 +29,35 @@ pub(super) struct Transmission {
     pub(super) start: Nanos,
     /// The end of the frame or error frame.
     pub(super) end: Nanos,
-    /// The first instant of world time that is not before `end`.
+    /// The value of `end` in world time, rounded up.
     pub(super) over: Instant,
     /// The failure of the attempt; boxed because it is rare.
     pub(super) failure: Option<Box<Failure>>,
-    /// The receivers that see an error in the last but one bit; boxed because it is rare.
+    /// The receivers that detect an error in the last but one bit of the end of frame; boxed because it is rare.
     pub(super) omission: Option<Box<Omission>>,
 }
 
-/// An error in the last but one bit of the end of frame that only some receivers see. All others have accepted the
-/// frame by then: for them, an error in the last bit is an overload condition (ISO 11898-1, 10.4.6).
+/// An error in the last but one bit of the end of frame that only some receivers detect. The other receivers have
+/// accepted the frame by the last bit, so an error flag in that bit is an overload condition for them (ISO 11898-1,
+/// 10.4.6).
 #[derive(Clone, Debug)]
 pub(super) struct Omission {
     pub(super) receivers: Vec<PortId>,
-    /// The receiver whose error flag makes the sender repeat the frame. `None` if no affected receiver is error-active:
-    /// then the sender does not notice the error.
+    /// The affected receiver whose error flag makes the sender retransmit the frame. `None` if no affected receiver is
+    /// error-active: the sender then does not detect the error.
     pub(super) signalled_by: Option<PortId>,
 }
 
-/// The failure of an attempt to send.
+/// The failure of a transmission attempt.
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub(super) error: BusError,
-    /// Whether the frame was destroyed by listeners at another bit rate, although a receiver at its own rate
+    /// Whether listeners at another bit rate destroyed the frame, although a receiver at the sender's rate
     /// acknowledges.
     pub(super) by_other_rate: bool,
     /// The name of the controller that sent the first error flag; `None` if there was no error flag.
     pub(super) signalled_by: Option<Arc<str>>,
-    /// The name of the last sender, after all senders have fallen silent.
+    /// The name of the last sender, if all senders were cut off.
     pub(super) gone: Option<Arc<str>>,
 }
 
@@ -66,7 +67,7 @@ impl Transmission {
         self.over = instant(end);
     }
 
-    /// Returns the error that destroys the frame.
+    /// Returns the error that destroys the frame, if any.
     pub(super) fn error(&self) -> Option<BusError> {
         self.failure.as_ref().map(|failure| failure.error)
     }
@@ -78,12 +79,12 @@ struct Disruption {
     /// The number of bits from start of frame to the error flag.
     bits: u32,
     by_other_rate: bool,
-    /// The controller that sends the first error flag; `None` stands for the sender.
+    /// The controller that sends the first error flag; `None` if the sender does.
     by: Option<PortId>,
 }
 
 impl Bus {
-    /// Starts the most urgent frame if the bus is free.
+    /// Starts to send the most urgent pending frame if the bus is free.
     pub fn begin(&mut self, now: Instant) {
         if self.current.is_some() || self.contenders.is_empty() {
             return;
@@ -126,7 +127,7 @@ impl Bus {
         ready.min().map_or(Nanos::MAX, |ready| ready.max(self.free_at))
     }
 
-    /// Computes the end and the outcome of the attempt.
+    /// Computes the outcome and the end of an attempt that starts at `start`.
     fn transmit(&mut self, start: Nanos) -> Transmission {
         let collision = if self.senders.len() > 1 { self.resolve(start) } else { None };
         let first = self.senders[0];
@@ -203,7 +204,7 @@ impl Bus {
         destroyed
     }
 
-    /// Selects the receivers with these names that are members at this bit rate.
+    /// Creates the omission for the members with these names at one bit rate.
     fn omission(&self, names: &[Arc<str>], rate: BitRate) -> Omission {
         let members = self.groups.iter().filter(|group| group.rate == rate).flat_map(|group| &group.members);
         let is_meant = |id: &PortId| !self.senders.contains(id) && names.contains(&self.ports[id.0].name);
@@ -215,7 +216,7 @@ impl Bus {
         Omission { signalled_by: receivers.iter().find(is_active).copied(), receivers }
     }
 
-    /// Returns whether any controller acknowledges frames at a bit rate.
+    /// Returns whether a controller other than the senders acknowledges frames at a bit rate.
     pub(super) fn is_heard(&self, rate: BitRate) -> bool {
         let listeners = self.groups.iter().find(|group| group.rate == rate).map_or(0, |group| group.audible);
         // Senders are members too.
@@ -223,7 +224,7 @@ impl Bus {
         listeners > senders.len() || listeners > senders.iter().filter(|id| self.ports[id.0].rate == rate).count()
     }
 
-    /// Returns the first error-active listener at another bit rate: its error flag destroys the frame.
+    /// Returns the first error-active listener at another bit rate. Its error flag destroys the frame.
     fn disturber(&self, rate: BitRate) -> Option<PortId> {
         let others = self.groups.iter().filter(|group| group.rate != rate && group.active > 0);
         let disturbs = |id: &&PortId| {
@@ -233,9 +234,9 @@ impl Bus {
         others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
     }
 
-    /// Resolves several senders with equal arbitration keys. Equal frames are sent as one. Different frames collide at
-    /// the first different bit, where the recessive sender detects a bit error. An error-passive sender cannot destroy
-    /// the frame, so the dominant frame continues.
+    /// Resolves a collision of senders with equal arbitration keys. Equal frames are sent as one. Different frames
+    /// collide at the first different bit, where the recessive sender detects a bit error. An error-passive sender
+    /// cannot destroy the frame, so the dominant frame continues.
     fn resolve(&mut self, start: Nanos) -> Option<Disruption> {
         while self.senders.len() > 1 {
             let senders = &self.senders;
@@ -269,7 +270,7 @@ impl Bus {
         None
     }
 
-    /// Ends the attempt of an error-passive sender after a lost bit.
+    /// Ends the attempt of an error-passive sender that lost a bit to another sender.
     fn beaten(&mut self, id: PortId, at: Nanos) {
         let port = &mut self.ports[id.0];
         port.tell(at, WireEvent::NotSent(BusError::Bit));
@@ -284,7 +285,8 @@ impl Bus {
         FrameBits::of(self.ports[id.0].transmit.head().expect("a sender has a pending frame"))
     }
 
-    /// Silences a sender in the middle of its frame: the other controllers detect an error where the bits end.
+    /// Cuts off a frame that a port is sending. Unless another sender continues the frame, the other controllers detect
+    /// a stuff error.
     pub(super) fn fall_silent(&mut self, id: PortId, now: Instant) {
         let Some(transmission) = &mut self.current else { return };
         if !self.senders.contains(&id) {

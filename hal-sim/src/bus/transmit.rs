@@ -10,11 +10,11 @@ use super::mailboxes::{Full, Mailboxes};
 /// The pending transmit frames of a port.
 #[derive(Clone, Debug)]
 pub(super) enum Transmit {
-    /// The mailboxes of a device's controller: the most urgent frame is sent first.
+    /// The mailboxes of a device's controller, which sends the most urgent frame first.
     Mailboxes(Mailboxes),
     /// The unlimited FIFO queue of a client.
     Queue(VecDeque<Frame>),
-    /// The offer of an external controller: its most urgent frame, and whether that frame is on the wire.
+    /// The offer of an external controller: its most urgent frame, if any, and whether that frame is on the wire.
     Offer(Option<Frame>, bool),
 }
 
@@ -93,7 +93,7 @@ impl Transmit {
         }
     }
 
-    /// Drops the pending frames with these identifiers. A frame on the wire is not repeated.
+    /// Drops the pending frames with these identifiers. A frame on the wire is not retransmitted if it fails.
     pub(super) fn abort(&mut self, which: Filter) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.abort(which),
@@ -102,7 +102,7 @@ impl Transmit {
         }
     }
 
-    /// Drops what waits in a client's queue, but not a frame on the wire.
+    /// Drops the queued frames of a client except the one on the wire.
     pub(super) fn drop_waiting(&mut self, is_sending: bool) {
         if let Self::Queue(queue) = self {
             queue.truncate(usize::from(is_sending));

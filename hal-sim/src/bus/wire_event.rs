@@ -1,4 +1,4 @@
-//! The events that an external controller notices on the wire.
+//! The bus events that an external controller detects.
 
 use std::collections::VecDeque;
 use std::collections::vec_deque::Drain;
@@ -8,33 +8,33 @@ use protocol_core::time::Instant;
 
 use super::error::BusError;
 
-/// An event that an external controller notices on the wire.
+/// A bus event that an external controller detects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WireEvent {
-    /// The controller has seen 11 recessive bits and takes part.
+    /// Bus integration is complete: the controller has seen 11 recessive bits.
     Joined,
     /// A frame begins.
     Begins {
-        /// This controller sends the frame: its offer has won the arbitration.
+        /// Whether this controller sends the frame, because its offer won the arbitration.
         own: bool,
     },
-    /// Another controller's more urgent frame has won against the offer.
+    /// The controller's offer lost the arbitration to a more urgent frame.
     LostArbitration,
     /// The controller's own frame was sent and acknowledged.
     Sent,
-    /// The controller's own frame was destroyed, not acknowledged, or lost a bit to the same identifier with other
-    /// data.
+    /// The controller's own frame was destroyed or not acknowledged, or lost a bit to another frame with the same
+    /// identifier.
     NotSent(BusError),
     /// A frame was received.
     Received(Frame),
     /// Another controller's frame was destroyed.
     NotReceived {
-        /// This controller sent the first error flag.
+        /// Whether this controller sent the first error flag.
         first: bool,
     },
     /// The frame or error frame on the wire has ended.
     Ends,
-    /// The controller, bus-off until now, has seen 128 sequences of 11 recessive bits.
+    /// Bus-off recovery is complete: the controller has seen 128 sequences of 11 recessive bits.
     Recovered,
 }
 
@@ -42,11 +42,11 @@ pub enum WireEvent {
 #[derive(Clone, Debug, Default)]
 pub(super) struct External {
     events: VecDeque<(Instant, WireEvent)>,
-    /// The controller has not been told yet that it has joined.
+    /// Whether [`WireEvent::Joined`] has yet to be reported.
     pub(super) joining: bool,
-    /// The controller was told that the current frame begins.
+    /// Whether the start of the current frame was reported.
     pub(super) in_frame: bool,
-    /// The controller sends no dominant bit: no frames, acknowledgements or error flags.
+    /// Whether the controller is in listen-only mode: it sends no frames, acknowledgements or error flags.
     pub(super) silent: bool,
 }
 
@@ -60,7 +60,7 @@ impl External {
         self.events.drain(..)
     }
 
-    /// Takes the controller off the bus.
+    /// Resets the state for a disconnected controller.
     pub(super) fn leave(&mut self) {
         self.joining = false;
         self.in_frame = false;

@@ -1,4 +1,4 @@
-//! The DBC of an ISOBUS product: its messages at each possible address.
+//! The DBC of an ISOBUS product, with its messages at each possible address.
 
 use std::fmt::Write as _;
 
@@ -12,7 +12,7 @@ use crate::Kind;
 /// The flag of a 29-bit identifier in a DBC.
 const EXTENDED: u32 = 1 << 31;
 
-/// The node that sends commands.
+/// The name of the node that sends commands.
 const MASTER: &str = "Master";
 
 /// The DBC placeholder for an unnamed node.

@@ -53,7 +53,7 @@ fn values_have_names() {
     }
 }
 
-/// The signals decode a trouble code to its SPN, FMI and name.
+/// The signals of a trouble code decode to its SPN, FMI and name.
 #[test]
 fn trouble_codes_are_told_by_their_spn_and_fmi() {
     let messages = messages(Address::new(0x83));

@@ -6,7 +6,7 @@ fn sheets() -> impl Iterator<Item = (Kind, String)> {
     Kind::ALL.into_iter().filter_map(|kind| Some((kind, eds(kind)?)))
 }
 
-/// Returns the lines of a section, without its head.
+/// Returns the lines of a section, without its header.
 fn section<'a>(sheet: &'a str, name: &str) -> Vec<&'a str> {
     let head = format!("[{name}]");
     sheet.lines().skip_while(|line| *line != head).skip(1).take_while(|line| !line.is_empty()).collect()
@@ -43,7 +43,7 @@ fn every_object_of_the_dictionary_is_listed_once_and_described() {
     }
 }
 
-/// The name of a row with sub-index 0 combines those of the object and the sub-index.
+/// The name of a row with sub-index 0 combines the names of the object and of the sub-index.
 #[test]
 fn every_object_and_sub_index_has_a_name_of_its_own() {
     for (kind, sheet) in sheets() {
@@ -64,7 +64,7 @@ fn every_object_and_sub_index_has_a_name_of_its_own() {
 fn tools_can_read_every_character() {
     for (kind, sheet) in sheets() {
         assert!(sheet.is_ascii(), "{kind}");
-        // Some tools take the rest of a line after a semicolon for a comment.
+        // Some tools treat the rest of a line after a semicolon as a comment.
         assert!(!sheet.contains(';'), "{kind}");
     }
 }
@@ -100,7 +100,7 @@ fn objects_as_the_page_has_them() {
     }
 }
 
-/// The complete list: all other objects have no range, or the full range of their type.
+/// The complete list. All other objects have no range, or the full range of their type.
 #[test]
 fn limits_are_where_the_page_has_a_range() {
     let valve = [
@@ -150,7 +150,7 @@ fn limits_are_where_the_page_has_a_range() {
     }
 }
 
-/// The limits fit the type, and the default lies between them.
+/// The limits are valid for the data type, and the default is within them.
 #[test]
 fn limits_are_values_of_the_object() {
     for (kind, _) in sheets() {

@@ -11,7 +11,7 @@ use protocol_core::wire::valve::State;
 
 use crate::explain;
 
-/// The master's address in the examples of the manual. The valve accepts commands from any address.
+/// The address of the master in the manual's examples. The valve accepts commands from any address.
 pub(super) const MASTER: Address = Address::new(0x27);
 
 /// A message.
@@ -21,7 +21,7 @@ pub(super) struct Message {
     pub(super) len: usize,
     /// Whether the valve sends the message; otherwise the master does.
     pub(super) from_valve: bool,
-    /// The period, in milliseconds.
+    /// The period of a cyclic message, in milliseconds.
     pub(super) cycle_ms: Option<u16>,
     pub(super) comment: String,
     pub(super) signals: Vec<Signal>,
@@ -32,24 +32,24 @@ pub(super) struct Message {
 pub(super) struct Signal {
     pub(super) name: &'static str,
     pub(super) role: Role,
-    /// The first bit, and the number of bits.
+    /// The index of the first bit, and the number of bits.
     pub(super) bits: (u8, u8),
     pub(super) factor: f64,
     pub(super) offset: f64,
-    /// The range of physical values.
+    /// The range of the physical value.
     pub(super) range: RangeInclusive<f64>,
     pub(super) unit: &'static str,
     pub(super) values: Vec<(u32, String)>,
 }
 
-/// The role of a signal in the multiplexing of its message.
+/// The role of a signal in a multiplexed message.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Present in every message.
+    /// The signal is present in every message.
     Plain,
-    /// Selects other signals by its value.
+    /// The value of the signal selects other signals.
     Selector,
-    /// Present when the selector has this value.
+    /// The signal is present when the selector has this value.
     Selected(u8),
 }
 
@@ -86,10 +86,10 @@ impl Signal {
     }
 }
 
-/// Returns all messages of the valve at an address, and the messages from a master to it.
+/// Returns the messages from a valve at an address, and those from a master to the valve.
 pub(super) fn messages(valve: Address) -> Vec<Message> {
     let address = valve.get();
-    // AVC and AVEF use only the low four bits of the address, all others the whole address.
+    // AVC and AVEF use only the low four bits of the address. All other messages use the whole address.
     let number = address & 0xF;
     let global = |priority, pgn| J1939Id::global(priority, pgn, valve);
     let to_valve = |priority, pgn| J1939Id::new(priority, pgn, valve, MASTER);
@@ -221,7 +221,8 @@ fn lamp(name: &'static str, first: u8) -> Signal {
     Signal::raw(name, first, 2).values([(0, "off"), (1, "on"), (3, "not available")])
 }
 
-/// Returns the first eight bytes of DM1 and DM2 (SAE J1939-73 5.7.1, SPEC 3). The bits of an SPN are not contiguous.
+/// Returns the signals in the first eight bytes of DM1 and DM2 (SAE J1939-73 5.7.1, SPEC 3). The bits of an SPN are not
+/// contiguous.
 fn troubles() -> Vec<Signal> {
     vec![
         lamp("ProtectLamp", 0),
@@ -237,7 +238,7 @@ fn troubles() -> Vec<Signal> {
     ]
 }
 
-/// The failure modes of the valve's faults, in the terms of SAE J1939-73; FMI 0 fills a message without a fault.
+/// The failure modes of the valve's faults, in the terms of SAE J1939-73. FMI 0 indicates that there is no fault.
 const FMIS: [(u32, &str); 7] = [
     (0, "none"),
     (3, "voltage above normal"),
@@ -248,7 +249,7 @@ const FMIS: [(u32, &str); 7] = [
     (19, "received network data in error"),
 ];
 
-/// Returns the names of the valve's SPNs by their low 16 bits: their faults, and the whole number.
+/// Returns the text for each of the valve's SPNs, by its low 16 bits: the faults and the complete SPN.
 fn spns() -> BTreeMap<u32, String> {
     let mut spns = BTreeMap::from([(0, "none".to_owned())]);
     for FaultCodes { fault, dtc, .. } in FAULT_CODES {
@@ -282,7 +283,7 @@ fn name() -> Vec<Signal> {
     ]
 }
 
-/// Returns a connection management message of the transport protocol (SAE J1939-21 5.10.3): the control byte selects
+/// Returns a connection management message of the transport protocol (SAE J1939-21 5.10.3). The control byte selects
 /// the other signals.
 fn connection() -> Vec<Signal> {
     const BAM: u8 = 32;

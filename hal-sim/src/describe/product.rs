@@ -1,4 +1,4 @@
-//! The product data in the head of an EDS (SPEC 1).
+//! The product data in the header of an EDS (SPEC 1).
 
 use crate::Kind;
 

@@ -1,4 +1,4 @@
-//! The errors of a set of devices and links.
+//! Errors in a set of devices and links.
 
 /// The reason why devices cannot share a bus, or cannot be linked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -14,19 +14,19 @@ pub enum DevicesError {
         first: String,
         /// The name of the second device.
         second: String,
-        /// The term for the identifier: node ID or address.
+        /// The term for the number: node ID or address.
         id_name: &'static str,
         /// The node ID or address.
         id: u8,
     },
-    /// A link names a device that is not on the bus.
+    /// A link refers to a device that is not on the bus.
     #[error("no {product} '{name}' on the bus; {}", remedy(known))]
     UnknownDevice {
         /// The expected product: valve or angle sensor.
         product: &'static str,
-        /// The name in the link.
+        /// The name that the link refers to.
         name: String,
-        /// The names of the devices of this product.
+        /// The names of the devices of the expected product.
         known: Vec<String>,
     },
     /// Two links have the same sensor.

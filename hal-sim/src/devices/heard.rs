@@ -1,13 +1,14 @@
 //! Detects devices at a bit rate different from the bus, with one rule and one message for all interfaces.
 //!
-//! Such a device cannot communicate, and frames that a test forbids do not come either: the test proves nothing.
-//! [`RateWatch`] finds a device
+//! Such a device cannot communicate, so a test that forbids a frame would pass without proving anything. [`RateWatch`]
+//! reports such a device
 //!
 //! - at each power-up, as soon as time passes after it;
-//! - [`GRACE`] after a change of the bit rate of the bus or the device, because one of the two changes first. The time
-//!   stops while LSS switches the device's bit rate, from activate bit timing to the end of the second delay;
-//! - at once at the end of the run ([`RateWatch::find_all`]), or of a forbidden frame's or state's time
-//!   ([`RateWatch::find_at`]).
+//! - [`GRACE`] after a bit rate change of the bus or the device, because one of them must change first. The grace
+//!   period is suspended while LSS switches the device's bit rate, from activate bit timing to the end of the second
+//!   delay;
+//! - immediately at the end of the run ([`RateWatch::find_all`]), or at the end of the period in which a frame or state
+//!   is forbidden ([`RateWatch::find_at`]).
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
@@ -16,31 +17,31 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use super::NamedDevice;
 use crate::world::{NodeId, World};
 
-/// The time allowed between the bit rate changes of bus and device.
+/// The maximum time between the bit rate changes of the bus and a device.
 pub const GRACE: Duration = Duration::from_secs(1);
 
 const TICK: Duration = Duration::from_ticks(1);
 
-/// A device whose bit rate differs, or differed, from the bus.
+/// A device whose bit rate differs, or differed, from that of the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotHeard {
     /// The name of the device.
     pub device: String,
-    /// The instant from which the rates differed.
+    /// The time from which the bit rates differed.
     pub since: Instant,
-    /// Whether the two rates agree again.
+    /// Whether the bit rates are equal again.
     pub is_over: bool,
     /// The message with the cause and the remedy.
     pub reason: String,
 }
 
-/// A monitor of the devices' bit rates.
+/// A monitor that compares the devices' bit rates with the bus.
 #[derive(Clone, Debug)]
 pub struct RateWatch {
     devices: Vec<Watched>,
     /// The world's counter of rate changes at the last comparison; `None` before the first comparison.
     looked_at: Option<u64>,
-    /// The time of the next comparison if no rate changes before.
+    /// The time of the next comparison unless a bit rate changes first.
     due: Instant,
     /// The detected devices that have not been taken yet.
     found: Vec<NotHeard>,
@@ -50,7 +51,7 @@ pub struct RateWatch {
 struct Watched {
     node: NodeId,
     device: NamedDevice,
-    /// Whether the memory was empty at the start, so that the setup determined the bit rate.
+    /// Whether the memory was empty at the start, so that the setup determines the bit rate.
     is_new: bool,
     /// The bit rate for the first start; `None` afterwards.
     first_rate: Option<BitRate>,
@@ -59,7 +60,7 @@ struct Watched {
     told: Option<NotHeard>,
 }
 
-/// A period during which the rates differ.
+/// A period during which the bit rates of device and bus differ.
 #[derive(Clone, Copy, Debug)]
 struct Spell {
     since: Instant,
@@ -96,7 +97,7 @@ impl RateWatch {
         self.devices.retain(|watched| watched.node != node);
     }
 
-    /// Compares the current bit rates. Call it after every event of the world, and when it is [due](Self::due).
+    /// Compares the current bit rates. Must be called after every event of the world and at the [due](Self::due) time.
     pub fn look(&mut self, world: &mut World) {
         let (now, changes) = (world.now(), world.rate_changes());
         if self.looked_at == Some(changes) && now < self.due {
@@ -108,12 +109,12 @@ impl RateWatch {
         self.due = self.devices.iter().filter_map(due).min().map_or(NEVER, |due| if due == NEVER { now } else { due });
     }
 
-    /// Takes the devices detected since the last call, each once per period.
+    /// Takes the devices detected since the last call. Each period is reported once.
     pub fn take_found(&mut self) -> Vec<NotHeard> {
         std::mem::take(&mut self.found)
     }
 
-    /// Returns the time after `now` of the next comparison without an event; [`NEVER`] if none is scheduled.
+    /// Returns the time of the next scheduled comparison after `now`; [`NEVER`] if none is scheduled.
     #[must_use]
     pub fn due(&self, now: Instant) -> Instant {
         if self.due > now { self.due } else { NEVER }
@@ -124,14 +125,14 @@ impl RateWatch {
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(|_| true)));
     }
 
-    /// Detects the devices with a different bit rate at the end of a prohibition, where no comparison was scheduled. A
-    /// device whose bit rate LSS is switching is silent by design and is not reported.
+    /// Detects the devices with a different bit rate at the end of a prohibition, for which no comparison was
+    /// scheduled. A device whose bit rate is being switched by LSS is silent by design and is not reported.
     pub fn find_at(&mut self, instant: Instant) {
         let was_deaf = |spell: &Spell| spell.due != NEVER && spell.since <= instant;
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(was_deaf)));
     }
 
-    /// Returns the devices with a different bit rate now and those detected before, each once.
+    /// Returns the devices that have a different bit rate now or were detected before, each once.
     #[must_use]
     pub fn all(&self) -> Vec<NotHeard> {
         let state = |device: &Watched| match &device.spell {
@@ -174,7 +175,7 @@ impl Watched {
         self.find_if(|spell| now >= spell.due)
     }
 
-    /// Returns the device, once per period, if the period satisfies `is_wanted`.
+    /// Returns the device if its period satisfies `is_wanted`. Each period is reported once.
     fn find_if(&mut self, is_wanted: impl Fn(&Spell) -> bool) -> Option<NotHeard> {
         let spell = self.spell.as_mut().filter(|spell| !spell.is_told && is_wanted(spell))?;
         spell.is_told = true;
@@ -189,7 +190,7 @@ impl Watched {
     }
 }
 
-/// Composes the message about a device, with the remedy. The setup determines the rate of a new memory only.
+/// Returns the message about a device, with the remedy. The setup determines the bit rate only for a new memory.
 fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> String {
     let kilobits = |rate: BitRate| rate.bits_per_second() / 1000;
     let other_device = (is_new && device.setup.bit_rate == Some(rate) && device.setup.kind.bit_rates().contains(&bus))
@@ -204,7 +205,7 @@ fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> St
     )
 }
 
-/// Formats a device as for `--device`, without serial number and bit rate.
+/// Formats a device in the syntax of `--device`, without serial number and bit rate.
 fn written(NamedDevice { name, setup: Setup { kind, node_id, .. }, .. }: &NamedDevice) -> String {
     let mut text = kind.name().to_owned();
     match *node_id {

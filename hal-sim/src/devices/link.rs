@@ -9,12 +9,12 @@ use super::{DevicesError, NamedDevice, NamedLink};
 use crate::Kind;
 use crate::world::Link;
 
-/// The highest speed of a shaft at full stroke, in 1/100 degree per second: 6,000 turns per minute (A).
+/// The maximum speed of a shaft at full stroke, in 1/100 degree per second: 6,000 revolutions per minute (A).
 const RATE_MAX: i32 = 3_600_000;
 
 const ANGLES: RangeInclusive<u32> = 0..=TURN_CDEG - 1;
 
-/// A requested link.
+/// A link as requested by the user, not yet validated against the devices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkSpec(NamedLink);
 

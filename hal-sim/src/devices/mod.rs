@@ -3,8 +3,8 @@
 //! ```text
 //! spec   one device: KIND[@ID][,key=value…]
 //! link   a link: VALVE=SENSOR[,key=value…]
-//! heard  devices at another bit rate than the bus
-//! error  refusals of devices and links
+//! heard  devices whose bit rate differs from the bus
+//! error  invalid sets of devices and links
 //! ```
 
 mod error;
@@ -33,13 +33,13 @@ use crate::world::{Electronics, Link, NodeId, World};
 pub struct NamedDevice {
     /// The name, unique on the bus.
     pub name: String,
-    /// The kind, and the initial content of a new memory.
+    /// The kind and the initial content of a new memory.
     pub setup: Setup,
-    /// The spool times (valves only).
+    /// The spool times of a valve.
     pub spool_times: SpoolTimes,
-    /// Whether the spool's times depend on the temperature (valves only).
+    /// Whether a valve's spool times depend on the temperature.
     pub has_oil: bool,
-    /// The electronics.
+    /// The delays and the undervoltage limit of the electronics.
     pub electronics: Electronics,
 }
 
@@ -74,7 +74,7 @@ impl NamedDevice {
     }
 }
 
-/// A link between two devices on the bus: a valve, and a sensor that follows no other valve.
+/// A link between a valve and a sensor. A sensor follows only one valve.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedLink {
     /// The name of the valve.
@@ -89,15 +89,15 @@ pub struct NamedLink {
 pub fn link_in(world: &mut World, links: &[NamedLink]) {
     for NamedLink { valve, sensor, link } in links {
         if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
-            // The names are already checked: a valve, and a sensor without a link.
+            // The names were validated: a valve, and a sensor without a link.
             let linked = world.link(valve, sensor, *link);
             debug_assert_eq!(linked, Ok(()));
         }
     }
 }
 
-/// Assigns a name and a serial number to each device. Default names are the kind, then kind-2, kind-3 …, skipping used
-/// names.
+/// Assigns a name and a serial number to each device. Default names are the kind, then kind-2, kind-3 and so on; names
+/// in use are skipped.
 ///
 /// # Errors
 /// [`DevicesError::DuplicateName`].
@@ -134,8 +134,8 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
     Ok(devices)
 }
 
-/// Assigns the next free serial number to each device without one, starting at the kind's default. Explicit numbers
-/// take precedence.
+/// Assigns the next free serial number to each device without one, starting at the default of its kind. Explicit
+/// numbers take precedence.
 fn number(devices: &mut [NamedDevice]) {
     let mut taken: Vec<_> =
         devices.iter().filter_map(|device| Some(device.setup.kind.known_by(device.setup.serial?))).collect();
@@ -148,8 +148,8 @@ fn number(devices: &mut [NamedDevice]) {
     }
 }
 
-/// Assigns the bit rate of the bus to each device without one that supports it, and returns that rate: the requested
-/// rate, or else the first device's.
+/// Assigns the bus bit rate to each device that has no bit rate and supports it. Returns the bus bit rate: `bus`, or
+/// else the bit rate of the first device.
 pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitRate {
     let of_first = |first: &NamedDevice| first.setup.bit_rate.or(first.setup.kind.bit_rates().first().copied());
     let bus = bus.or_else(|| devices.first().and_then(of_first)).unwrap_or(BitRate::Kbit250);

@@ -10,30 +10,30 @@ use protocol_core::time::Duration;
 use crate::Kind;
 use crate::world::Electronics;
 
-/// The keys of a device specification.
+/// The accepted keys of a device specification.
 const KEYS: &str =
     "name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, oil, blank";
 
 /// The maximum length of a device name, in characters.
 const NAME_MAX: usize = 32;
 
-/// A requested device.
+/// A device as requested by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceSpec {
-    /// The kind, and the initial content of a new memory.
+    /// The kind and the initial content of a new memory.
     pub setup: Setup,
     /// The requested name; `None` for a default name.
     pub name: Option<String>,
-    /// The spool times (valves only).
+    /// The spool times of a valve.
     pub spool_times: SpoolTimes,
-    /// Whether the spool's times depend on the temperature (valves only).
+    /// Whether a valve's spool times depend on the temperature.
     pub has_oil: bool,
-    /// The electronics.
+    /// The delays and the undervoltage limit of the electronics.
     pub electronics: Electronics,
 }
 
 impl DeviceSpec {
-    /// Creates a device of this kind in factory state.
+    /// Creates a specification of this kind in factory state.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
         Self {
@@ -46,7 +46,7 @@ impl DeviceSpec {
     }
 }
 
-/// The name of the control interface in traces; devices must not use it.
+/// The name of the control interface in traces. Devices must not use it.
 pub const CONTROL: &str = "http";
 
 impl FromStr for DeviceSpec {
@@ -132,7 +132,7 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
     })
 }
 
-/// Parses a bit rate that the kind supports: in bit/s, or like `250k`.
+/// Parses a bit rate that the kind supports, in bit/s or in a form such as `250k`.
 fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     let rates = kind.bit_rates();
     bit_rate(text).filter(|rate| rates.contains(rate)).ok_or_else(|| {
@@ -143,7 +143,7 @@ fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     })
 }
 
-/// Parses a bit rate of CiA 301: in bit/s, or like `250k` and `1M`.
+/// Parses a bit rate of CiA 301, in bit/s or in a form such as `250k` or `1M`.
 #[must_use]
 pub fn bit_rate(text: &str) -> Option<BitRate> {
     let (digits, unit) = match text.char_indices().next_back() {
@@ -163,7 +163,7 @@ fn spool_time(text: &str) -> Result<u16, String> {
     })
 }
 
-/// The limits of the electronics' times, in milliseconds.
+/// The maximum values of the electronics' times, in milliseconds.
 const MAX_BOOT_MS: u64 = 60_000;
 const MAX_ANSWER_MS: u64 = 60_000;
 const MAX_CYCLE_MS: u64 = 1_000;
@@ -175,7 +175,7 @@ fn millis(text: &str, max: u64) -> Result<Duration, String> {
         .ok_or_else(|| format!("'{text}' is not a valid time; accepted: 0–{max}, in milliseconds"))
 }
 
-/// Parses a time in milliseconds, or its bounds: `20` or `5..20`.
+/// Parses a time or a range of times, in milliseconds: `20` or `5..20`.
 fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
     let (from, to) = text.split_once("..").unwrap_or((text, text));
     let times = (millis(from, MAX_ANSWER_MS)?, millis(to, MAX_ANSWER_MS)?);
@@ -185,13 +185,13 @@ fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
     Ok(times)
 }
 
-/// Parses a supply limit in millivolts.
+/// Parses an undervoltage limit in millivolts.
 fn brown_out(text: &str) -> Result<u32, String> {
     let limit = number(text).filter(|limit| (1..=MAX_SUPPLY_MV).contains(limit));
     limit.ok_or_else(|| format!("'{text}' is not a valid supply; accepted: 1–{MAX_SUPPLY_MV}, in millivolts"))
 }
 
-/// The maximum supply of the plant, in millivolts.
+/// The maximum supply voltage of the plant, in millivolts.
 const MAX_SUPPLY_MV: u32 = 100_000;
 
 fn serial_number(text: &str) -> Result<u32, String> {
@@ -215,7 +215,8 @@ fn device_name(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// Returns whether Windows reserves a name in every folder, with any extension: `con.nvm` is the console.
+/// Returns whether a name is reserved by Windows in every folder and with any extension: `con.nvm`, for example, refers
+/// to the console.
 fn is_reserved_by_windows(name: &str) -> bool {
     let (word, number) = name.split_at(name.len().min(3));
     match word {
@@ -225,7 +226,7 @@ fn is_reserved_by_windows(name: &str) -> bool {
     }
 }
 
-/// Parses an unsigned number, decimal or hexadecimal after `0x`, without sign or blanks.
+/// Parses an unsigned number, decimal, or hexadecimal after `0x`. Signs and blanks are not accepted.
 fn number(text: &str) -> Option<u32> {
     let (digits, radix) = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(hex) => (hex, 16),

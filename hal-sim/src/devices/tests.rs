@@ -8,7 +8,7 @@ fn devices(texts: &[&str]) -> Vec<NamedDevice> {
     named(texts.iter().map(|text| text.parse().expect(text)).collect()).expect("names")
 }
 
-/// A spool moves with its measured times, also after a power cut and next to a default spool.
+/// A spool moves with its measured times, even after a power cut, and independently of a spool with default times.
 #[test]
 fn a_spool_takes_the_times_that_are_written() {
     let devices = devices(&["pvea-canopen@1,name=slow,stroke-ms=500,return-ms=400", "pvea-canopen@2,name=usual"]);
@@ -31,7 +31,7 @@ fn a_spool_takes_the_times_that_are_written() {
                 nodes.iter().map(|node| world.view(*node).expect("power").position).collect::<Vec<_>>()
             })
         };
-        // Through DISABLED and HOLD to ACTIVE, the state in which the set-point is effective.
+        // Through DISABLED and HOLD to ACTIVE, in which the set-point is effective.
         positions(&mut world, "00 00", [100, 200, 300]);
         let [at_once, later, at_last] = positions(&mut world, "00 40", [125, 250, 490]);
         for (seen, wanted) in [(&at_once, [4096, 8192]), (&later, [8192, 16384]), (&at_last, [16056, 16384])] {
@@ -42,7 +42,7 @@ fn a_spool_takes_the_times_that_are_written() {
     }
 }
 
-/// Exactly the file names that Windows reserves are refused.
+/// Exactly the file names reserved by Windows are refused.
 #[test]
 fn a_name_is_one_of_a_file_everywhere() {
     let read = |name: &str| format!("pvea-canopen,name={name}").parse::<DeviceSpec>();

@@ -1,5 +1,5 @@
-//! SDO block transfers in progress (CiA 301 7.2.4.3.9 to 7.2.4.3.16): a segment has a sequence number instead of a
-//! command, so that only the earlier frames identify it.
+//! SDO block transfers in progress (CiA 301 7.2.4.3.9 to 7.2.4.3.16). A segment contains a sequence number instead of a
+//! command, so that only earlier frames identify it.
 
 use std::collections::BTreeMap;
 
@@ -15,8 +15,8 @@ pub(super) enum Party {
     Server,
 }
 
-/// The block transfers of a bus. A client and its server share COB-IDs 0x600 and 0x580 + node ID: at most one transfer
-/// per node ID.
+/// The block transfers on a bus. A client and its server use the COB-IDs 0x600 and 0x580 + node ID, so there is at most
+/// one transfer per node ID.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Blocks(BTreeMap<u8, Transfer>);
 
@@ -25,11 +25,11 @@ pub(super) struct Blocks(BTreeMap<u8, Transfer>);
 struct Transfer {
     /// The sender of the segments.
     sender: Party,
-    /// The number of segments in a block, as requested by the receiver.
+    /// The number of segments per block, as requested by the receiver.
     size: u8,
     /// The number of the next segment; `None` between blocks.
     next: Option<u8>,
-    /// The number of the last segment of the transfer, after its transmission.
+    /// The number of the last segment of the transfer, once it was sent.
     last: Option<u8>,
 }
 
@@ -42,7 +42,7 @@ impl Transfer {
         self.sender == from && self.next == Some(command & !LAST)
     }
 
-    /// Counts the segment with this command byte.
+    /// Updates the transfer with a segment, given its command byte.
     fn count(&mut self, command: u8) {
         let number = command & !LAST;
         let is_last = command & LAST != 0;
@@ -51,11 +51,11 @@ impl Transfer {
     }
 }
 
-/// The bit of the last segment; the other bits are its number.
+/// The flag of the last segment; the other bits are the sequence number.
 const LAST: u8 = 1 << 7;
 
 impl Blocks {
-    /// Explains a segment of the block transfer with this node ID; `None` for other frames.
+    /// Explains a segment of the block transfer of this node ID; `None` for any other frame.
     pub(super) fn segment(&self, node: u8, from: Party, bytes: &[u8; 8]) -> Option<String> {
         let [command, data @ ..] = bytes;
         self.0.get(&node).filter(|transfer| transfer.is_segment(from, *command))?;
@@ -67,7 +67,7 @@ impl Blocks {
         Some(format!("SDO block {direction}, {last} {}: {}", command & !LAST, text_or_hex(data)))
     }
 
-    /// Updates the transfers from a frame on the bus.
+    /// Updates the transfers with a frame on the bus.
     pub(super) fn observe(&mut self, frame: &Frame) {
         let (Id::Standard(id), Some(&bytes)) = (frame.id(), frame.eight()) else { return };
         let (from, node) = match classify(id) {

@@ -1,8 +1,9 @@
-//! Block transfers, frame by frame.
+//! Explanations of block transfers, frame by frame.
 
 use crate::explain::tests::{check, explainer, frame};
 
-/// The frames of other nodes' block transfers that identify themselves (CiA 301 7.2.4.3.9 on).
+/// Frames of block transfers between other nodes that can be recognised without earlier frames (CiA 301 7.2.4.3.9
+/// onwards).
 #[test]
 fn service_data_in_blocks() {
     check(&[
@@ -33,17 +34,17 @@ fn follow(cases: &[(&str, &str)]) {
     }
 }
 
-/// Segments look like other requests and answers: only the initiation before them identifies them (CiA 301 7.2.4.3.11).
+/// Segments look like other requests and responses; only the preceding initiation identifies them (CiA 301 7.2.4.3.11).
 #[test]
 fn the_segments_of_a_block_download() {
     follow(&[
         ("605: C6 00 20 01 12 00 00 00", "master → node 0x05: SDO block write 0x2000:1, 18 bytes"),
         ("585: A4 00 20 01 02 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 2"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
-        // another client and server are unaffected
+        // Another client and server are unaffected.
         ("606: 02 01 02 03 04 05 06 07", "master → node 0x06: SDO write, segment 01 02 03 04 05 06, toggle 0"),
         ("605: 02 41 42 43 44 45 46 47", "master → node 0x05: SDO block write, segment 2: \"ABCDEFG\""),
-        // the server lost a segment: it is repeated, with a number of the new block
+        // The server lost a segment; the client sends it again, with a sequence number of the new block.
         (
             "585: A2 01 7F 00 00 00 00 00",
             "node 0x05: SDO block write response, received up to segment 1, next block of 127",
@@ -87,7 +88,7 @@ fn the_segments_of_a_block_upload() {
 #[test]
 fn a_block_transfer_that_ends_early_names_nothing_after_it() {
     follow(&[
-        // refused
+        // Refused.
         (
             "620: A4 0A 10 00 7F 00 00 00",
             "master → valve: SDO block read 0x100A:0 (Manufacturer software version), blocks of 127",
@@ -97,20 +98,20 @@ fn a_block_transfer_that_ends_early_names_nothing_after_it() {
             "valve: SDO abort 0x100A:0 (Manufacturer software version): unknown command specifier (0x05040001)",
         ),
         ("5A0: 01 41 50 50 2D 5F 53 36", "valve: SDO read response, last segment \"APP-_S6\", toggle 0"),
-        // aborted between two segments, by either side
+        // Aborted between two segments, by either side.
         ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 127"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
         ("605: 80 00 20 01 00 00 00 08", "master → node 0x05: SDO abort 0x2000:1: general error (0x08000000)"),
         ("605: 02 01 02 03 04 05 06 07", "master → node 0x05: SDO write, segment 01 02 03 04 05 06, toggle 0"),
-        // abandoned by its client, which sends another request
+        // Abandoned by the client, which sends another request.
         ("585: A4 00 20 01 7F 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 127"),
         ("605: 40 18 10 01 00 00 00 00", "master → node 0x05: SDO read 0x1018:1"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO write, last segment 01 02 03 04 05 06 07, toggle 0"),
-        // a segment with an unexpected number
+        // A segment with an unexpected sequence number.
         ("585: A4 00 20 01 01 00 00 00", "node 0x05: SDO block write response 0x2000:1, blocks of 1"),
         ("605: 01 01 02 03 04 05 06 07", "master → node 0x05: SDO block write, segment 1: 01 02 03 04 05 06 07"),
         ("605: 02 01 02 03 04 05 06 07", "master → node 0x05: SDO write, segment 01 02 03 04 05 06, toggle 0"),
-        // acknowledgements without a segment
+        // Acknowledgements without a segment.
         (
             "585: A2 05 7F 00 00 00 00 00",
             "node 0x05: SDO block write response, received up to segment 5, next block of 127",

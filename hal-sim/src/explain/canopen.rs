@@ -1,5 +1,5 @@
-//! CANopen in the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, the first PDOs, heartbeat. SDO and
-//! LSS are in separate files.
+//! CANopen in the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, PDOs, heartbeat. `sdo` and `lss`
+//! explain the other services.
 
 use protocol_core::device::hat;
 use protocol_core::device::pve::FAULT_CODES;
@@ -31,7 +31,7 @@ pub(super) fn explain(id: StandardId, frame: &Frame, context: &Context<'_>) -> O
             None => text,
         }),
         0x7E5 => Some(format!("master: {}", lss::request(frame.eight()?))),
-        // PDOs 2 to 4, which the simulated devices lack
+        // PDOs 2 to 4, which the simulated devices do not support.
         0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF => {
             Some(format!("{}: TPDO {}: {}", context.sender(node), id >> 8, hex(data)))
         }
@@ -142,7 +142,7 @@ fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
     Some(format!("EMCY: {what}, register 0x{register:02X}, count {low}"))
 }
 
-/// Formats an error with its code.
+/// Formats an error name with the error code.
 fn named(what: &str, code: u16) -> String {
     format!("{what} (0x{code:04X})")
 }

@@ -1,4 +1,4 @@
-//! Explains faults, and the diagnostic messages of J1939-73 that list them (SPEC 3).
+//! Faults, and the J1939-73 diagnostic messages that list them (SPEC 3).
 
 use protocol_core::actuator::Fault;
 use protocol_core::device::pve::FAULT_CODES;
@@ -19,7 +19,7 @@ pub const fn fault(fault: Fault) -> &'static str {
     }
 }
 
-/// Explains a single-frame DM1 or DM2; `none` is the text if it lists no fault.
+/// Explains a single-frame DM1 or DM2. `none` is the text for a message without faults.
 pub(super) fn troubles(data: &[u8], none: &str) -> Option<String> {
     let (lamp, troubles) = dm::parse(data)?;
     let troubles: Vec<String> = troubles.map(|(dtc, count)| format!("{}, count {count}", trouble(dtc))).collect();

@@ -1,4 +1,4 @@
-//! The highlight of a frame, which selects its colour, and the frames that a trace may omit.
+//! The highlight of a frame, which determines its colour, and the cyclic frames that a trace may omit.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::wire::cob_id::{Function, LSS_ANSWER, LSS_REQUEST, NMT, classify};
@@ -9,16 +9,16 @@ use protocol_core::wire::uds::parse_id;
 
 use super::{Context, uds};
 
-/// The highlight of a frame.
+/// The highlight of a frame, which determines its colour in a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// No highlight.
     Plain,
-    /// A fault: an EMCY with an error, a DM1 with a trouble code.
+    /// A fault: an EMCY with an error, or a DM1 with a trouble code.
     Fault,
-    /// An identifier of a device, sent by a client.
+    /// A client uses an identifier of a device.
     Impersonation,
-    /// An unknown meaning.
+    /// The meaning of the frame is unknown.
     Unknown,
 }
 
@@ -32,9 +32,9 @@ pub(super) fn mark(frame: &Frame, context: &Context<'_>) -> Mark {
     }
 }
 
-/// Returns the node ID or address that a frame names as its source.
+/// Returns the node ID or address that the identifier of a frame contains as its source.
 fn source(frame: &Frame) -> Option<u8> {
-    // A remote frame has the identifier of the requested answer.
+    // A remote frame has the identifier of the requested frame.
     if frame.is_remote() {
         return None;
     }
@@ -59,7 +59,7 @@ fn tells_fault(frame: &Frame) -> bool {
     }
 }
 
-/// Returns whether a frame is a cyclic message, rather than a request, a response or a change, which are all shown.
+/// Returns whether a frame is a cyclic message. Requests, responses and changes of state are not cyclic.
 #[must_use]
 pub fn is_cyclic(frame: &Frame) -> bool {
     match frame.id() {

@@ -1,5 +1,5 @@
-//! J1939 messages on ISOBUS (SPEC 5): address claim, requests, acknowledgement, transport, AVC and AVEF; trouble codes
-//! are in `diagnostics`.
+//! J1939 messages on ISOBUS (SPEC 5): address claim, requests, acknowledgement, transport protocol, AVC and AVEF.
+//! `diagnostics` explains trouble codes.
 
 use protocol_core::frame::Frame;
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
@@ -10,16 +10,16 @@ use protocol_core::wire::valve::{Command, EstimatedFlow, Ignored, MAX_FLOW, Stat
 
 use super::{Context, diagnostics, hex};
 
-/// The lowest address of a valve; the low four bits of the address number its AVC and AVEF (SPEC 5).
+/// The lowest address of a valve. The low four bits of the address select its AVC and AVEF parameter groups (SPEC 5).
 const FIRST_VALVE: u8 = 0x80;
 
-/// The lowest groups of AVC and of AVEF.
+/// The lowest parameter group numbers of AVC and AVEF.
 const AVC: u32 = Pgn::avc(0).raw();
 const AVEF: u32 = Pgn::avef(0).raw();
-/// The distance of the highest group of AVC and AVEF from the lowest.
+/// The offset of the highest AVC or AVEF parameter group number from the lowest.
 const LAST: u32 = 0xF;
 
-/// The highest group of data page 0. Groups of other pages are not explained.
+/// The highest parameter group number of data page 0. Groups of other pages are not explained.
 const PAGE_END: u32 = 0xFFFF;
 
 pub(super) fn explain(id: u32, frame: &Frame, context: &Context<'_>) -> Option<String> {
@@ -72,7 +72,7 @@ fn valve(pgn: Pgn, context: &Context<'_>) -> String {
     party(Address::new(FIRST_VALVE | (pgn.raw() & LAST) as u8), context)
 }
 
-/// Returns the name of a group, if it has one.
+/// Returns the name of a parameter group, or its number.
 fn group(pgn: Pgn) -> String {
     match pgn {
         Pgn::ADDRESS_CLAIMED => "address claim".to_owned(),
@@ -120,7 +120,7 @@ fn broadcast(announcement: Announcement) -> String {
     format!("BAM, {} follows, {size} bytes in {packets} packets{sound}", group(pgn))
 }
 
-/// Explains a connection between two nodes (SAE J1939-21 5.10.3), which valves never open.
+/// Explains connection management of a transport session (SAE J1939-21 5.10.3). Valves never open such a session.
 fn connection(bytes: &[u8; 8]) -> String {
     let &[control, a, b, packets, _, low, middle, high] = bytes;
     let size = format!("{} bytes in {packets} packets", u16::from_le_bytes([a, b]));
@@ -159,7 +159,7 @@ fn estimated_flow(data: &[u8]) -> String {
     format!("AVEF {}, {flow}", state(told.state))
 }
 
-/// Returns the name of the state of an AVC or AVEF.
+/// Returns the name of the valve state in an AVC or AVEF.
 pub const fn state(state: State) -> &'static str {
     match state {
         State::Blocked => "blocked",

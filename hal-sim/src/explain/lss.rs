@@ -1,4 +1,4 @@
-//! LSS requests and answers (CiA 305 6.4).
+//! LSS requests and responses (CiA 305 6.4).
 
 use protocol_core::controller::BitRate;
 use protocol_core::wire::lss::{Bound, FastScan, NO_NODE_ID, Part, Request};
@@ -38,7 +38,7 @@ pub(super) fn request(bytes: &[u8; 8]) -> String {
     format!("LSS {text}")
 }
 
-/// Explains an answer. The command equals that of the request, except in the four answers to selection and
+/// Explains a response. Its command is that of the request, except in the four responses to selection and
 /// identification.
 pub(super) fn answer(bytes: &[u8; 8]) -> Option<String> {
     let &[command, error, ..] = bytes;

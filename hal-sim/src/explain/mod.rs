@@ -1,21 +1,21 @@
 //! Explains the meaning of a frame in one short line for the trace.
 //!
-//! An explanation depends on the frame and the table of devices only, so that a line is correct wherever the trace
-//! begins. Two exceptions need earlier frames: a segment of an SDO block transfer looks like other frames, and
-//! the answer to a write of the node ID by UDS does not name its sender. PDOs are decoded by the default mapping and
+//! An explanation depends only on the frame and the table of devices, so that it is correct wherever the trace begins.
+//! Two explanations need earlier frames: a segment of an SDO block transfer looks like other frames, and the response
+//! to a write of the node ID by UDS does not identify its sender. PDOs are decoded by the default mapping and
 //! identifiers (SPEC 4.1).
 //!
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
-//! sdo       SDO requests and answers                            lss      LSS requests and answers
+//! sdo       SDO requests and responses                          lss      LSS requests and responses
 //! block     SDO block transfers in progress
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
-//! recorded  devices of a recording that the user has not named, and its error frames
-//! highlight cyclic frames, faults, and frames under the identifier of another sender
+//! recorded  unnamed devices of a recording, and its error frames
+//! highlight cyclic frames, faults, and frames with an identifier of another sender
 //! ```
 //!
-//! Imports run one way: `canopen` → `sdo` → `object` → `valve`.
+//! Each of these modules imports only later ones: `canopen` → `sdo` → `object` → `valve`.
 
 mod block;
 mod canopen;
@@ -44,7 +44,7 @@ use self::uds::Writes;
 use crate::Kind;
 use crate::bus::{BusError, FaultEffect};
 
-/// A device in the explanations.
+/// A device as known to the explainer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Node {
     /// The name.
@@ -55,20 +55,20 @@ pub struct Node {
     pub node_id: Option<u8>,
 }
 
-/// Explains frames, given the devices on the bus.
+/// Explains frames, based on the devices on the bus.
 #[derive(Clone, Debug, Default)]
 pub struct Explainer {
     nodes: Vec<Node>,
     blocks: Blocks,
     writes: Writes,
-    /// The number of given nodes; the others were [learned](Self::learn).
+    /// The number of nodes given by the caller; the others were [learned](Self::learn).
     given: usize,
-    /// The evidence for the learned nodes.
+    /// The evidence for each learned node.
     learned: BTreeMap<u8, Evidence>,
 }
 
 impl Explainer {
-    /// Creates an explainer for these devices.
+    /// Creates an explainer for the given devices.
     #[must_use]
     pub fn new(nodes: Vec<Node>) -> Self {
         Self { given: nodes.len(), nodes, ..Self::default() }
@@ -85,21 +85,21 @@ impl Explainer {
         &mut self.nodes
     }
 
-    /// Updates the explainer by a frame on the bus, after the frame's own explanation: it identifies later segments of
-    /// an SDO block transfer, and the sender of the answer to a write of the node ID.
+    /// Records a frame, after the frame itself has been explained. Later segments of an SDO block transfer and the
+    /// answer to a write of the node ID can then be explained.
     pub fn observe(&mut self, frame: &Frame) {
         self.blocks.observe(frame);
         self.writes.observe(frame);
     }
 
-    /// Returns the meaning of a frame. `from` is the name of its sender, if known: a device is then named regardless of
-    /// its identifier, and a client that uses the identifier of a device is not taken for it.
+    /// Explains a frame. `from` is the name of its sender, if known: a device is then named regardless of the
+    /// identifier, and a client is not mistaken for the device whose identifier it uses.
     #[must_use]
     pub fn explain(&self, frame: &Frame, from: Option<&str>) -> String {
         self.meaning(frame, &self.context(from)).unwrap_or_else(|| "unknown".to_owned())
     }
 
-    /// Returns the meaning of a frame, as [`explain`](Self::explain) does, and its highlight.
+    /// Explains a frame, as [`explain`](Self::explain) does, and selects its highlight.
     #[must_use]
     pub fn explain_and_mark(&self, frame: &Frame, from: Option<&str>) -> (String, Mark) {
         let context = self.context(from);
@@ -128,7 +128,7 @@ impl Explainer {
     }
 }
 
-/// Returns the meaning of an error frame that destroyed `frame`.
+/// Explains an error frame that destroyed `frame`.
 #[must_use]
 pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
     let why = match error {
@@ -139,7 +139,7 @@ pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
     format!("error frame: {why} {frame} from {from}")
 }
 
-/// Returns what a communication fault did to `frame`.
+/// Explains the effect of a communication fault on `frame`.
 #[must_use]
 pub fn explain_fault(fault: &str, frame: &Frame, effect: &FaultEffect, from: &str) -> String {
     match effect {
@@ -153,7 +153,7 @@ struct Context<'a> {
     nodes: &'a [Node],
     blocks: &'a Blocks,
     writes: &'a Writes,
-    /// The device that sent the frame.
+    /// The device that sent the frame, if known.
     sender: Option<&'a Node>,
     /// Whether a client sent the frame.
     from_client: bool,
@@ -170,13 +170,13 @@ impl Context<'_> {
         self.node(id).map_or_else(|| format!("node 0x{id:02X}"), |node| node.name.clone())
     }
 
-    /// Returns the name of the sender of a frame with a node ID in its identifier.
+    /// Returns the name of the sender of a frame whose identifier contains this node ID.
     fn sender(&self, id: u8) -> String {
         self.sender_or(id, || self.name(id))
     }
 
-    /// Returns the name of the sender of a frame with a node ID in its identifier; `otherwise` if no device has that
-    /// node ID.
+    /// Returns the name of the sender of a frame whose identifier contains this node ID; `otherwise` provides the name
+    /// if no device has the node ID.
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),
@@ -185,12 +185,12 @@ impl Context<'_> {
         }
     }
 
-    /// Returns the device whose node ID a client uses.
+    /// Returns the device whose node ID is used by a client.
     fn impersonated(&self, id: u8) -> Option<&Node> {
         self.node(id).filter(|_| self.from_client)
     }
 
-    /// Returns the sender of commands: another device by its name, or the master.
+    /// Returns the sender of a command: the name of the sending device, or the master.
     fn commander(&self) -> &str {
         self.sender.map_or("master", |sender| &sender.name)
     }

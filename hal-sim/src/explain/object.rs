@@ -16,19 +16,19 @@ fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
     }
 }
 
-/// Returns the index, the sub-index of an array or record, and the name of a known object.
+/// Returns the index, the sub-index of an array or record, and the name of an object if known.
 pub(super) fn object(object: Multiplexer, kind: Option<Kind>) -> String {
     let Multiplexer { index, sub } = object;
     let number = format!("0x{index:04X}:{sub}");
     entry(object, kind).map_or(number.clone(), |entry| format!("{number} ({})", entry.name))
 }
 
-/// Returns the size of a numeric object, in bytes.
+/// Returns the size of an object in bytes; `None` if it is not numeric.
 pub(super) fn size(object: Multiplexer, kind: Option<Kind>) -> Option<u8> {
     entry(object, kind).filter(|entry| !entry.is_text()).map(Entry::size)
 }
 
-/// Formats the value of an object by its type in the dictionary; bytes of another length are shown in hex.
+/// Formats the value of an object according to its data type. Bytes of an unexpected length are shown in hex.
 pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> String {
     if size(object, kind).is_some_and(|size| usize::from(size) != bytes.len()) {
         return raw(bytes);
@@ -37,7 +37,7 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
     let Value::Number(number) = entry.value(bytes) else { return text_or_hex(bytes) };
     match (object.index, object.sub) {
         (0x6003 | 0x6004, _) if matches!(kind, Some(Kind::Hat(_))) => angle(number),
-        // signatures are texts: "save", "load"
+        // Signatures are strings: "save", "load".
         (0x1010 | 0x1011, 1..) => text_or_hex(bytes),
         (0x6040, _) => format!("0x{number:04X} ({})", command(number as u16)),
         (0x6041, _) => format!("0x{number:04X} ({})", state(number as u16)),
@@ -59,7 +59,7 @@ pub(super) fn angle(position: u32) -> String {
     format!("{position} ({:.2}°)", f64::from(position) * 360.0 / f64::from(encoder::STEPS))
 }
 
-/// Formats the data of an unknown object: up to four bytes as a number.
+/// Formats the data of an unknown object, up to four bytes as a number.
 fn raw(bytes: &[u8]) -> String {
     match bytes {
         [_] | [_, _] | [_, _, _, _] => {

@@ -1,4 +1,4 @@
-//! Recordings without named devices: detects the devices from their frames, and explains error frames in Linux format.
+//! Recordings without named devices: identifies the devices by their frames, and explains error frames in Linux format.
 
 use protocol_core::device::pve::DeviceState;
 use protocol_core::device::{hat, pve};
@@ -12,28 +12,28 @@ use super::{Explainer, Node};
 use crate::Kind;
 use crate::log::ErrorFrame;
 
-/// The kinds that represent all CANopen valves, all angle sensors and all ISOBUS valves: the kinds of a family share
-/// the meanings of frames.
+/// The kinds that represent all CANopen valves, all angle sensors and all ISOBUS valves. Frames have the same meaning
+/// for all kinds of a family.
 const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const SENSOR: Kind = Kind::Hat(hat::Kind::Hat1000);
 const ISOBUS_VALVE: Kind = Kind::Pve(pve::Kind::PveaIsobus);
 
-/// The device profile in the low half of object 0x1000: CiA 408, fluid power; CiA 406, encoders.
+/// The device profile numbers in the low half of object 0x1000: CiA 408 for fluid power, CiA 406 for encoders.
 const FLUID_POWER: u16 = 408;
 const ENCODER: u16 = 406;
 
-/// The evidence of a sender's kind in a frame.
+/// The strength of the evidence for a sender's kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Evidence {
-    /// A PDO that resembles a valve's.
+    /// The sender sent a PDO that resembles a valve's.
     Likeness,
-    /// An object or a NAME that no other kind of device has.
+    /// The sender uses an object or a NAME that is unique to its kind.
     Proof,
 }
 
 impl Explainer {
-    /// Learns the kind of a frame's sender, which determines the explanations of its frames. Given devices are
-    /// unchanged. Call this before explaining the frame.
+    /// Learns the kind of a frame's sender, which determines how its frames are explained. Must be called before the
+    /// frame is explained. Given devices are unchanged.
     pub fn learn(&mut self, frame: &Frame) {
         let Some((id, kind, evidence)) = told(frame) else { return };
         if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {
@@ -55,7 +55,7 @@ impl Explainer {
     }
 }
 
-/// Returns the node ID or address of a sender, its kind, and the evidence.
+/// Determines the node ID or address of the sender of a frame, its kind, and the evidence.
 fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     match frame.id() {
         Id::Standard(id) => {
@@ -76,7 +76,7 @@ fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     }
 }
 
-/// Returns the kind with the object that was read or written.
+/// Returns the kind of device that has the object read or written.
 fn by_object(answer: Answer) -> Option<Kind> {
     match answer {
         Answer::UploadExpedited { object: Multiplexer { index: 0x1000, .. }, data, .. } => match data as u16 {
@@ -93,14 +93,14 @@ fn by_object(answer: Answer) -> Option<Kind> {
     }
 }
 
-/// Recognises the status word and position of the default mapping.
+/// Returns the kind that has the status word and position of the default mapping in a PDO.
 fn by_pdo(data: &[u8]) -> Option<Kind> {
     let &[a, b, _, _] = data else { return None };
     let word = u16::from_le_bytes([a, b]);
     DeviceState::ALL.into_iter().any(|state| state.status_word() == word).then_some(VALVE)
 }
 
-/// Returns whether a NAME has the manufacturer and the function of the valves.
+/// Returns whether a NAME contains the manufacturer code and the function of the valves.
 fn is_valve(name: Name) -> bool {
     const MANUFACTURER: u16 = 57;
     const FUNCTION: u8 = 255;
@@ -108,7 +108,7 @@ fn is_valve(name: Name) -> bool {
     (fields.manufacturer_code, fields.function) == (MANUFACTURER, FUNCTION)
 }
 
-/// Returns the meaning of an error frame in a recording (`linux/can/error.h`).
+/// Explains an error frame in a recording (`linux/can/error.h`).
 #[must_use]
 pub fn explain_error_frame(error: &ErrorFrame) -> String {
     const CLASSES: [(u32, &str); 9] = [
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
     use crate::log::ErrorClass;
 
-    /// Returns the explanation of a frame after some earlier frames.
+    /// Explains a frame after some earlier frames.
     fn said(before: &[&str], text: &str) -> String {
         let mut explainer = Explainer::default();
         for text in before.iter().chain([&text]) {
@@ -160,7 +160,7 @@ mod tests {
         explainer.explain(&text.parse().unwrap(), None)
     }
 
-    /// The identifiers of valves and angle sensors overlap.
+    /// Valves and angle sensors share identifiers.
     #[test]
     fn frames_tell_what_a_device_is() {
         const PDO: &str = "1A0: 0A 10 00 00";
@@ -183,7 +183,7 @@ mod tests {
                 "{frame}"
             );
         }
-        // A device with another profile, another node, and a refusal.
+        // A device with another profile, another node ID, and an abort.
         for frame in ["5A0: 43 00 10 00 92 01 00 00", "5A1: 43 00 10 00 98 01 00 00", "5A0: 80 01 63 01 00 00 02 06"] {
             assert_eq!(said(&[frame], EMCY), said(&[], EMCY), "{frame}");
         }

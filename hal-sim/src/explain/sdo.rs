@@ -1,4 +1,4 @@
-//! SDO requests and answers (CiA 301 7.2.4).
+//! SDO requests and responses (CiA 301 7.2.4).
 
 use protocol_core::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
@@ -12,7 +12,7 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         Request::UploadSegment { toggle } => format!("SDO read, next segment, toggle {}", u8::from(toggle)),
         Request::DownloadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
-            // The command has no size; the size of the object applies.
+            // The command does not indicate a size, so the size of the object applies.
             let size = size.or_else(|| object::size(target, kind)).map_or(4, usize::from);
             let bytes = bytes.get(..size).unwrap_or(&bytes);
             format!("SDO write {} = {}", object(target, kind), value(target, bytes, kind))
@@ -47,7 +47,7 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// Explains the requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the simulated devices refuse.
+/// Explains a request of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the simulated devices refuse.
 /// `block` explains the segments.
 fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
@@ -63,7 +63,7 @@ fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// Explains the answers of a block transfer.
+/// Explains a response of a block transfer.
 fn block_answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
@@ -98,7 +98,7 @@ fn segment(part: &Segment) -> String {
 }
 
 fn abort(object: &str, code: AbortCode) -> String {
-    // Abort codes of other nodes, beside those of the simulated devices (CiA 301 table 22).
+    // Abort codes of other nodes, in addition to those of the simulated devices (CiA 301 table 22).
     let meaning = match code.0 {
         0x0504_0002 => "invalid block size",
         0x0504_0003 => "invalid sequence number",

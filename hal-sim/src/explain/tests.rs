@@ -49,7 +49,7 @@ fn network_management() {
         ("080:", "SYNC"),
         ("080: 07", "SYNC, counter 7"),
         ("080: 07 00", "unknown"),
-        // 12:34:56.789 on the first day of 2026; the upper four bits are reserved
+        // 12:34:56.789 on the first day of 2026; the upper four bits are reserved.
         ("100: 95 2C B3 F2 ED 3B", "TIME 12:34:56.789, day 15341 since 1984-01-01"),
     ]);
 }
@@ -148,7 +148,7 @@ fn service_data() {
         ("620: 20 53 60 00 00 00 00 00", "master → valve: SDO write 0x6053:0 (Device description), in segments"),
         ("620: 00 00 01 02 03 04 05 06", "master → valve: SDO write, segment 00 01 02 03 04 05 06, toggle 0"),
         ("620: 0F 00 00 00 00 00 00 00", "master → valve: SDO write, last segment without data, toggle 0"),
-        // a size that differs from the object's, and none
+        // A size that differs from the object's, and no size.
         ("620: 2F 40 60 00 0F 00 00 00", "master → valve: SDO write 0x6040:0 (Device control word) = 0x0F"),
         (
             "620: 22 40 60 00 0F 00 00 00",
@@ -227,7 +227,7 @@ fn diagnostics() {
     ]);
 }
 
-/// The answer has one identifier for all node IDs: the one of other answers from node 0x81.
+/// The response has the same identifier for all node IDs: that of other responses from node 0x81.
 #[test]
 fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
     let mut explainer = explainer();
@@ -252,7 +252,7 @@ fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
     }
     assert_eq!(explain(&mut explainer, "1BC408F1: 03 6E 10 01"), any);
     assert_eq!(explain(&mut explainer, "1BC408F1: 03 6E 10 01"), any);
-    // On the simulated bus the sender is known.
+    // On a simulated bus, the sender is known.
     let told = explainer.explain(&written, Some("rear"));
     assert_eq!(told, "rear → tool 0xF1: UDS write response 0x1001 (node ID)");
 }
@@ -397,7 +397,8 @@ fn error_frames() {
     assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 from valve");
 }
 
-/// The manufacturer defines the bytes after the register, and other manufacturers have other codes than the stand-ins.
+/// The manufacturer defines the bytes after the register, and other manufacturers use other codes than the simulated
+/// devices.
 #[test]
 fn emergencies_of_foreign_nodes() {
     check(&[

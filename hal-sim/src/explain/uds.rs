@@ -8,7 +8,7 @@ use protocol_core::wire::uds::{Address, Identifier, NegativeCode, READ, WRITE, p
 
 use super::{Context, hex, text_or_hex};
 
-/// The bit of a positive answer in the service, and the first byte of a negative one (ISO 14229-1).
+/// The flag of a positive response in the service identifier, and the first byte of a negative response (ISO 14229-1).
 const POSITIVE: u8 = 0x40;
 const NEGATIVE: u8 = 0x7F;
 const WRITTEN: u8 = WRITE | POSITIVE;
@@ -47,26 +47,26 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     Some(format!("{parties}: UDS {meaning}{length}"))
 }
 
-/// The devices with a pending write of their node ID, because the answer does not identify its sender.
+/// The devices with a pending write of their node ID. The response does not identify its sender.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Writes(BTreeSet<u8>);
 
 impl Writes {
-    /// Updates the pending writes from a frame on the bus.
+    /// Updates the pending writes with a frame on the bus.
     pub(super) fn observe(&mut self, frame: &Frame) {
         let Id::Extended(id) = frame.id() else { return };
         let (Some((_, destination)), Some((message, _))) = (parse_id(id.as_raw()), single_frame(frame.data())) else {
             return;
         };
         if answers_write(id.as_raw(), message) {
-            // With several pending writes, any of the devices may have answered.
+            // With several pending writes, any of the devices may have responded.
             self.0.clear();
         } else if let [WRITE, 0x10, 0x01, ..] = message {
             self.0.extend(device(destination));
         }
     }
 
-    /// Returns the name of the device that was asked.
+    /// Returns the name of the device with the pending write.
     fn asked(&self, context: &Context<'_>) -> String {
         match self.0.iter().collect::<Vec<_>>()[..] {
             [id] => context.name(*id),
@@ -75,20 +75,20 @@ impl Writes {
     }
 }
 
-/// Returns whether a message is the answer to a write of the node ID, whose identifier all valves share.
+/// Returns whether a message is the response to a write of the node ID. All valves share its identifier.
 fn answers_write(id: u32, message: &[u8]) -> bool {
     id == NODE_ID_ANSWER && matches!(message, [WRITTEN, 0x10, 0x01] | [NEGATIVE, WRITE, ..])
 }
 
-/// The highest node number of a device: an address on ISOBUS.
+/// The highest node number of a device, which is an address on ISOBUS.
 const LAST_DEVICE: u8 = 0x8F;
 
-/// Returns the name of a device, or the address of a tool.
+/// Returns the name of a device, or the address of a diagnostic tool.
 fn party(address: Address, context: &Context<'_>) -> String {
     device(address).map_or_else(|| format!("tool 0x{:02X}", address.raw()), |id| context.name(id))
 }
 
-/// Returns the device number of an address.
+/// Returns the node number of a device's UDS address; `None` for any other address.
 pub(super) fn device(address: Address) -> Option<u8> {
     u8::try_from(address.raw()).ok().filter(|id| (1..=LAST_DEVICE).contains(id))
 }
@@ -111,7 +111,7 @@ fn identifier(bytes: &[u8]) -> String {
     format!("0x{id:04X}{name}")
 }
 
-/// Formats the content of a data identifier; versions are strings.
+/// Formats the value of a data identifier; versions are strings.
 fn content(identifier: &[u8], value: &[u8]) -> String {
     if matches!(identifier, [0xF1, 0x93 | 0x95]) { text_or_hex(value) } else { hex(value) }
 }

@@ -1,13 +1,13 @@
-//! Data of the valve common to PDOs and objects: control word, status word, set-point and position (SPEC 4.3).
+//! Valve data common to PDOs and objects: control word, status word, set-point and position (SPEC 4.3).
 
 use protocol_core::device::pve::DeviceState;
 
 /// The scale of set-points and positions: ±100 %.
 const FULL: i16 = 16_384;
-/// The set-point and position of float.
+/// The value of a set-point or position that stands for float.
 const FLOAT: i16 = 32_767;
 
-/// Returns the command in the low bits of a control word (SPEC 4.3): reset, mode active, hold, disabled.
+/// Returns the command in the low bits of a control word: reset, mode active, hold, disabled (SPEC 4.3).
 pub(super) const fn command(word: u16) -> &'static str {
     match word & 0x0F {
         0b0000 | 0b1000 => "initialise",
@@ -19,7 +19,7 @@ pub(super) const fn command(word: u16) -> &'static str {
     }
 }
 
-/// Returns the state in a status word.
+/// Returns the state indicated by a status word.
 pub(super) fn state(word: u16) -> &'static str {
     match DeviceState::ALL.into_iter().find(|state| state.status_word() == word) {
         Some(DeviceState::Init) => "INIT",
@@ -31,7 +31,7 @@ pub(super) fn state(word: u16) -> &'static str {
     }
 }
 
-/// Returns a set-point or a position in percent, or float.
+/// Formats a set-point or position in percent, or as float.
 pub(super) fn stroke(raw: i16) -> String {
     match raw {
         FLOAT => "float".to_owned(),

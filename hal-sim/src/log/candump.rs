@@ -10,8 +10,8 @@ use super::{Entry, ErrorFrame, Timestamp, write_hex};
 /// The error-frame flag in a Linux CAN identifier.
 pub const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// Writes a frame without line end. A 29-bit identifier has eight digits; a remote frame has `R` and a non-zero length
-/// instead of data.
+/// Writes a frame without a line end. A 29-bit identifier has eight digits. A remote frame has `R` and its length, if
+/// above 0, instead of data.
 pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
     // Writing to a string cannot fail.
     let _ = match frame.id() {
@@ -27,14 +27,14 @@ pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
     write_hex(out, frame.data());
 }
 
-/// Writes an error frame without line end: the class with the error-frame flag, and the eight bytes of details.
+/// Writes an error frame without a line end: the class with the error-frame flag, and eight data bytes.
 pub fn write_error(out: &mut String, at: Timestamp, bus: &str, error: impl Into<ErrorFrame>) {
     let ErrorFrame { class, data } = error.into();
     let data = u64::from_be_bytes(data);
     let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class);
 }
 
-/// Writes a frame or an error frame without line end.
+/// Writes a frame or an error frame without a line end.
 pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     match entry {
         Entry::Frame(frame) => write_frame(out, at, bus, frame),
@@ -42,16 +42,16 @@ pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     }
 }
 
-/// The reason why a line contains no entry.
+/// The reason why a line cannot be parsed.
 pub type Reason = &'static str;
 
-/// The reason for rejecting a CAN FD frame, in each format.
+/// The message for CAN FD frames, in all recording formats.
 pub(crate) const FD: Reason = "CAN FD frames are not supported";
 
 pub(crate) const NO_LINE: Reason = "not a candump line";
 
-/// Parses a line of the log or screen format into the time, if any, the bus name, and the entry. In the log format, the
-/// direction `R` or `T` may follow the frame, or two blanks and the explanation of `pve-sim`.
+/// Parses a line in log or screen format. Returns the time, if any, the bus name, and the entry. In log format, the
+/// frame may be followed by the direction `R` or `T`, or by two blanks and the explanation written by `pve-sim`.
 ///
 /// # Errors
 /// The reason why the line contains no entry.
@@ -110,18 +110,18 @@ fn number(digits: &str) -> Result<Number, Reason> {
     id.map(Number::Of).ok_or("identifier out of range")
 }
 
-/// Returns whether a text consists of hex digits only, because number parsers also accept a sign.
+/// Returns whether a text consists of hex digits only. Number parsers also accept a sign.
 fn is_hex(text: &str) -> bool {
     text.bytes().all(|digit| digit.is_ascii_hexdigit())
 }
 
-/// Parses a log line after the bus name.
+/// Parses a line in log format, from the identifier onwards.
 fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     let id = number(id)?;
     if data.starts_with('#') {
         return Err(FD);
     }
-    // Newer versions append a length code above 8, which stands for 8 bytes.
+    // Newer candump versions append a data length code above 8, which stands for 8 bytes.
     let data = data.split_once('_').map_or(data, |(data, _)| data);
     if let Some(length) = data.strip_prefix(['R', 'r']) {
         return remote(id, if length.is_empty() { "0" } else { length });
@@ -132,7 +132,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
 }
 
-/// Parses a screen line from the length on.
+/// Parses a line in screen format, from the length onwards.
 fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let (length, rest) = word(rest);
     let length = length.strip_prefix('[').and_then(|length| length.strip_suffix(']')).ok_or(NO_LINE)?;
@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(line(ErrorClass::Restarted), "(0.000005) pve0 20000100#0000000000000000");
     }
 
-    /// Written lines are parsed, whatever follows the frame.
+    /// Written lines can be parsed, with any text after the frame.
     #[test]
     fn a_log_is_read_as_it_was_written() {
         for text in ["5A0: 43 18 10 01 19 00 00 01", "080:", "00000080: 01", "720: R0", "00000720: R8", "7FF: R1"] {
@@ -232,7 +232,7 @@ mod tests {
         assert_eq!(parse(&line), Ok((Some(Timestamp::from_micros(5)), "can0", error)));
     }
 
-    /// Lines with and without -t, -x and -a.
+    /// Parses lines written with and without -t, -x and -a.
     #[test]
     fn the_screen_is_read() {
         let at = Some(Timestamp::from_micros(1_700_000_000_000_042));

@@ -1,7 +1,7 @@
-//! Entries of a log: frames and error frames with their times, and the notation of candump for them.
+//! Log entries: frames and error frames with their times, in candump notation.
 //!
 //! ```text
-//! record     an entry                       timestamp  the time of a frame
+//! record     a log entry                    timestamp  the time of a frame
 //! candump    a line of candump -L
 //! ```
 
@@ -13,7 +13,7 @@ pub use candump::{write_error, write_frame};
 pub use record::{Entry, ErrorFrame, Record};
 pub use timestamp::{ParseTimestampError, Timestamp};
 
-/// Writes bytes in hex, two digits each, without blanks.
+/// Writes bytes as two hex digits each, without blanks.
 pub fn write_hex(out: &mut String, bytes: &[u8]) {
     const DIGITS: [char; 16] = ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'A', 'B', 'C', 'D', 'E', 'F'];
     for byte in bytes {
@@ -54,11 +54,11 @@ impl ErrorClass {
         }
     }
 
-    /// Returns the data bytes of the error frame; byte 1 holds the controller state.
+    /// Returns the data bytes of the error frame. Byte 1 contains the controller state.
     #[must_use]
     pub const fn data(self) -> [u8; 8] {
         let controller = match self {
-            // one bit each for the receive and the transmit error counter
+            // One bit each for the receive and the transmit error counter.
             Self::ErrorPassive => 0x30,
             Self::ErrorActive => 0x40,
             Self::TransmitOverflow => 0x02,

@@ -7,9 +7,9 @@ use super::{ErrorClass, Timestamp};
 /// A record of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// The end of the frame.
+    /// The time at the end of the frame.
     pub at: Timestamp,
-    /// The entry.
+    /// The frame or error frame.
     pub entry: Entry,
 }
 
@@ -27,7 +27,7 @@ pub enum Entry {
 pub struct ErrorFrame {
     /// The classes, one bit each in 29 bits; 0 for formats without classes.
     pub class: u32,
-    /// The details.
+    /// The data bytes with the error details.
     pub data: [u8; 8],
 }
 

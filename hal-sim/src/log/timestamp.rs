@@ -30,7 +30,7 @@ impl Timestamp {
         Self(u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
     }
 
-    /// Converts a virtual instant to a time, for a world that started at `self`.
+    /// Converts virtual time to a timestamp, for a world that started at `self`.
     #[must_use]
     pub const fn at(self, instant: Instant) -> Self {
         Self(self.0.saturating_add(instant.as_micros()))
@@ -43,7 +43,7 @@ impl fmt::Display for Timestamp {
     }
 }
 
-/// Parses the format of [`Display`](fmt::Display) and truncates digits beyond microseconds.
+/// Parses the output of [`Display`](fmt::Display). Digits beyond microseconds are ignored.
 impl FromStr for Timestamp {
     type Err = ParseTimestampError;
 
@@ -60,7 +60,7 @@ impl FromStr for Timestamp {
     }
 }
 
-/// The error for a text that is not a time in seconds, or is later than 584,000 years.
+/// The text is not a time in seconds, or is later than 584,000 years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a timestamp in seconds")]
 pub struct ParseTimestampError;

@@ -1,4 +1,5 @@
-//! The cells of a flash, stored only up to the last written one to save RAM on hosts with hundreds of devices.
+//! The cells of a flash. Only the cells up to the last written one are stored, which saves RAM with hundreds of
+//! devices.
 
 /// The size of a sector, the unit of erasing, in bytes: sectors 12 and 13 of the board's STM32F429.
 pub const SECTOR: usize = 16 * 1024;
@@ -7,14 +8,14 @@ pub const SIZE: usize = 2 * SECTOR;
 /// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The cells of each sector up to the last written one; all further cells are erased.
+/// The cells of each sector up to the last written one. All further cells are erased.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     sectors: [Vec<u8>; SIZE / SECTOR],
 }
 
 impl Cells {
-    /// Creates the cells from an image of the whole flash.
+    /// Creates the cells from an image of the complete flash.
     pub(super) fn of(image: &[u8]) -> Self {
         let mut cells = Self::default();
         for (sector, content) in cells.sectors.iter_mut().zip(image.chunks(SECTOR)) {
@@ -39,7 +40,7 @@ impl Cells {
         }
     }
 
-    /// Returns cells within one sector, mutably.
+    /// Returns mutable cells within one sector.
     pub(super) fn change(&mut self, start: usize, len: usize) -> &mut [u8] {
         let (sector, place) = (&mut self.sectors[start / SECTOR], start % SECTOR);
         if sector.len() < place + len {

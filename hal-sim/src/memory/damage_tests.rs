@@ -1,4 +1,4 @@
-//! Damage that looks like an entry, of any length (SPEC 6): entries behind it are found, and the memory remains
+//! Damage of any length that looks like an entry (SPEC 6): entries behind it are found, and the memory remains
 //! writable.
 
 use super::tests::{held, numbered, payload, record, with_history};
@@ -7,10 +7,10 @@ use super::*;
 /// The header of an entry: mark, key, length, beginning flag, sequence number and checksum.
 const HEADER: usize = 12;
 
-/// Possible lengths of an entry, and impossible ones.
+/// Valid and invalid lengths of an entry.
 const LENGTHS: [u8; 7] = [0, 1, 40, 127, 128, 129, 255];
 
-/// Returns the offsets of the entries in the first sector, and of the next one.
+/// Returns the offsets of the entries in the first sector, and of the free space after them.
 fn items(flash: &Flash) -> Vec<usize> {
     let mut starts = vec![0];
     loop {
@@ -24,14 +24,14 @@ fn items(flash: &Flash) -> Vec<usize> {
     }
 }
 
-/// Writes the header of an entry with this length, and with the newest sequence number.
+/// Writes the header of an entry with this length and the newest sequence number.
 fn with_header(flash: &Flash, at: usize, length: u8) -> Flash {
     let mut image = flash.image();
     image[at..at + HEADER].copy_from_slice(&[0x4E, 3, length, 0, 0, 0, 0, 0x7F, 0x11, 0x11, 0x11, 0x11]);
     Flash::from_image(image).unwrap()
 }
 
-/// Stores each record but the factory's, until the sector changes; checks that nothing is lost.
+/// Stores each record except the factory record until the sector changes, and checks that nothing is lost.
 #[track_caller]
 fn lives_on(memory: &mut Memory, factory: &Option<Vec<u8>>, what: &str) {
     let mut expected = [const { None }; RecordKey::ALL.len()];
@@ -115,7 +115,7 @@ fn a_sector_that_makes_no_sense_beside_one_that_does() {
     for count in [8, 160] {
         let (memory, newest) = with_history(count);
         let used = if memory.flash().erases() == 0 { 0 } else { SECTOR };
-        // The last two are the marks of a full sector, and of one in use.
+        // The last two are the marks of a full sector and of a sector in use.
         let marks = [(ERASED, 0), (ERASED, ERASED), (0, 0), (0, ERASED)];
         for (seed, (front, end)) in marks.into_iter().cycle().take(8).enumerate() {
             let mut random = fastrand::Rng::with_seed(seed as u64);
@@ -159,7 +159,7 @@ fn nothing_is_lost_in_a_gap_between_items() {
             image[*from..*to].fill(ERASED);
             let mut memory = Memory::with_flash(Flash::from_image(image).unwrap());
             let mut stored = Vec::new();
-            // The first record stored lies in the gap, and the later ones close it.
+            // The first record stored is in the gap, and the later ones close it.
             for number in 100..106 {
                 let key = RecordKey::ALL[1 + number as usize % 5];
                 memory.store(key, &record(&numbered(number))).unwrap();
@@ -190,7 +190,7 @@ fn a_sector_without_its_mark_keeps_its_items() {
     }
 }
 
-/// Entries behind the lost beginning of a sector are found.
+/// Entries after the lost beginning of a sector are found.
 #[test]
 fn what_lies_behind_a_lost_begin_is_there() {
     let mut memory = Memory::in_ram();
@@ -198,7 +198,7 @@ fn what_lies_behind_a_lost_begin_is_there() {
         memory.store(key, &record(&[])).unwrap();
     }
     let mut image = memory.flash().image();
-    // The first inventory, and the header of the first record.
+    // The first inventory and the header of the first record.
     image[..28].fill(ERASED);
     let mut memory = Memory::with_flash(Flash::from_image(image).unwrap());
     for stored in [false, true] {

@@ -1,4 +1,4 @@
-//! A NOR flash in RAM with the geometry of the board's flash, including its failures.
+//! A NOR flash in RAM with the geometry and the failures of the board's flash.
 
 use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -9,7 +9,7 @@ use super::cells::{Cells, ERASED, SECTOR, SIZE};
 /// The size of a word, the unit of writing, in bytes.
 pub const WORD: usize = 4;
 
-/// A NOR flash in RAM: two sectors, words of four bytes; writing only clears bits.
+/// A NOR flash in RAM with two sectors of four-byte words. A write can only clear bits.
 #[derive(Clone, Debug)]
 pub struct Flash {
     cells: Cells,
@@ -22,8 +22,8 @@ pub struct Flash {
     noise: fastrand::Rng,
 }
 
-/// The result of an erase that a power cut or a failure interrupts. In a real flash, each cell may end anywhere between
-/// its old value and erased; these variants are the extremes (A).
+/// The result of an erase interrupted by a power cut or a failure. In a real flash, each cell may have any level
+/// between its old value and erased; these variants are the extremes (A).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TornErase {
     /// The front of the sector is erased, followed by one partly erased word; the rest is unchanged.
@@ -31,16 +31,16 @@ pub enum TornErase {
     Front,
     /// The back of the sector is erased, preceded by one partly erased word; the rest is unchanged.
     Back,
-    /// All bits are 0, because an erase first programs all bits.
+    /// All bits are 0, because an erase starts by programming all bits.
     Zeros,
     /// All bits are random.
     Noise,
-    /// Some 0 bits are erased at random: the erase had hardly begun.
+    /// Some 0 bits are erased at random, as at the beginning of an erase.
     Faded,
 }
 
 impl TornErase {
-    /// All torn-erase results.
+    /// All possible results of a torn erase.
     pub const ALL: [Self; 5] = [Self::Front, Self::Back, Self::Zeros, Self::Noise, Self::Faded];
 
     fn tear(self, sector: &mut [u8], noise: &mut fastrand::Rng) {
@@ -60,7 +60,7 @@ impl TornErase {
             };
         }
         if self == Self::Faded {
-            // The probability that a bit is erased is between 1/2 and 1/256.
+            // Each bit is erased with a probability between 1/2 and 1/256.
             let halvings = noise.u32(1..=8);
             for cell in sector {
                 *cell |= (0..halvings).fold(ERASED, |bits, _| bits & noise.u8(..));
@@ -72,7 +72,7 @@ impl TornErase {
 /// The faults of a flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Faults {
-    /// Writes and erases fail without a change.
+    /// Whether writes and erases fail without changing the content.
     write_fails: bool,
     /// The number of word writes and erases left before a power cut.
     power_for: Option<u64>,
@@ -89,7 +89,7 @@ pub enum FlashError {
     /// The address is not on a word or sector boundary.
     #[error("not aligned")]
     NotAligned,
-    /// The address is beyond the end.
+    /// The address is beyond the end of the flash.
     #[error("out of bounds")]
     OutOfBounds,
     /// The write or the erase failed.
@@ -147,7 +147,7 @@ impl Flash {
         &self.cells
     }
 
-    /// Replaces the content; counters and faults stay.
+    /// Replaces the content; counters and faults are unchanged.
     pub(super) fn set_cells(&mut self, cells: Cells) {
         self.cells = cells;
     }
@@ -187,14 +187,14 @@ impl Flash {
         self.faults.write_fails
     }
 
-    /// Plans a power cut after `operations` further word writes and sector erases. The next operation is torn, and all
-    /// operations fail until [`restore_power`](Self::restore_power).
+    /// Plans a power cut after `operations` further word writes and sector erases. The operation after them is torn,
+    /// and all later ones fail until [`restore_power`](Self::restore_power).
     pub const fn cut_power_after(&mut self, operations: u64) {
         self.faults.power_for = Some(operations);
     }
 
-    /// Plans a single failure after `operations` further word writes and sector erases. That operation is torn; later
-    /// ones succeed.
+    /// Plans a single failure after `operations` further word writes and sector erases. The operation after them is
+    /// torn; later operations succeed.
     pub const fn fail_once_after(&mut self, operations: u64) {
         self.faults.fails_after = Some(operations);
     }
@@ -204,7 +204,7 @@ impl Flash {
         self.torn_erase = torn_erase;
     }
 
-    /// Restores the power and cancels a planned cut.
+    /// Restores the power and cancels a planned power cut.
     pub const fn restore_power(&mut self) {
         self.faults.power_for = None;
         self.faults.dead = false;
@@ -226,14 +226,14 @@ impl Flash {
         self.noise = fastrand::Rng::with_seed(seed);
     }
 
-    /// Flips the bit with this number, counted from 0; no effect beyond the end.
+    /// Flips a bit by its index; no effect if the index is beyond the end.
     pub fn flip_bit(&mut self, bit: usize) {
         if bit / 8 < SIZE {
             self.cells.change(bit / 8, 1)[0] ^= 1 << (bit % 8);
         }
     }
 
-    /// Overwrites the whole flash, like a programmer.
+    /// Overwrites the whole flash, as a programmer does.
     pub fn fill(&mut self, content: impl FnMut(usize) -> u8) {
         self.cells = Cells::of(&(0..SIZE).map(content).collect::<Vec<u8>>());
     }
@@ -248,7 +248,7 @@ impl Flash {
         }
     }
 
-    /// Counts one operation and returns its outcome.
+    /// Counts a write or erase and returns its outcome.
     fn attempt(&mut self) -> Result<Attempt, FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
@@ -267,7 +267,7 @@ impl Flash {
     }
 }
 
-/// Counts an operation down; returns whether the counted fault occurs now. It occurs only once.
+/// Decrements a fault counter. Returns whether the fault occurs now; a fault occurs only once.
 fn count_down(left: &mut Option<u64>) -> bool {
     match left {
         None => false,
@@ -282,7 +282,7 @@ fn count_down(left: &mut Option<u64>) -> bool {
     }
 }
 
-/// The outcome of an operation.
+/// The outcome of a write or erase.
 enum Attempt {
     Done,
     /// Interrupted part-way by this error.
@@ -330,7 +330,7 @@ impl NorFlash for Flash {
         Ok(())
     }
 
-    /// Writes words. A torn write clears only some bits of its word.
+    /// Writes words. A torn write clears only some of the bits in its word.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
@@ -348,5 +348,5 @@ impl NorFlash for Flash {
     }
 }
 
-/// The STM32F4's flash has no error correction, so a word can be written again to clear more bits.
+/// The flash of the STM32F4 has no error correction, so a word can be rewritten to clear further bits.
 impl MultiwriteNorFlash for Flash {}

@@ -23,7 +23,7 @@ pub use flash::{Flash, FlashError, TornErase, WORD};
 
 use nvm::{BUFFER, Contents, Records, Unreadable};
 
-/// The fill byte of a spoilt flash; the record store never produces such content.
+/// The fill byte of an unreadable flash. The record store never produces such content.
 const SPOILT: u8 = 0xA5;
 
 /// The non-volatile memory of one device.
@@ -31,11 +31,12 @@ const SPOILT: u8 = 0xA5;
 pub struct Memory {
     flash: Flash,
     file: Option<Box<dyn MemoryFile>>,
-    /// Whether unreadable content was put aside; the next image reports the damage.
+    /// Whether unreadable content was put aside. The next image reports the damage.
     damaged: bool,
     /// Whether the next read of the image simulates an unreadable flash.
     spoilt: bool,
-    /// The unreadable content before the erase; a memory with a file puts it aside in a file instead.
+    /// The unreadable content before the erase, for a memory without a file; a file-backed memory moves it to another
+    /// file.
     put_aside: Option<Vec<u8>>,
     warnings: Vec<String>,
 }
@@ -56,25 +57,25 @@ impl Clone for Memory {
 }
 
 impl Memory {
-    /// Creates an empty memory without a file.
+    /// Creates an empty memory in RAM.
     #[must_use]
     pub fn in_ram() -> Self {
         Self::default()
     }
 
-    /// Creates a memory in RAM from this flash.
+    /// Creates a memory in RAM with this flash.
     #[must_use]
     pub fn with_flash(flash: Flash) -> Self {
         Self { flash, ..Self::default() }
     }
 
-    /// Creates a memory backed by a file, from the content of the file.
+    /// Creates a memory backed by a file with this content.
     ///
-    /// Damaged content is put aside; the memory then starts empty and marked as damaged: see
-    /// [`take_warnings`](Self::take_warnings).
+    /// Damaged content is put aside: the memory starts empty and is marked as damaged.
+    /// [`take_warnings`](Self::take_warnings) returns the details.
     ///
     /// # Errors
-    /// If the file cannot be written or put aside. It is then unchanged.
+    /// If the file cannot be written or put aside. The file is then unchanged.
     pub fn kept_in(file: Box<dyn MemoryFile>, content: Content) -> Result<Self, MemoryFileError> {
         let mut memory = Self { file: Some(file), ..Self::default() };
         match content {
@@ -83,20 +84,20 @@ impl Memory {
             Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
             Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
         }
-        // Fails now if the folder is not writable.
+        // Fails early if the folder is not writable.
         memory.persist()?;
         Ok(memory)
     }
 
-    /// Reads all records, as at the start of a device.
+    /// Reads all records, as a device does at its start.
     ///
-    /// An unreadable memory is put aside and erased, so that it can be written again. Only the next image is marked as
-    /// damaged.
+    /// Unreadable content is put aside and the flash is erased, so that records can be written again. Only the next
+    /// image is marked as damaged.
     pub fn read_image(&mut self) -> Image {
         if std::mem::take(&mut self.spoilt) {
             self.flash.fill(|_| SPOILT);
         }
-        // Opening the store may complete an interrupted operation; the content to put aside must stay unchanged.
+        // Opening the store may complete an interrupted operation; the content to put aside must remain unchanged.
         let found = self.flash.clone();
         let mut image = read(&mut self.flash).unwrap_or_else(|Unreadable| {
             self.give_up(&found);
@@ -108,7 +109,7 @@ impl Memory {
         image
     }
 
-    /// Returns the image that a start would read now, without changing the memory.
+    /// Returns the image that a device would read at its start, without changing the memory.
     #[must_use]
     pub fn peek_image(&self) -> Image {
         let mut flash = self.flash.clone();
@@ -125,8 +126,8 @@ impl Memory {
     /// Writes a record.
     ///
     /// # Errors
-    /// [`StoreError`] if the flash or the file cannot be written. Neither then holds the record: otherwise the next
-    /// write or start would restore it.
+    /// [`StoreError`] if the flash or the file cannot be written. Neither of them then holds the record; otherwise the
+    /// next write or start would restore it.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let kept = self.file.as_ref().map(|_| self.flash.cells().clone());
         let stored = store(&mut self.flash, key, record);
@@ -134,7 +135,7 @@ impl Memory {
             self.warnings.push(error.to_string());
             if let Some(cells) = kept {
                 self.flash.set_cells(cells);
-                // Even if the sync failed, the folder may already hold the new file; restore the old content.
+                // If only the sync failed, the folder may already hold the new file. Restores the old content.
                 let _ = self.persist();
             }
             return Err(StoreError);
@@ -142,16 +143,16 @@ impl Memory {
         stored
     }
 
-    /// Starts to write a record, and cuts the power after `numerator / denominator` of its flash operations.
+    /// Writes a record, but cuts the power after `numerator / denominator` of its flash operations.
     pub fn store_cut(&mut self, key: RecordKey, record: &Record, numerator: u64, denominator: u64) {
         let mut trial = self.flash.clone();
         let before = trial.word_writes() + trial.erases();
-        // The trial run only counts operations; its result is irrelevant.
+        // The trial run only counts the operations; its result is irrelevant.
         let _ = store(&mut trial, key, record);
         let operations = trial.word_writes() + trial.erases() - before;
         let reached = u128::from(operations) * u128::from(numerator) / u128::from(denominator.max(1));
         self.flash.cut_power_after(u64::try_from(reached).unwrap_or(u64::MAX));
-        // The device has no power and cannot see the result.
+        // The device has lost power and cannot detect the result.
         let _ = self.store(key, record);
         self.flash.restore_power();
     }
@@ -201,13 +202,13 @@ impl Memory {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Returns the image of an unreadable flash that was erased; `None` for a file-backed memory.
+    /// Returns the unreadable content that was put aside, if any; `None` for a file-backed memory.
     #[must_use]
     pub fn put_aside(&self) -> Option<&[u8]> {
         self.put_aside.as_deref()
     }
 
-    /// Puts the content of an unreadable flash aside and erases the flash. If the erase fails, the content stays.
+    /// Puts unreadable content aside and erases the flash. If the erase fails, the flash keeps the content.
     fn give_up(&mut self, found: &Flash) {
         self.damaged = true;
         if !self.flash.can_be_written() {

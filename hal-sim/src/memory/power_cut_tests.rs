@@ -1,5 +1,5 @@
-//! Power cuts and failures at any word write or erase, with any result of a torn erase (SPEC 6): each record is old or
-//! new, and the remains do no harm later.
+//! Power cuts and failures at any word write or erase, with any result of a torn erase (SPEC 6). Each record is old or
+//! new, and leftovers cause no harm later.
 
 use protocol_core::memory::seal;
 
@@ -35,7 +35,7 @@ fn operations(flash: &Flash) -> u64 {
 }
 
 impl Moment {
-    /// Returns the stores of a memory's life until the `erases`th erase of a sector, filtered by `wanted`.
+    /// Returns the stores up to the `erases`th erase of a sector, filtered by `wanted`.
     fn all_until(erases: u64, wanted: impl Fn(&Self) -> bool) -> Vec<Self> {
         let mut memory = Memory::in_ram();
         let mut before = Held::default();
@@ -84,7 +84,7 @@ impl Moment {
         memory.store(self.key, &record(self.number))
     }
 
-    /// Checks that the content is the old or the new state, and that the record can be stored without a loss.
+    /// Checks that the content is that before or after the store, and that the record can be stored without loss.
     #[track_caller]
     fn check(&self, mut memory: Memory, what: &str) {
         let found = held(&mut memory);
@@ -97,7 +97,7 @@ impl Moment {
 #[test]
 fn a_cut_at_any_word_leaves_each_record_old_or_new() {
     let mut cuts = 0;
-    // The first store of each record, the stores that begin a sector, and some others.
+    // The first store of each record, the stores that start a sector, and some others.
     for moment in Moment::all_until(2, |moment| moment.number < 6 || moment.operations > 28 || moment.number % 97 == 0)
     {
         let torn_erases = if moment.erases() { &TornErase::ALL[..] } else { &TornErase::ALL[..1] };
@@ -121,7 +121,7 @@ fn a_cut_at_any_word_leaves_each_record_old_or_new() {
 #[test]
 fn an_erase_that_is_cut_leaves_nothing_that_does_harm() {
     for moment in Moment::erasing(2) {
-        // The erase, its completion mark and the record follow each other at the end of the store.
+        // The erase, its completion mark and the record are written at the end of the store, in this order.
         let erase = (0..moment.operations).rev().find(|cut| {
             let mut memory = moment.memory(TornErase::Front, 0);
             memory.flash_mut().cut_power_after(*cut);

@@ -1,10 +1,10 @@
-//! The worst-case number of flash reads: on the board, a start waits for them.
+//! The worst-case number of flash reads, which delays a start on the board.
 
 use protocol_core::memory::seal;
 
 use super::*;
 
-/// The reads of one operation.
+/// The number of reads of each operation.
 struct Reads {
     start: u64,
     store: u64,
@@ -37,7 +37,7 @@ fn worst(payload: &[u8]) -> Reads {
 fn a_start_reads_each_entry_twice_and_a_store_a_few_times() {
     for (payload, entries) in [(1, 819), (90, 151)] {
         let Reads { start, store, store_that_erases } = worst(&vec![1; payload]);
-        // For each entry the first word, the header and the whole; then the rest of the sectors.
+        // For each entry: its first word, its header, and the whole entry; then the rest of the sectors.
         let walk = 3 * entries + 460;
         assert!(start <= walk, "{start} for a start, {payload} bytes");
         // One walk for the content, one for the free space, one for the result.

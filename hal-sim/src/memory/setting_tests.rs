@@ -1,4 +1,4 @@
-//! The setting of the platform beside the records, and clearing the records without it: the functions of `nvm` for the
+//! The platform setting stored beside the records, and clearing the records without it: the functions of `nvm` for the
 //! board, after every kind of accident (SPEC 6).
 
 use super::tests::{numbered, payload, record};
@@ -44,7 +44,7 @@ fn operations(flash: &Flash) -> u64 {
     flash.word_writes() + flash.erases()
 }
 
-/// Returns a flash with an optional setting and a number of stores.
+/// Returns a flash with an optional setting, after a number of stores.
 fn with_stores(setting: Option<&[u8]>, count: u32) -> Flash {
     let mut flash = Flash::new();
     if let Some(setting) = setting {
@@ -142,7 +142,7 @@ fn asking_for_the_setting_hides_no_damage() {
     for seed in 0..40 {
         let mut random = fastrand::Rng::with_seed(seed as u64);
         let mut flash = Flash::new();
-        // A sector with meaningless marks, its front erased and its end not; and an empty one.
+        // A sector with meaningless marks, its front erased and its end not; and an empty sector.
         let front = seed % 2 * SECTOR;
         let noise = front + 1..front + SECTOR;
         flash.fill(|cell| if noise.contains(&cell) { random.u8(..) & random.u8(..) } else { ERASED });
@@ -151,7 +151,7 @@ fn asking_for_the_setting_hides_no_damage() {
         let mut contents = Contents::empty();
         assert_eq!(records.read(&mut contents), Err(Unreadable), "seed {seed}");
         assert_eq!(contents.setting, None);
-        // Nor does reading remove it.
+        // A further read reports the damage again.
         assert_eq!(records.read(&mut contents), Err(Unreadable), "seed {seed}");
     }
 }
@@ -190,7 +190,7 @@ fn no_flipped_bit_brings_back_what_was_cleared() {
     }
 }
 
-/// Checks a flash after a power cut or a failure in the middle of clearing, and that another clearing completes it.
+/// Checks a flash after a power cut or a failure during clearing, and that a second clearing completes.
 #[track_caller]
 fn check_cut(mut flash: Flash, before: &Held, kept: Option<&[u8]>, what: &str) {
     let found = held(&flash);
@@ -203,7 +203,7 @@ fn check_cut(mut flash: Flash, before: &Held, kept: Option<&[u8]>, what: &str) {
     assert_eq!(held(&flash), [None, None, None, None, Some(b"again".to_vec()), None], "{what}");
 }
 
-/// Returns the flash with a cut or a failure after a number of operations of the clearing.
+/// Returns the flash after a cut or failure `after` operations of the clearing.
 fn disturbed(flash: &Flash, disturb: fn(&mut Flash, u64), after: u64) -> Flash {
     let mut flash = flash.clone();
     flash.set_torn_erase(TornErase::ALL[after as usize % 5]);

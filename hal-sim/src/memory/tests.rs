@@ -14,14 +14,14 @@ pub(super) fn payload(image: &Image, key: RecordKey) -> Option<Vec<u8>> {
     image.payload(key, VERSION).unwrap().map(<[u8]>::to_vec)
 }
 
-/// Returns a payload of 90 bytes, so that a sector is full after some 150 stores.
+/// Returns a payload of 90 bytes: a sector is full after about 150 stores.
 pub(super) fn numbered(number: u32) -> Vec<u8> {
     let mut bytes = vec![number as u8; 90];
     bytes[..4].copy_from_slice(&number.to_le_bytes());
     bytes
 }
 
-/// Returns a memory after `count` stores to changing keys, and the content of each key.
+/// Returns a memory after `count` stores under changing keys, and the content of each key.
 pub(super) fn with_history(count: u32) -> (Memory, Vec<Option<Vec<u8>>>) {
     let mut memory = Memory::in_ram();
     let mut held = vec![None; RecordKey::ALL.len()];

@@ -1,7 +1,7 @@
-//! Vector's ASC: a text format with one event per line, and times from the start of the measurement.
+//! Vector's ASC: a text format with one event per line and times since the start of the measurement.
 //!
 //! Only frames and error frames of classic CAN are read; other events (statistics, chip states, variables, comments)
-//! are skipped. An error frame has no class in this format.
+//! are skipped. Error frames have no class in this format.
 
 use std::io::{self, Write};
 
@@ -14,8 +14,8 @@ use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 /// The channel of all written frames.
 const CHANNEL: u8 = 1;
 
-/// Writes the file header for a measurement that starts at a time; returns that time in whole milliseconds, as in the
-/// date, as the origin of all other times.
+/// Writes the file header for a measurement that starts at `start`. Returns the origin of all times: `start` in whole
+/// milliseconds, as in the header's date.
 pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<Timestamp> {
     let origin = Timestamp::from_micros(start.as_micros() / 1000 * 1000);
     let date = Date(origin);
@@ -24,7 +24,7 @@ pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<T
     Ok(origin)
 }
 
-/// Writes an entry. An entry before the origin gets the time of the origin.
+/// Writes an entry. An entry before the origin is written with the time of the origin.
 pub(super) fn write(out: &mut impl Write, origin: Timestamp, Record { at, entry }: &Record) -> io::Result<()> {
     let micros = at.as_micros().saturating_sub(origin.as_micros());
     write!(out, "{:>4}.{:06} {CHANNEL}  ", micros / 1_000_000, micros % 1_000_000)?;
@@ -52,7 +52,7 @@ pub(super) fn write_end(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "End TriggerBlock")
 }
 
-/// Returns whether a line can begin a file.
+/// Returns whether a line can be the first line of an ASC file.
 pub(super) fn is_head(line: &str) -> bool {
     let mut words = line.split_whitespace();
     let first = words.next().unwrap_or_default().to_ascii_lowercase();
@@ -63,16 +63,16 @@ pub(super) fn is_head(line: &str) -> bool {
     }
 }
 
-/// Parses a file line by line.
+/// Parses an ASC file line by line.
 #[derive(Debug)]
 pub(super) struct Parser {
-    /// The base of identifiers, lengths and data.
+    /// The number base of identifiers, lengths and data.
     radix: u32,
-    /// Whether times are relative to the previous event, instead of the start.
+    /// Whether times are relative to the previous event instead of the start of the measurement.
     relative: bool,
     /// The start of the measurement.
     origin: Timestamp,
-    /// Whether a block has set the origin, which later blocks of the same measurement keep.
+    /// Whether a block has set the origin. Later blocks of the same measurement do not change it.
     is_begun: bool,
     /// The time of the previous event.
     last: Timestamp,
@@ -119,13 +119,13 @@ impl Parser {
         self.channel
     }
 
-    /// Sets the origin to a date; an unreadable date leaves the origin as it is.
+    /// Sets the origin to a date. An unreadable date leaves the origin unchanged.
     fn start(&mut self, date: Option<Timestamp>) {
         self.origin = date.unwrap_or(self.origin);
         self.last = self.origin;
     }
 
-    /// Reads the line of the base: `hex  timestamps absolute`.
+    /// Parses the header line with the number base: `hex  timestamps absolute`.
     fn base(&mut self, rest: &str) -> Result<(), Reason> {
         let words: Vec<&str> = rest.split_whitespace().collect();
         self.radix = words.first().and_then(|base| radix(base)).ok_or("the base must be hex or dec")?;
@@ -145,7 +145,7 @@ impl Parser {
                 Entry::Frame(self.frame_of_fd_controller(rest)?)
             }
             [device, ..] if device.eq_ignore_ascii_case("CANFD") => return Err(FD),
-            // A line without a channel is an event without a frame.
+            // A line without a channel is not a frame.
             [channel, ..] if channel.parse::<u16>().is_err() => return Ok(None),
             [channel, error, ..] if error.eq_ignore_ascii_case("ErrorFrame") => {
                 self.channel = channel.parse().unwrap_or(self.channel);
@@ -155,7 +155,7 @@ impl Parser {
                 self.channel = channel.parse().unwrap_or(self.channel);
                 Entry::Frame(self.frame(id, rest)?)
             }
-            // A transmit request: the transmitted frame has a separate line.
+            // A transmit request; a separate line contains the transmitted frame.
             [_, _, direction, ..] if direction.eq_ignore_ascii_case("TxRq") => return Ok(None),
             [_, event, ..] if is_other_event(event) => return Ok(None),
             _ => return Err("not a known ASC event"),
@@ -163,10 +163,10 @@ impl Parser {
         Ok(Some(Record { at, entry }))
     }
 
-    /// Parses a classic CAN frame in the format of a CAN FD controller: identifier, name, BRS, ESI, length code,
+    /// Parses a classic CAN frame in the line format of CAN FD controllers: identifier, name, BRS, ESI, length code,
     /// length, data, two durations, flags.
     fn frame_of_fd_controller(&self, words: &[&str]) -> Result<Frame, Reason> {
-        /// The flags of a remote frame and of CAN FD.
+        /// The flags of remote frames and of CAN FD frames.
         const REMOTE: u32 = 1 << 4;
         const EXTENDED_DATA_LENGTH: u32 = 1 << 12;
         let words: Vec<&str> = match words {
@@ -184,7 +184,7 @@ impl Parser {
         }
     }
 
-    /// Parses the identifier, and the text after the direction.
+    /// Parses a frame from its identifier and the text after the direction.
     fn frame(&self, id: &str, rest: &[&str]) -> Result<Frame, Reason> {
         let number = |text: &str| u32::from_str_radix(text, self.radix).ok().filter(|_| !text.starts_with('+'));
         let id = match id.strip_suffix(['x', 'X']) {
@@ -223,7 +223,7 @@ fn is_on_bus(direction: &str) -> bool {
     direction.eq_ignore_ascii_case("Rx") || direction.eq_ignore_ascii_case("Tx")
 }
 
-/// Returns whether the word after a channel begins another event: `Statistic:`, `CAN Status:`, `J1939TP`.
+/// Returns whether the word after a channel starts an event other than a frame: `Statistic:`, `CAN Status:`, `J1939TP`.
 fn is_other_event(word: &str) -> bool {
     word.ends_with(':') || ["CAN", "J1939TP", "OverloadFrame"].iter().any(|known| word.eq_ignore_ascii_case(known))
 }

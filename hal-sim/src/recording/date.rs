@@ -1,4 +1,5 @@
-//! The date format of ASC, in UTC: writes `Tue Nov 14 22:13:20.042 2023`, and also reads `10:13:20.042 pm`.
+//! The date format of ASC, in UTC. Writes dates such as `Tue Nov 14 22:13:20.042 2023`, and also reads `10:13:20.042
+//! pm`.
 
 use std::fmt;
 
@@ -6,7 +7,7 @@ use crate::log::Timestamp;
 
 const WEEKDAYS: [&str; 7] = ["Thu", "Fri", "Sat", "Sun", "Mon", "Tue", "Wed"];
 const MONTHS: [&str; 12] = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
-/// The German names of months that differ from the English ones.
+/// German month names that differ from the English ones.
 const GERMAN: [(&str, u32); 4] = [("mär", 3), ("mai", 5), ("okt", 10), ("dez", 12)];
 
 const SECOND: u64 = 1_000_000;
@@ -30,7 +31,7 @@ impl fmt::Display for Date {
     }
 }
 
-/// Parses a date from 1970 to 9999; `None` for other texts.
+/// Parses a date from 1970 to 9999; `None` for any other text.
 pub(super) fn parse(text: &str) -> Option<Timestamp> {
     let words: Vec<String> = text.split_whitespace().map(str::to_lowercase).collect();
     let month = |word: &String| {
@@ -39,7 +40,7 @@ pub(super) fn parse(text: &str) -> Option<Timestamp> {
         let german = GERMAN.iter().find(|(name, _)| *name == start);
         english.map(|(_, number)| number).or(german.map(|(_, number)| *number))
     };
-    // The weekday has as many letters as a month, but another name.
+    // The weekday is abbreviated to as many letters as the month, but no weekday is spelled like a month.
     let (at, month) = words.iter().enumerate().find_map(|(at, word)| Some((at, month(word)?)))?;
     let (day, time, half, year) = match &words[at + 1..] {
         [day, time, half, year, ..] if matches!(half.as_str(), "am" | "pm") => (day, time, half.as_str(), year),
@@ -62,17 +63,18 @@ pub(super) fn parse(text: &str) -> Option<Timestamp> {
     Some(Timestamp::from_micros(days(year, month, day) * DAY + (hours * 60 + minutes) * 60 * SECOND + seconds))
 }
 
-/// Returns the days from 1970-01-01 to a date. Years begin in March here, so that the leap day is the last one.
+/// Returns the number of days from 1970-01-01 to a date. Internally, years begin in March, so that a leap day is the
+/// last day of the year.
 const fn days(year: u64, month: u32, day: u32) -> u64 {
     let year = if month <= 2 { year - 1 } else { year };
     let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
     year * 365 + year / 4 - year / 100 + year / 400 + day_of_year as u64 - EPOCH
 }
 
-/// The days from 0000-03-01 to 1970-01-01.
+/// The number of days from 0000-03-01 to 1970-01-01.
 const EPOCH: u64 = 719_468;
 
-/// Returns the year, month and day of a day counted from 1970-01-01.
+/// Returns the year, month and day of a number of days since 1970-01-01.
 const fn civil(days: u64) -> (u64, u32, u32) {
     const ERA: u64 = 146_097;
     let days = days + EPOCH;
@@ -107,7 +109,7 @@ mod tests {
         }
     }
 
-    /// Every day of 250 years, including leap days and the year 2100, which has none.
+    /// Every day of 250 years, including leap days and the year 2100, which is not a leap year.
     #[test]
     fn every_day_is_read_as_it_was_written() {
         for day in 0..250 * 365 {

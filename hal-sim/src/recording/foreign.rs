@@ -1,6 +1,6 @@
-//! Detects files of other formats, which are refused as a whole instead of line by line.
+//! Detects files of unsupported formats, so that a single message can refuse them as a whole.
 
-/// Appends the accepted formats and the remedy to an error.
+/// Appends the accepted formats and the remedy to an error message.
 macro_rules! refusal {
     ($what:literal) => {
         concat!(
@@ -10,17 +10,18 @@ macro_rules! refusal {
     };
 }
 
-/// The number of leading lines that may fail to parse before a text is refused as a whole.
+/// The number of leading unreadable lines after which a text is refused as a whole.
 pub(super) const LINES: usize = 10;
 
 pub(super) const EMPTY: &str = refusal!("an empty file");
 pub(super) const UNKNOWN: &str = refusal!("not a recording in a known format");
 
-/// The first bytes of Wireshark's older format, in both byte orders, with times in microseconds or nanoseconds.
+/// The first bytes of Wireshark's older pcap format, in both byte orders, with microsecond or nanosecond timestamps.
 const PCAP: [&[u8]; 4] =
     [&[0xD4, 0xC3, 0xB2, 0xA1], &[0xA1, 0xB2, 0xC3, 0xD4], &[0x4D, 0x3C, 0xB2, 0xA1], &[0xA1, 0xB2, 0x3C, 0x4D]];
 
-/// Returns the error for a file of another format, by its first four bytes; `None` for a possible recording.
+/// Returns the error message for a file of an unsupported format, by its first four bytes; `None` if the file may be a
+/// recording.
 pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     match head {
         b"LOGG" => Some(refusal!("a BLF file")),
@@ -32,9 +33,10 @@ pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Returns the error for a text of another format, by its first unreadable line; `None` if the line reveals none.
+/// Returns the error message for a text of an unsupported format, by an unreadable line; `None` if the format is not
+/// recognised.
 pub(super) fn by_line(line: &str) -> Option<&'static str> {
-    // Zeros come from unwritten space, and escapes from terminal colours.
+    // Zeros occur in unwritten space, escapes in terminal colours.
     let is_binary = |char: char| {
         char == char::REPLACEMENT_CHARACTER
             || char.is_control() && !char.is_whitespace() && !matches!(char, '\0' | '\x1B')

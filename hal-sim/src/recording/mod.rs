@@ -6,10 +6,10 @@
 //! asc      the format of Vector's tools; candump's is in `log`
 //! pcapng   the format of Wireshark
 //! date     dates of ASC
-//! foreign  files of other formats, which are refused
+//! foreign  files of unsupported formats, which are refused
 //! ```
 //!
-//! A recording is never held in memory completely.
+//! A recording is processed entry by entry, never loaded as a whole.
 
 mod asc;
 mod date;
@@ -26,7 +26,7 @@ use std::path::Path;
 /// The format of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// The log of `candump -L`.
+    /// The log format of `candump -L`.
     Candump,
     /// Vector's ASC.
     Asc,
@@ -35,7 +35,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns the format for a file name: `.asc`, `.pcapng`, or `candump -L` for any other extension.
+    /// Returns the format for a file name: `.asc` or `.pcapng`; `candump -L` for any other extension.
     #[must_use]
     pub fn of(path: &Path) -> Self {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();

@@ -9,31 +9,31 @@ use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 use crate::log::candump::{ERROR_FLAG, FD, Reason};
 use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 
-/// The first bytes of a file, in either byte order.
+/// The first bytes of a pcapng file, equal in both byte orders.
 pub(super) const MAGIC: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 
-/// `LINKTYPE_CAN_SOCKETCAN`: the identifier in network byte order, length, flags, two bytes that are 0, data.
+/// `LINKTYPE_CAN_SOCKETCAN`. A packet contains the identifier in network byte order, length, flags, two bytes 0, data.
 const SOCKETCAN: u16 = 227;
 const HEAD: usize = 8;
 
-/// Flags in the identifier.
+/// The identifier's flag bits.
 const EXTENDED_FLAG: u32 = 0x8000_0000;
 const REMOTE_FLAG: u32 = 0x4000_0000;
-/// The flag of CAN FD.
+/// The flag of a CAN FD frame.
 const FD_FLAG: u8 = 0x04;
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;
 const INTERFACE_DESCRIPTION: u32 = 1;
 const ENHANCED_PACKET: u32 = 6;
 
-/// Options of a block.
+/// The option codes of a block.
 const END_OF_OPTIONS: u16 = 0;
 const COMMENT: u16 = 1;
 
-/// The size limit of a block: far above that of any capture of CAN.
+/// The maximum size of a block, far above that in any CAN capture.
 const BLOCK_MAX: usize = 1 << 16;
 
-/// Writes the file header: a section, and an interface with the bus name and times in microseconds.
+/// Writes the file header: a section header, and an interface description with the bus name and microsecond timestamps.
 pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
     let mut section = Vec::new();
     section.extend(0x1A2B_3C4D_u32.to_le_bytes());
@@ -45,7 +45,7 @@ pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
     interface.extend([SOCKETCAN, 0].map(u16::to_le_bytes).as_flattened());
     // The capture length is unlimited.
     interface.extend(0_u32.to_le_bytes());
-    // The options: the name, times in 10^-6 s, end.
+    // The options: the name, a time resolution of 10^-6 s, the end.
     for (code, value) in [(2_u16, bus.as_bytes()), (9, &[6]), (END_OF_OPTIONS, &[])] {
         write_option(&mut interface, code, value);
     }
@@ -102,7 +102,7 @@ fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
     out.write_all(&length.to_le_bytes())
 }
 
-/// An interface of the current section.
+/// An interface described in the current section.
 #[derive(Debug)]
 struct Interface {
     name: String,
@@ -121,20 +121,20 @@ pub(super) struct Packets {
     last: usize,
 }
 
-/// The reason for a missing entry.
+/// The reason why a packet has no entry.
 pub(super) enum PacketError {
-    /// This packet has no entry; later packets may have one.
+    /// The packet has no entry; later packets can still be read.
     Packet(Reason),
-    /// The file ends here, with an error.
+    /// The file cannot be read any further.
     End(Reason),
     /// A read error.
     Io,
 }
 
 impl Packets {
-    /// Starts to read a file.
+    /// Starts to read a pcapng file.
     pub(super) fn new(mut source: Box<dyn Read + Send>) -> Result<Self, PacketError> {
-        // The first read must return the complete first block, which a read from a pipe may not.
+        // The first read must return the complete first block, which a read from a pipe does not guarantee.
         let mut head = vec![0; 12];
         let whole = source.read_exact(&mut head);
         whole.map_err(|_| PacketError::End(CUT_OFF))?;
@@ -152,7 +152,7 @@ impl Packets {
         Ok(Self { reader, interfaces: Vec::new(), last: 0 })
     }
 
-    /// Returns the interface of the last packet.
+    /// Returns the name of the last packet's interface.
     pub(super) fn bus(&self) -> &str {
         self.interfaces.get(self.last).map_or("can0", |interface| &interface.name)
     }
@@ -162,7 +162,7 @@ impl Packets {
         self.reader.data().is_empty()
     }
 
-    /// Returns the entry of the next packet; `None` at the end.
+    /// Returns the entry of the next packet that contains one; `None` at the end of the file.
     pub(super) fn next(&mut self) -> Option<Result<Record, PacketError>> {
         loop {
             let (length, found) = match self.reader.next() {
@@ -217,14 +217,14 @@ fn take(
     None
 }
 
-/// Returns the bus name for a candump line, without spaces.
+/// Converts an interface name to a bus name for candump lines, without spaces.
 fn name(told: &str) -> String {
     let name = if told.is_empty() { "can0" } else { told };
     name.replace(|char: char| char.is_whitespace() || char.is_control(), "_")
 }
 
-/// Returns the number of time units in a second: a power of 10, or of 2 if the highest bit is set. A resolution finer
-/// than 64 bits can express is clamped.
+/// Returns the number of time units in a second: a power of 10, or a power of 2 if the highest bit is set. Values that
+/// exceed 64 bits are clamped.
 fn resolution(told: u8) -> u128 {
     match (told & 0x80, told & 0x7F) {
         (0, power) => 10_u128.pow(u32::from(power.min(19))),

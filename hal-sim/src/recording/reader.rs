@@ -1,4 +1,5 @@
-//! Reads recordings in any format. The content determines the format; for ambiguous text, the extension does.
+//! Reads recordings in any format. The content determines the format; if the content is ambiguous text, the extension
+//! does.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -10,10 +11,10 @@ use super::{Format, asc, foreign};
 use crate::log::candump::{self, Reason};
 use crate::log::{Record, Timestamp};
 
-/// The maximum length of a line, in bytes: far above the lines of any log.
+/// The maximum length of a line in bytes, far above the line length of any supported format.
 const LINE_MAX: u64 = 4096;
 
-/// The maximum length of an unreadable line in messages, in characters.
+/// The maximum length of an unreadable line quoted in messages, in characters.
 const SHOWN: usize = 80;
 
 const UNREADABLE: &str = "the rest of the file cannot be read";
@@ -24,9 +25,9 @@ pub struct Reader {
     /// The number of the last line or packet, from 1.
     number: u64,
     ended: bool,
-    /// Whether an entry has been read, which proves that the file is a recording.
+    /// Whether an entry has been read, which shows that the file is a recording.
     is_known: bool,
-    /// The unreadable lines before the first entry, and the first entry.
+    /// The unreadable lines before the first entry, and the first entry itself.
     held: VecDeque<Result<Logged, ReadError>>,
 }
 
@@ -40,16 +41,16 @@ struct Text {
     style: Style,
     /// The time of the last entry.
     last: Timestamp,
-    /// The bus of the last entry.
+    /// The bus name of the last entry.
     bus: String,
     line: Vec<u8>,
-    /// Whether the line was longer than the limit.
+    /// Whether the current line exceeds the maximum length.
     is_too_long: bool,
 }
 
-/// The format of a text.
+/// The text format of a recording.
 enum Style {
-    /// Not determined yet: the first line decides, or else the extension.
+    /// Not yet determined: the first line decides, otherwise the extension.
     Unseen(Format),
     Candump,
     Asc(asc::Parser),
@@ -58,23 +59,23 @@ enum Style {
 /// An entry with its line or packet number, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// The number of the line, or of the packet.
+    /// The number of the line or packet, from 1.
     pub number: u64,
     /// The entry.
     pub record: Record,
 }
 
-/// The reason for a missing entry.
+/// The reason why an entry cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// An unreadable line or packet; reading continues with the next one.
     #[error("{number}: {reason}{}", quoted(text))]
     NoEntry {
-        /// The number of the line, or of the packet.
+        /// The number of the line or packet, from 1.
         number: u64,
         /// The reason.
         reason: &'static str,
-        /// The beginning of the line; empty for a packet.
+        /// The beginning of the unreadable line; empty for a packet.
         text: String,
     },
     /// A read error.
@@ -90,7 +91,7 @@ impl Reader {
     /// Opens a file; `-` is stdin.
     ///
     /// # Errors
-    /// When the file cannot be opened or read.
+    /// If the file cannot be opened or read.
     pub fn open(path: &Path) -> io::Result<Self> {
         if path == Path::new("-") {
             return Self::new(io::stdin(), Format::Candump);
@@ -102,10 +103,11 @@ impl Reader {
         Self::new(file, Format::of(path))
     }
 
-    /// Reads `source` in the format of its content; a text whose first line is not ASC is read as `ending`.
+    /// Reads a recording from `source`; its content determines the format. A text whose first line is not ASC is read
+    /// in the format `ending`.
     ///
     /// # Errors
-    /// When `source` cannot be read.
+    /// If `source` cannot be read.
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;
@@ -136,7 +138,7 @@ impl Reader {
         Ok(Self { source, number: 0, ended: false, is_known, held: VecDeque::new() })
     }
 
-    /// Returns the bus of the last entry.
+    /// Returns the bus name of the last entry.
     #[must_use]
     pub fn bus(&self) -> &str {
         match &self.source {
@@ -192,7 +194,7 @@ fn refusal(reason: &'static str) -> ReadError {
     io::Error::new(io::ErrorKind::InvalidData, reason).into()
 }
 
-/// Returns whether this line comes from another kind of text, rather than being a damaged line.
+/// Returns whether a line is not from a recording at all, rather than a damaged line of a recording.
 fn is_no_line(read: &Result<Logged, ReadError>) -> bool {
     matches!(read, Err(ReadError::NoEntry { reason: candump::NO_LINE, .. }))
 }
@@ -221,7 +223,7 @@ impl Iterator for Reader {
 }
 
 impl Text {
-    /// Reads the next line up to the limit; returns false at the end.
+    /// Reads the next line up to the maximum length. Returns false at the end of the file.
     fn next_line(&mut self) -> io::Result<bool> {
         self.line.clear();
         if (&mut self.input).take(LINE_MAX).read_until(b'\n', &mut self.line)? == 0 {
@@ -234,7 +236,7 @@ impl Text {
         Ok(true)
     }
 
-    /// Returns the error for a text of another format, by its first line, if any.
+    /// Returns the error message if the first line shows that the text has an unsupported format.
     fn refusal(&self) -> Option<&'static str> {
         let line = String::from_utf8_lossy(&self.line);
         let line = line.trim_start_matches('\u{FEFF}').trim();
@@ -243,14 +245,14 @@ impl Text {
         if is_first && !is_known() { foreign::by_line(line) } else { None }
     }
 
-    /// Parses the line; `None` for a valid line without an entry.
+    /// Parses the current line; `None` for a valid line without an entry.
     fn entry(&mut self) -> Result<Option<Record>, Reason> {
         if self.is_too_long {
             return Err("line too long");
         }
         // ASC files use the encoding of the machine that wrote them.
         let line = String::from_utf8_lossy(&self.line);
-        // Windows editors put a byte order mark before the first line.
+        // Windows editors may put a byte order mark at the start of the file.
         let line = line.trim_start_matches('\u{FEFF}');
         if line.trim().is_empty() || line.starts_with('#') {
             return Ok(None);
@@ -263,7 +265,7 @@ impl Text {
             let before = asc.channel();
             let record = asc.line(line)?;
             if asc.channel() != before {
-                // Channels count from 1, candump names from 0.
+                // ASC channels are numbered from 1, candump names from 0.
                 self.bus = format!("can{}", asc.channel().saturating_sub(1));
             }
             return Ok(record);

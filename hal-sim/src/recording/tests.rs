@@ -1,4 +1,4 @@
-//! Written recordings are read back unchanged; arbitrary bytes are reported line by line.
+//! Recordings are read back as written; arbitrary bytes are reported line by line.
 
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -10,7 +10,7 @@ use protocol_core::frame::{Frame, extended, standard};
 use super::*;
 use crate::log::{Entry, ErrorClass, ErrorFrame, Record, Timestamp};
 
-/// The wall time of the first entry, in microseconds, with a fraction of a millisecond.
+/// The wall-clock time of the first entry, in microseconds, with a fraction of a millisecond.
 const START: u64 = 1_700_000_000_000_042;
 
 const FORMATS: [Format; 3] = [Format::Candump, Format::Asc, Format::Pcapng];
@@ -31,7 +31,7 @@ impl Read for Slow {
     }
 }
 
-/// Reads all entries, and the errors as reported.
+/// Reads all entries, and the error messages.
 fn read(source: impl Read + Send + 'static, ending: Format) -> (Vec<Record>, Vec<String>) {
     let (mut records, mut errors) = (Vec::new(), Vec::new());
     match Reader::new(source, ending) {
@@ -83,13 +83,13 @@ fn records() -> impl Strategy<Value = Vec<Record>> {
     })
 }
 
-/// Returns bytes of a text of short lines, some of them remarks.
+/// Generates the bytes of a text with short lines, including comments.
 fn bytes_of_lines() -> impl Strategy<Value = u8> {
     prop_oneof![20 => any::<u8>(), 2 => Just(b'\n'), 1 => Just(b'#'), 1 => Just(b'/'), 1 => Just(b' ')]
 }
 
 proptest! {
-    /// Times are kept to the microsecond; only ASC lacks the class of an error frame.
+    /// Times are exact to the microsecond; only ASC does not record the class of an error frame.
     #[test]
     fn what_is_written_is_read(records in records()) {
         for format in FORMATS {
@@ -107,8 +107,8 @@ proptest! {
         }
     }
 
-    /// A line is an entry or is reported, or the file is refused as a whole. Blank lines and remarks are skipped; so
-    /// are other events in ASC.
+    /// Each line is an entry or is reported, or the file is refused as a whole. Blank lines and comments are skipped,
+    /// and in ASC also other events.
     #[test]
     fn any_bytes_end_with_names(bytes in vec(bytes_of_lines(), 0..400), head in 0..6_usize) {
         let head = [&b""[..], b"date x\n", b"\n\r\r\n", b"(1.0) can0 ", b"# a remark\n", b"\xEF\xBB\xBF"][head];
@@ -130,7 +130,7 @@ proptest! {
         }
     }
 
-    /// A file with a few wrong bytes, and a truncated one.
+    /// Files with a few wrong bytes, and truncated files.
     #[test]
     fn broken_files_are_read_as_far_as_they_go(
         records in records(), at in any::<prop::sample::Index>(), wrong in any::<u8>(), cut in any::<bool>()
@@ -188,12 +188,12 @@ fn texts_as_editors_write_them() {
     assert_eq!(text(candump), (vec![frame(1_000_000, "720: 00"), frame(2_000_000, "720: 7F")], vec![]));
     let asc = "\u{FEFF}date Thu Jan 1 00:00:01 1970\r\nbase hex  timestamps absolute\r\n 1.0 1 720 Rx d 1 00\r\n";
     assert_eq!(text(asc), (vec![frame(2_000_000, "720: 00")], vec![]));
-    // Unwritten space, as after a power cut of the logger.
+    // Unwritten space, as after a power loss of the logger.
     let (_, errors) = text(&"\0".repeat(100));
     assert!(errors.len() == 1 && errors[0].starts_with("1: not a candump line: "), "{errors:?}");
 }
 
-/// A line of candump has the name of its bus as one word.
+/// In a candump line, the bus name must be a single word.
 #[test]
 fn the_bus_of_pcapng_has_a_name_of_one_word() {
     for (told, name) in [("", "can0"), ("a b", "a_b"), ("a\u{1B}\n", "a__"), ("vcan0", "vcan0")] {
@@ -206,7 +206,7 @@ fn the_bus_of_pcapng_has_a_name_of_one_word() {
     }
 }
 
-/// The format before pcapng is refused as a whole, in one line.
+/// The pcap format, older than pcapng, is refused as a whole, in one line.
 #[test]
 fn pcap_is_refused() {
     for head in [0xA1B2_C3D4_u32, 0xA1B2_3C4D].into_iter().flat_map(|magic| [magic.to_le_bytes(), magic.to_be_bytes()])
@@ -217,7 +217,7 @@ fn pcap_is_refused() {
     }
 }
 
-/// Files of other tools, and rubbish, are refused in one line each.
+/// Files of other tools and arbitrary data are refused in one line each.
 #[test]
 fn what_is_no_recording_is_refused_as_a_whole() {
     let rubbish = b"\x7FELF\x02\x01\x01\n\n\xFF\xFE\n".repeat(50);
@@ -255,12 +255,12 @@ fn a_log_of_candump_may_be_called_asc() {
     let log = Cursor::new(b"(1.0) can0 720#00\n(2.0) can0 720#7F\n".to_vec());
     let (records, errors) = read(log, Format::Asc);
     assert_eq!((records.len(), errors), (2, vec![]));
-    // Without a clue in the content, the extension decides.
+    // If the content is ambiguous, the extension decides.
     let (records, errors) = read(Cursor::new(b"0.5 1 720 Rx d 1 00\n".to_vec()), Format::Asc);
     assert_eq!((records, errors), (vec![frame(500_000, "720: 00")], vec![]));
 }
 
-/// The times of a trigger block count from the start of the measurement; a date begins a new measurement.
+/// The times of a trigger block refer to the start of the measurement; a date starts a new measurement.
 #[test]
 fn asc_with_several_trigger_blocks() {
     let block = "Begin Triggerblock Thu Jan 1 00:01:00 1970";
@@ -275,7 +275,7 @@ fn asc_with_several_trigger_blocks() {
     assert_eq!(records, frames);
 }
 
-/// CAN FD controllers log classic CAN frames in another form.
+/// CAN FD controllers log classic CAN frames in a different line format.
 #[test]
 fn asc_of_a_controller_for_can_fd() {
     let (records, errors) = text(
@@ -291,7 +291,7 @@ fn asc_of_a_controller_for_can_fd() {
     assert!(errors.len() == 2 && errors.iter().all(|error| error.contains("CAN FD frames")), "{errors:?}");
 }
 
-/// The bus has the name of the channel, in candump's form.
+/// The bus name is derived from the channel, as candump names buses.
 #[test]
 fn asc_has_several_channels() {
     let lines = b"base hex\n0.1 2 720 Rx d 1 00\n0.2 1 720 Rx d 1 00\n0.3 3 ErrorFrame\n".to_vec();
@@ -318,7 +318,7 @@ fn what_is_no_line_is_named_and_the_rest_is_read() {
     assert_eq!(errors[0], "3: fewer bytes than the stated length: \"0.1 1 1A0 Rx d 2 00\"");
 }
 
-/// A text of fewer than ten lines, such as a JUnit report, is refused in one line like a longer one.
+/// A text of fewer than ten lines, such as a JUnit report, is refused in one line, as a longer one is.
 #[test]
 fn a_short_text_of_another_kind_is_refused_as_a_whole() {
     let (records, errors) = text("<testsuites>\n<testsuite>\n</testsuite>\n</testsuites>\n");
@@ -336,14 +336,14 @@ fn a_line_without_an_end_does_not_fill_the_memory() {
     assert!(errors.len() == 1 && errors[0].starts_with("1: line too long: \"###"), "{errors:?}");
 }
 
-/// Lines of candump's screen without times have the time of the previous line.
+/// Lines in candump's screen format without times have the time of the previous line.
 #[test]
 fn lines_without_a_time() {
     let (records, _) = text("  can0  080   [0]\n (5.5)  can0  181   [1]  00\n  can0  080   [0]\n");
     assert_eq!(records, [frame(0, "080:"), frame(5_500_000, "181: 00"), frame(5_500_000, "080:")]);
 }
 
-/// Big-endian, nanoseconds, a clock offset, 16-byte padding, a packet of another link type, and blocks without a
+/// Big-endian order, nanoseconds, a clock offset, 16-byte padding, a packet of another link type, and blocks without a
 /// packet.
 #[test]
 fn pcapng_as_others_write_it() {

@@ -13,22 +13,22 @@ pub struct Writer<W> {
     out: W,
     bus: String,
     style: Style,
-    /// The current line; the buffer is reused.
+    /// The reusable buffer of the current line.
     line: String,
 }
 
-/// The state of a format.
+/// The writer state of each format.
 #[derive(Debug)]
 enum Style {
     Candump,
-    /// The origin of the times.
+    /// The time of the measurement start, to which all times refer.
     Asc(Timestamp),
-    /// The comments of the next packet.
+    /// The comments that the next packet will contain.
     Pcapng(Vec<String>),
 }
 
 impl<W: Write> Writer<W> {
-    /// Starts a recording at a time, and writes the file header.
+    /// Creates a recording that starts at `start`, and writes the file header.
     ///
     /// # Errors
     /// The errors of `out`.
@@ -62,8 +62,7 @@ impl<W: Write> Writer<W> {
         }
     }
 
-    /// Adds a comment at a time, where the format has comments: tools for the logs of candump refuse lines without a
-    /// frame.
+    /// Adds a comment, if the format supports comments. The tools for candump logs refuse lines without a frame.
     ///
     /// # Errors
     /// The errors of `out`.
@@ -78,7 +77,7 @@ impl<W: Write> Writer<W> {
         }
     }
 
-    /// Flushes the recording to the system.
+    /// Flushes the recording to `out`'s destination.
     ///
     /// # Errors
     /// The errors of `out`.

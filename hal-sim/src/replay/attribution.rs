@@ -1,5 +1,5 @@
-//! Attributes recorded frames to replayed devices, by the identifiers derived from node IDs and addresses and by the
-//! identifiers that their simulated devices have sent.
+//! Attributes log frames to the replayed devices, by the identifiers derived from node IDs and addresses and by the
+//! identifiers that the simulated devices have sent.
 
 use std::collections::BTreeSet;
 
@@ -12,12 +12,13 @@ use super::identifier::{is_claim, is_of};
 use super::timeline::Timeline;
 use crate::explain::Node;
 
-/// The identifier of LSS answers, which any device may send.
+/// The identifier of LSS responses, common to all devices.
 const LSS_ANSWER: u16 = 0x7E4;
 
-/// Returns whether a frame belongs to a replayed device. `keys` are identifiers that simulated devices have sent.
+/// Returns whether a frame belongs to a replayed device. `keys` are the identifiers that the simulated devices have
+/// sent.
 pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
-    // A remote frame has the identifier of the requested answer.
+    // A remote frame has the identifier of the requested frame.
     if frame.is_remote() {
         return false;
     }
@@ -30,8 +31,9 @@ pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeli
         || keys.contains(&frame.key())
 }
 
-/// Returns whether a claim belongs to a replayed device: by the NAME of the simulated device or of its first claim in
-/// the log. Without such a claim, another NAME of the same product at the device's address counts as its own.
+/// Returns whether an address claim belongs to a replayed device. Its NAME must be that of the simulated device, or
+/// that of the device's first claim in the log. Without a first claim, a NAME of the same product at the device's
+/// address is accepted.
 fn is_own_claim(frame: &Frame, nodes: &[Node], timeline: &Timeline) -> bool {
     let name_of = |frame: &Frame| frame.eight().map(|bytes| Name::from_bytes(*bytes));
     let Some(name) = name_of(frame) else { return false };

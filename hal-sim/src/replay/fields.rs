@@ -1,4 +1,4 @@
-//! The fields of frames that hold the position of their sender, by mapping, object or message, and their encodings.
+//! The fields of frames that hold the position of the sender, by mapping, object or message, and their encodings.
 
 use std::ops::RangeInclusive;
 
@@ -22,10 +22,10 @@ const NO_FLOW: i32 = 125;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fields([Option<Field>; 8]);
 
-/// A number in the data of a frame, least significant bit first.
+/// A little-endian number in the data of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Field {
-    /// The position of the lowest bit.
+    /// The index of the lowest bit.
     shift: u8,
     bits: u8,
     pub(super) encoding: Encoding,
@@ -34,15 +34,15 @@ pub(super) struct Field {
 /// The encoding of a position in a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
-    /// 0x6301
+    /// Object 0x6301.
     Spool,
-    /// 0x3301
+    /// Object 0x3301.
     Per127,
-    /// 0x3302
+    /// Object 0x3302.
     Inverted,
-    /// 0x3304
+    /// Object 0x3304.
     Per1000,
-    /// 0x6004
+    /// Object 0x6004.
     Shaft,
     /// The first byte of an AVEF.
     Extend,
@@ -51,7 +51,7 @@ pub(super) enum Encoding {
 }
 
 impl Encoding {
-    /// Returns the encoding and the bit length of an object that holds the position; `None` for other objects.
+    /// Returns the encoding and the bit length of an object that holds a position; `None` for any other object.
     const fn of_object(index: u16, sub: u8) -> Option<(Self, u8)> {
         match (index, sub) {
             (0x6301, 1) => Some((Self::Spool, 16)),
@@ -63,7 +63,7 @@ impl Encoding {
         }
     }
 
-    /// Returns all possible positions.
+    /// Returns the range of positions.
     const fn positions(self) -> RangeInclusive<i32> {
         match self {
             Self::Shaft => 0..=POSITION_MAX as i32,
@@ -71,7 +71,7 @@ impl Encoding {
         }
     }
 
-    /// Returns the value of the field at a position: it rises with the position, or [falls](Self::falls).
+    /// Encodes a position. The value increases with the position, or decreases if the encoding [falls](Self::falls).
     pub(super) fn encode(self, position: i32) -> i32 {
         let on = |scale: Scale| i32::from(scale.of_position(Position::clamped(position)));
         match self {
@@ -88,7 +88,7 @@ impl Encoding {
         matches!(self, Self::Inverted | Self::Retract)
     }
 
-    /// Returns the value of the field while the spool floats; `None` for a field that then still holds the position.
+    /// Returns the value for a floating spool; `None` if the field still holds the position.
     pub(super) fn encode_float(self) -> Option<i32> {
         match self {
             Self::Spool => Some(FLOAT),
@@ -97,7 +97,7 @@ impl Encoding {
         }
     }
 
-    /// Returns the positions at which the field holds a value; empty for an impossible value.
+    /// Returns the positions that are encoded as `value`; empty if there is none.
     pub(super) fn decode(self, value: i32) -> RangeInclusive<i32> {
         let value = if self.falls() { -value } else { value };
         let rising = |position: i32| if self.falls() { -self.encode(position) } else { self.encode(position) };
@@ -107,7 +107,7 @@ impl Encoding {
     }
 }
 
-/// Returns the first position of a range for which `is` holds, and that beyond the range if it never does.
+/// Returns the first position of a range for which `is` returns true; the end of the range plus 1 if there is none.
 fn first(positions: RangeInclusive<i32>, is: impl Fn(i32) -> bool) -> i32 {
     let (mut low, mut high) = (*positions.start(), *positions.end() + 1);
     while low < high {
@@ -122,7 +122,7 @@ impl Field {
         u64::MAX.unbounded_shr(64 - u32::from(self.bits)).unbounded_shl(self.shift.into())
     }
 
-    /// Returns the value of the field in a frame, with the sign of its encoding.
+    /// Reads the value of the field from a frame, sign-extended if the encoding is signed.
     pub(super) fn read(self, frame: &Frame) -> i32 {
         let value = ((bits(frame) & self.mask()) >> self.shift) as u32;
         let above = 32 - u32::from(self.bits);
@@ -138,7 +138,8 @@ pub(super) const fn bits(frame: &Frame) -> u64 {
 }
 
 impl Fields {
-    /// Returns the position fields of a frame from a device of this kind, by the key and mapping of its TPDO.
+    /// Returns the position fields in a frame from a device of this kind. `tpdo` is the key and the mapping of its
+    /// TPDO.
     pub(super) fn of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingEntry])>) -> Self {
         let mut fields = Self::default();
         let mut places = fields.0.iter_mut();
@@ -156,7 +157,7 @@ impl Fields {
                 }
             }
             (_, Id::Standard(id), Protocol::Canopen) if matches!(classify(id), Some((Function::SdoAnswer, _))) => {
-                // The answer to an expedited upload.
+                // The response to an expedited upload.
                 if let &[0x42..=0x43 | 0x47 | 0x4B | 0x4F, low, high, sub, ..] = frame.data() {
                     Encoding::of_object(u16::from_le_bytes([low, high]), sub)
                         .into_iter()

@@ -1,7 +1,7 @@
 //! The frame matcher: pairs the logged and the sent frames of one identifier.
 //!
-//! Equal frames that are close in time are a pair. If the two oldest frames are not, the cheapest alignment of the next
-//! frames decides, so that a missing or additional frame does not shift all later pairs.
+//! Two equal frames that are close in time form a pair. If the two oldest frames do not, the cheapest alignment of the
+//! next frames decides, so that a missing or additional frame does not shift all later pairs.
 
 use std::collections::VecDeque;
 
@@ -11,13 +11,13 @@ use super::identifier::is_cannot_claim;
 use super::item::{Item, PATIENCE};
 use super::position::PositionTolerance;
 
-/// The extra tolerance of a cannot-claim, whose delay is random so that several losers do not collide (SAE J1939-81).
+/// The additional tolerance of a cannot-claim, which several losers delay randomly to avoid collisions (SAE J1939-81).
 const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
 
-/// The number of frames on either side that the alignment considers.
+/// The number of frames on each side that the alignment considers.
 const AHEAD: usize = 16;
 
-/// The costs of alignment steps: a pair with different data or a frame without a partner, and a pair too far apart in
+/// The costs of alignment steps: a pair with different data, a frame without a partner, and a pair too far apart in
 /// time.
 const UNLIKE: u32 = 2;
 const ALONE: u32 = 2;
@@ -26,21 +26,21 @@ const APART: u32 = 3;
 /// The verdict on a frame or a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// Logged and sent with the same data, within the tolerance.
+    /// The frame was sent with the logged data, within the time tolerance.
     AsLogged,
-    /// Logged but not sent.
+    /// The logged frame was not sent.
     Missing(Item),
-    /// Sent but not logged.
+    /// The sent frame was not logged.
     Additional(Item),
-    /// Logged and sent with other data.
+    /// The frame was sent with data different from the logged data.
     Different(Item, Item),
-    /// Sent too early.
+    /// The frame was sent too early.
     Early(Item, Item),
-    /// Sent too late.
+    /// The frame was sent too late.
     Late(Item, Item),
 }
 
-/// The frames of an identifier without a verdict, oldest first.
+/// The logged and sent frames of one identifier that have no verdict yet, oldest first.
 #[derive(Debug, Default)]
 pub(super) struct FrameMatcher {
     pub(super) logged: VecDeque<Item>,
@@ -56,7 +56,7 @@ enum Step {
 }
 
 impl FrameMatcher {
-    /// Returns the next verdict, given all frames up to an instant; `None` if it needs later frames.
+    /// Returns the next verdict, given all frames up to `known`; `None` if the verdict depends on later frames.
     pub(super) fn next(
         &mut self,
         known: Instant,
@@ -98,7 +98,7 @@ impl FrameMatcher {
     fn best(&self, known: Instant, tolerance: Duration, positions: &PositionTolerance) -> Step {
         let logged: Vec<&Item> = self.logged.iter().take(AHEAD).collect();
         let sent: Vec<&Item> = self.sent.iter().take(AHEAD).collect();
-        // Frames at the end cost nothing, because their partners may lie beyond the look-ahead.
+        // Frames at the end have no cost, because their partners may be beyond the look-ahead.
         let rest = |items: &[&Item], others: &VecDeque<Item>| {
             let whole = others.len() <= AHEAD;
             let alone = items.iter().filter(|item| whole && after(item.at, tolerance) < known).count();
@@ -118,7 +118,7 @@ impl FrameMatcher {
                     Some((ALONE + costs[at + 1][other], Step::Missing)),
                     Some((ALONE + costs[at][other + 1], Step::Additional)),
                 ];
-                // Among equal costs: a pair first, then the earlier of two frames without a partner.
+                // Among equal costs, a pair is preferred, then the earlier of two frames without a partner.
                 let earlier = if one.at <= two.at { Step::Missing } else { Step::Additional };
                 let rank = |step: Step| (step != Step::Pair, step != earlier);
                 if let Some((cost, step)) = ways.into_iter().flatten().min_by_key(|(cost, step)| (*cost, rank(*step))) {
@@ -131,7 +131,7 @@ impl FrameMatcher {
     }
 }
 
-/// Returns the cost of two frames as a pair; `None` if they cannot be one.
+/// Returns the cost of pairing two frames; `None` if they cannot be a pair.
 fn pair(logged: &Item, sent: &Item, tolerance: Duration, positions: &PositionTolerance) -> Option<u32> {
     let tolerance = if is_cannot_claim(&logged.frame) { tolerance + CANNOT_CLAIM } else { tolerance };
     let apart = since(logged.at, sent.at).max(since(sent.at, logged.at));

@@ -1,4 +1,4 @@
-//! Identifiers of a device, and of address claims.
+//! Identifiers of devices and of address claims.
 
 use protocol_core::device::Protocol;
 use protocol_core::frame::{Frame, Id};
@@ -9,7 +9,7 @@ use protocol_core::wire::uds;
 /// The mark of a 29-bit identifier in a [key](Frame::key).
 const EXTENDED: u32 = 1 << 29;
 
-/// Returns whether a frame has an identifier of the device with this node ID, or address.
+/// Returns whether a frame has an identifier of the device with this node ID or address.
 pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     match (frame.id(), protocol) {
         (Id::Standard(id), Protocol::Canopen) => {
@@ -23,12 +23,12 @@ pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     }
 }
 
-/// Returns the identifier of a [key](Frame::key), in the printed form.
+/// Formats the identifier of a [key](Frame::key) in hex.
 pub(super) fn id_of_key(key: u32) -> String {
     if key & EXTENDED == 0 { format!("{key:03X}") } else { format!("{:08X}", key & !EXTENDED) }
 }
 
-/// Returns whether a [key](Frame::key) belongs to an address claim or cannot-claim.
+/// Returns whether a [key](Frame::key) is that of an address claim or cannot-claim.
 pub(super) fn is_claim(key: u32) -> bool {
     key & EXTENDED != 0
         && uds::parse_id(key & !EXTENDED).is_none()

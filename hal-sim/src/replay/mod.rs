@@ -1,11 +1,11 @@
-//! `pve-sim replay`: compares a recording of devices with simulated ones, in virtual time.
+//! `pve-sim replay`: compares a recording of devices with simulated devices, in virtual time.
 //!
 //! ```text
 //! mod           the replay in rounds, from the recording to the outcome
 //! timeline      the power-up of each device
-//! identifier    identifiers of devices, and of address claims
+//! identifier    identifiers of devices and of address claims
 //! replay_bus    the simulated devices on a bus, in virtual time
-//! attribution   the recorded frames that belong to the replayed devices
+//! attribution   the log frames that belong to the replayed devices
 //! item          a logged or a sent frame
 //! frame_matcher pairs of logged and sent frames of one identifier
 //! fields        the position fields of a frame
@@ -13,14 +13,14 @@
 //! report        differences as text
 //! ```
 //!
-//! The log has no power-up; each simulated device is switched on so that its first frame (boot-up or address claim)
-//! ends at the same instant as in the log, and without such a frame some time before the log. Frames of other nodes are
-//! sent through a client so that they end as logged. Such a frame may lose an arbitration that it won in the log, and
-//! come a frame's length later.
+//! A log does not contain power-ups. Each simulated device is powered on so that its first frame (boot-up or address
+//! claim) ends at the same time as in the log, or, if the log does not contain that frame, some time before the log. A
+//! client sends the frames of other nodes so that they end at the logged times. Such a frame may lose an arbitration
+//! that it won in the log, and is then late by the length of a frame.
 //!
-//! A simulated device may turn out to send an identifier that was not known as its own when it first occurred in the
-//! log, such as a PDO with another COB-ID. That frame was then sent as a frame of another node, and the next round
-//! repeats the replay with the new identifier.
+//! A simulated device may send an identifier that was not known to be its own when it first occurred in the log, such
+//! as a PDO with another COB-ID. The client then sent that frame; the next round repeats the replay with the new
+//! identifier.
 
 mod attribution;
 mod fields;
@@ -52,54 +52,54 @@ use crate::devices::{NamedDevice, NamedLink};
 use crate::log::Entry;
 use crate::recording::{Logged, ReadError, Reader};
 
-/// The maximum number of rounds. Each round after the first repeats the replay with identifiers found in the previous.
+/// The maximum number of rounds. Each round after the first repeats the replay with the identifiers found before.
 const ROUNDS: usize = 4;
 
-/// The maximum gap between two entries: a longer gap means that the clock was set or a time is wrong.
+/// The maximum gap between two entries. A longer gap means that the clock was adjusted or a time is wrong.
 const GAP: Duration = Duration::from_secs(24 * 60 * 60);
 
-/// The maximum number of differences, and of unreadable entries, that are reported individually.
+/// The maximum number of reported differences, and of reported unreadable entries.
 const TOLD: usize = 1000;
 
-/// The interval at which frames are paired, in virtual time.
+/// The interval, in virtual time, at which logged and sent frames are paired.
 const PAIRING: Duration = Duration::from_millis(100);
 
-/// The options of `replay`, with consistent devices.
+/// The options of a replay. The devices must have unique names and must not conflict.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayOptions {
     /// The recording.
     pub file: PathBuf,
-    /// The simulated devices, with new memories.
+    /// The devices to simulate, with new memories.
     pub devices: Vec<NamedDevice>,
-    /// The links: shafts that follow a valve.
+    /// The links between valves and sensors.
     pub links: Vec<NamedLink>,
-    /// The tolerance of a frame's time.
+    /// The time tolerance of a frame.
     pub tolerance: Duration,
-    /// Whether all entries before the first boot-up or address claim of a device are skipped.
+    /// Whether to skip all entries before the first boot-up or address claim of a device.
     pub from_boot_up: bool,
 }
 
 /// The outcome of a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// The number of compared frames of the log.
+    /// The number of log frames compared with frames of the simulated devices.
     pub compared: u64,
-    /// The number of frames of the log that were sent to the simulated devices.
+    /// The number of log frames sent to the simulated devices.
     pub played: u64,
     /// The number of skipped error frames in the log.
     pub error_frames: u64,
-    /// The reported differences, in the order of time.
+    /// The reported differences, in chronological order.
     pub told: Vec<Difference>,
-    /// The number of all differences.
+    /// The total number of differences.
     pub differences: u64,
-    /// The first unreadable entries of the log.
+    /// The reported unreadable entries of the log, with their causes.
     pub unread: Vec<String>,
-    /// For each device, the entry that determined its power-up; `None`: it counts as on before the log.
+    /// The log entry that determined the power-up of each device; `None` for a device powered up before the log.
     pub power_ups: Vec<Option<u64>>,
 }
 
 impl Outcome {
-    /// Returns whether the whole log was read and the simulated devices match it.
+    /// Returns whether the whole log was readable and the simulated devices match it.
     #[must_use]
     pub fn is_as_logged(&self) -> bool {
         self.differences == 0 && self.unread.is_empty()
@@ -118,23 +118,23 @@ pub enum ReplayError {
         /// The cause.
         source: io::Error,
     },
-    /// The file has no frame.
+    /// The file contains no frame.
     #[error("{}: no frame to replay", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
-    /// The file has no frame of a device.
+    /// The file contains no frame of a device.
     #[error("{}: no {what} from {name} in the log", path.display())]
     NotThere {
         /// The file.
         path: PathBuf,
-        /// The missing frames.
+        /// A description of the missing frames.
         what: &'static str,
-        /// The device.
+        /// The name of the device.
         name: String,
     },
-    /// After the last round, the replay still sent frames whose identifiers belong to a simulated device.
+    /// After the last round, frames were still replayed whose identifiers belong to a simulated device.
     #[error("{}: own identifiers, still sent as frames of other nodes after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
@@ -147,7 +147,7 @@ pub enum ReplayError {
 /// Replays a recording.
 ///
 /// # Errors
-/// [`ReplayError`] when the recording cannot be read or has nothing to replay.
+/// [`ReplayError`] if the recording cannot be read or contains nothing to compare.
 pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
     let unread = |source| ReplayError::Read { path: options.file.clone(), source };
     if !fs::metadata(&options.file).map_err(unread)?.is_file() {
@@ -158,7 +158,7 @@ pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
     play_rounds(options, &timeline, ROUNDS)
 }
 
-/// Plays rounds until the frames of all simulated devices are known, up to a limit.
+/// Repeats the replay until all identifiers of the simulated devices are known, for at most `rounds` rounds.
 fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> Result<Outcome, ReplayError> {
     let mut own = BTreeSet::new();
     let mut misplayed = BTreeSet::new();
@@ -179,17 +179,17 @@ fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> R
     Err(ReplayError::Misplayed { path: options.file.clone(), ids: ids.join(", ") })
 }
 
-/// A round.
+/// One round of a replay.
 struct Player<'a> {
     options: &'a ReplayOptions,
     timeline: &'a Timeline,
     bus: ReplayBus,
-    /// The known identifiers of the simulated devices beyond those of their node IDs, as [keys](Frame::key).
+    /// The known identifiers of the simulated devices, apart from those derived from node IDs, as [keys](Frame::key).
     own: BTreeSet<u32>,
-    /// The identifiers of the frames that were sent from the log.
+    /// The identifiers of the log frames sent to the simulated devices.
     played: BTreeSet<u32>,
     matchers: BTreeMap<u32, FrameMatcher>,
-    /// The places of the simulated devices that have sent a frame.
+    /// The indices of the simulated devices that have sent a frame.
     heard: BTreeSet<usize>,
     /// The time at which recorded and sent frames were last matched.
     paired: Instant,
@@ -255,7 +255,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Processes a frame of the log: compares or sends it.
+    /// Processes a log frame: queues a frame of a simulated device for comparison, and sends any other frame.
     fn take(&mut self, logged: &Logged, frame: Frame, at: Instant) {
         self.bus.run_to_start(&frame, at);
         self.collect();
@@ -269,7 +269,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Takes the frames of the simulated devices.
+    /// Collects the frames sent by the simulated devices.
     fn collect(&mut self) {
         for item in self.bus.take_sent() {
             self.heard.extend(item.device);
@@ -277,8 +277,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Pairs the frames up to an instant. Frames of the simulated devices before the first entry of the log, or after
-    /// its end, are not additional.
+    /// Pairs the logged and sent frames up to `known`. Sent frames before the first entry of the log or after `end` are
+    /// not reported as additional.
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for matcher in self.matchers.values_mut() {
@@ -307,16 +307,15 @@ impl<'a> Player<'a> {
         self.bus.forget(known);
     }
 
-    /// Returns the name of a simulated device that has sent nothing, such as a blank one without LSS requests: nothing
-    /// of it was compared.
+    /// Returns the name of a simulated device that has sent no frame, so that nothing was compared. An example is a
+    /// blank device without LSS requests.
     fn silent(&self) -> Option<&'a str> {
         let options = self.options;
         let mut devices = options.devices.iter().enumerate();
         devices.find(|(place, _)| !self.heard.contains(place)).map(|(_, device)| device.name.as_str())
     }
 
-    /// Returns the identifiers that both simulated devices and the log's other nodes have sent; address claims for one
-    /// address are excluded.
+    /// Returns the identifiers sent both by simulated devices and from the log, except those of address claims.
     fn misplayed(&self) -> BTreeSet<u32> {
         let sent = self.bus.sent_keys().iter().copied().filter(|key| !is_claim(*key));
         sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()

@@ -1,9 +1,8 @@
-//! The tolerance of positions: a frame may hold any position that the simulated device passes within the time
-//! tolerance.
+//! The position tolerance: a frame may hold any position that the simulated device passes within the time tolerance.
 //!
-//! The mapping or the message of a frame defines its position fields. A logged frame matches the frame of the simulated
-//! device when all other bits are equal, and one passed position gives all these fields their logged values. A device
-//! at rest has a single position: its frames must be equal.
+//! The mapping or the message of a frame defines its position fields. A log frame matches the frame of the simulated
+//! device if all other bits are equal, and if there is one passed position for which all position fields have their
+//! logged values. A device at rest has a single position, so its frames must be equal.
 
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
@@ -18,7 +17,7 @@ use super::item::{Item, PATIENCE};
 use crate::Kind;
 use crate::world::{NodeId, World};
 
-/// The longest time between two samples of a position that changes.
+/// The maximum time between two samples of a changing position.
 pub(super) const GRID: Duration = Duration::from_millis(1);
 
 /// The position of a device at an instant.
@@ -26,9 +25,9 @@ pub(super) const GRID: Duration = Duration::from_millis(1);
 struct Sample {
     at: Instant,
     position: i32,
-    /// The spool floats, and the objects hold float.
+    /// Whether the spool floats. The position objects then contain the value for float.
     floats: bool,
-    /// The device moved here from the previous sample through all positions between; otherwise it jumped.
+    /// Whether the device passed all positions between the previous sample and this one; otherwise its position jumped.
     moved: bool,
 }
 
@@ -37,18 +36,18 @@ struct Sample {
 struct Track {
     kind: Kind,
     samples: VecDeque<Sample>,
-    /// The instant of the last sample.
+    /// The time of the last sample.
     looked: Instant,
 }
 
 impl Track {
-    /// Returns the samples from the one in force at `from` up to `until`.
+    /// Returns the samples from the last one at or before `from` up to `until`.
     fn between(&self, from: Instant, until: Instant) -> impl Iterator<Item = &Sample> + Clone {
         let first = self.samples.partition_point(|sample| sample.at <= from).saturating_sub(1);
         self.samples.iter().skip(first).take_while(move |sample| sample.at <= until)
     }
 
-    /// Returns whether one of these positions lies between two samples.
+    /// Returns whether the movement from one sampled position to the next passes any of `positions`.
     fn is_between(&self, from: i32, to: i32, positions: &RangeInclusive<i32>) -> bool {
         let turn = STEPS as i32;
         let passed = |by: i32| from.min(from + by)..=from.max(from + by);
@@ -56,7 +55,7 @@ impl Track {
             *positions.start() <= passed.end() + shift && passed.start() + shift <= *positions.end()
         };
         if matches!(self.kind, Kind::Hat(_)) {
-            // The shorter way round.
+            // The shorter way round the circle.
             let passed = passed((to - from + turn / 2).rem_euclid(turn) - turn / 2);
             [-turn, 0, turn].into_iter().any(|shift| overlaps(&passed, shift))
         } else {
@@ -64,7 +63,7 @@ impl Track {
         }
     }
 
-    /// Returns whether the device reaches one of these positions between two instants.
+    /// Returns whether the device reaches any of `positions` between two times.
     fn passes(&self, positions: &RangeInclusive<i32>, from: Instant, until: Instant) -> bool {
         let samples = self.between(from, until);
         let is_at = |sample: &Sample| !sample.floats && positions.contains(&sample.position);
@@ -88,7 +87,7 @@ impl PositionTolerance {
         Self { tracks: kinds.map(track).collect(), tolerance }
     }
 
-    /// Samples the positions that have changed.
+    /// Samples the positions of the devices and records the changes.
     pub(super) fn sample(&mut self, world: &mut World, nodes: &[NodeId]) {
         let at = world.now();
         for (track, node) in self.tracks.iter_mut().zip(nodes) {
@@ -106,7 +105,7 @@ impl PositionTolerance {
         self.tracks.get(device).map(|track| Fields::of(frame, track.kind, tpdo)).unwrap_or_default()
     }
 
-    /// Drops the samples that no pair needs any more at `known`.
+    /// Drops the samples too old to match any frame after `known`, the time up to which all frames are known.
     pub(super) fn forget(&mut self, known: Instant) {
         let needed = (PATIENCE + self.tolerance + GRID) * 4;
         let from = Instant::from_ticks(known.as_ticks().saturating_sub(needed.as_ticks()));
@@ -117,8 +116,8 @@ impl PositionTolerance {
         }
     }
 
-    /// Returns whether two frames match: equal, except for a position that the simulated device reaches within the
-    /// tolerance.
+    /// Returns whether two frames match: they must be equal except for a position that the simulated device reaches
+    /// within the time tolerance.
     pub(super) fn alike(&self, logged: &Item, sent: &Item) -> bool {
         logged.frame == sent.frame || self.differ_in_position(logged, sent).unwrap_or(false)
     }

@@ -1,5 +1,4 @@
-//! The simulated devices on a bus, in virtual time, with one client that sends the frames of all other nodes in the
-//! log.
+//! The simulated devices on a bus, in virtual time, with one client that sends the log frames of all other nodes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -23,9 +22,9 @@ use crate::world::{ClientPortId, EventKind, NodeId, World};
 pub(super) struct ReplayBus {
     world: World,
     others: ClientPortId,
-    /// The devices not powered yet, the last one first.
+    /// The pending power-ups, the next one last.
     to_come: Vec<(Instant, NodeId)>,
-    /// The index of each device, by name.
+    /// The index of each device, by device name.
     places: BTreeMap<Arc<str>, usize>,
     nodes: Vec<NodeId>,
     explainer: Explainer,
@@ -44,7 +43,8 @@ impl ReplayBus {
         for device in &options.devices {
             nodes.push(device.add_to(&mut world, Memory::in_ram()));
         }
-        // Added after the devices: a frame that a device and the log send simultaneously then counts as the device's.
+        // Added after the devices: if a device and the client send the same frame simultaneously, the device counts as
+        // the sender.
         let others = world.add_gateway("the log");
         link_in(&mut world, &options.links);
         let mut to_come: Vec<_> = timeline.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
@@ -74,14 +74,13 @@ impl ReplayBus {
         self.world.now()
     }
 
-    /// Advances to the instant at which a frame that ends at `end` has to start; events at that instant are still to
-    /// come.
+    /// Advances to the latest start of a frame that ends at `end`. Events at that time are not yet processed.
     pub(super) fn run_to_start(&mut self, frame: &Frame, end: Instant) {
         let takes = length(frame, self.world.bit_rate().bits_per_second());
         self.run_before(Instant::from_ticks(end.as_ticks().saturating_sub(takes.as_ticks())));
     }
 
-    /// Advances to an instant and processes everything due before it; does nothing if the instant has passed.
+    /// Advances to `end` and processes all events before it. No effect if `end` has passed.
     pub(super) fn run_before(&mut self, end: Instant) {
         loop {
             let power_up = self.to_come.last().map(|(at, _)| *at).filter(|at| *at <= end);
@@ -103,7 +102,7 @@ impl ReplayBus {
         }
     }
 
-    /// Returns the next position-sample time, at `end` at the latest; `end` while nothing moves.
+    /// Returns the time of the next position sample; `end` if no position changes before.
     fn next_sample(&self, end: Instant) -> Instant {
         let sample = after(self.world.now(), GRID);
         if sample >= end {
@@ -113,7 +112,7 @@ impl ReplayBus {
         sample.max(moves.unwrap_or(end))
     }
 
-    /// Records the events and positions of an instant.
+    /// Records the bus events and samples the positions.
     fn look(&mut self) {
         self.positions.sample(&mut self.world, &self.nodes);
         let first = self.sent.len();
@@ -129,7 +128,7 @@ impl ReplayBus {
                 item.fields = self.positions.fields(place, &item.frame, self.world.tpdo(node));
             }
         }
-        // The other nodes follow the bit rate of the device, so that the log continues.
+        // The client follows the bit rate of the first device, so that the replay can continue.
         let rate = self.nodes.first().and_then(|node| self.world.device(*node)).map(Device::bit_rate);
         if let Some(rate) = rate.filter(|rate| *rate != self.world.bit_rate()) {
             self.world.set_bit_rate(rate);
@@ -145,7 +144,7 @@ impl ReplayBus {
         self.sent.drain(..)
     }
 
-    /// Returns the identifiers that the simulated devices have sent, as [keys](Frame::key).
+    /// Returns the identifiers sent by the simulated devices, as [keys](Frame::key).
     pub(super) const fn sent_keys(&self) -> &BTreeSet<u32> {
         &self.sent_keys
     }
@@ -154,18 +153,18 @@ impl ReplayBus {
         &self.positions
     }
 
-    /// Drops the samples that no pair needs any more at `known`.
+    /// Drops the samples too old to match any frame after `known`, the time up to which all frames are known.
     pub(super) fn forget(&mut self, known: Instant) {
         self.positions.forget(known);
     }
 
-    /// Returns whether a frame of the log belongs to a replayed device.
+    /// Returns whether a log frame belongs to a replayed device.
     pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
         self.update_ids();
         attribution::is_own(frame, self.explainer.nodes_mut(), keys, timeline)
     }
 
-    /// Updates the node IDs of powered devices; the others keep the ones of their setup.
+    /// Updates the node IDs of powered devices. Unpowered devices keep the node ID of their setup.
     fn update_ids(&mut self) {
         for (known, node) in self.explainer.nodes_mut().iter_mut().zip(&self.nodes) {
             if let Some(device) = self.world.device(*node) {

@@ -1,4 +1,4 @@
-//! The report: describes the differences between a log and its replay.
+//! The replay report: describes the differences between a log and its replay.
 
 use std::fmt;
 
@@ -8,19 +8,18 @@ use protocol_core::time::Duration;
 use super::{Outcome, ReplayOptions};
 use crate::log::Timestamp;
 
-/// A difference: a frame of the log that the simulated device did not send as logged, or an additional frame of the
-/// simulated device.
+/// A difference between a log and its replay: a log frame not sent as logged, or an additional sent frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// The time of the logged frame; for an additional frame, the time of sending in the time of the log.
+    /// The time of the logged frame, or of the additional frame, in log time.
     pub at: Timestamp,
-    /// The line or packet of the log; `None` for an additional frame.
+    /// The line or packet number in the log; `None` for an additional frame.
     pub number: Option<u64>,
     /// The kind of the difference.
     pub what: What,
-    /// The logged frame and its meaning.
+    /// The logged frame and its explanation.
     pub logged: Option<(Frame, String)>,
-    /// The sent frame and its meaning.
+    /// The sent frame and its explanation.
     pub sent: Option<(Frame, String)>,
 }
 
@@ -31,11 +30,11 @@ pub enum What {
     Missing,
     /// The frame is not in the log.
     Additional,
-    /// The frame was sent with other data.
+    /// The frame was sent with different data.
     Different,
-    /// The frame was sent this much earlier.
+    /// The frame was sent earlier by this time.
     Early(Duration),
-    /// The frame was sent this much later.
+    /// The frame was sent later by this time.
     Late(Duration),
 }
 
@@ -69,7 +68,7 @@ impl fmt::Display for Difference {
 }
 
 impl Outcome {
-    /// Returns the differences and a summary, in lines.
+    /// Returns the differences and a summary as lines of text.
     #[must_use]
     pub fn report(&self, options: &ReplayOptions) -> String {
         let names: Vec<&str> = options.devices.iter().map(|device| device.name.as_str()).collect();

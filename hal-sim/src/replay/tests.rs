@@ -54,12 +54,12 @@ struct Session {
     records: Vec<Record>,
     /// The sender of each record.
     senders: Vec<Arc<str>>,
-    /// The positions of the devices, and whether they floated.
+    /// The positions of the devices over time, and whether they floated.
     ways: Vec<(Instant, NodeId, i32, bool)>,
 }
 
 impl Session {
-    /// Switches on the devices of a command line, as `run` does.
+    /// Powers on the devices of a command line, as `run` does.
     fn new(line: &str) -> Self {
         let options = options(line, &NamedTempFile::new().unwrap());
         let first = &options.devices[0];
@@ -129,7 +129,7 @@ fn replayed(line: &str, file: &NamedTempFile) -> Outcome {
     replay(&options(line, file)).unwrap()
 }
 
-/// Fails unless a log replays without a difference; returns the number of compared frames.
+/// Asserts that a log replays without a difference. Returns the number of compared frames.
 fn as_logged(line: &str, file: &NamedTempFile) -> u64 {
     let options = options(line, file);
     let outcome = replay(&options).unwrap();
@@ -139,7 +139,7 @@ fn as_logged(line: &str, file: &NamedTempFile) -> u64 {
 
 const VALVE: &str = "--device pvea-canopen@0x20";
 
-/// Returns a session of a valve at rest: SDO, NMT, heartbeats every 100 ms, EMCY of a missing master.
+/// Returns a session of a valve at rest: SDO, NMT, heartbeats every 100 ms, and an EMCY for a missing master.
 fn at_rest() -> Session {
     let mut session = Session::new(VALVE);
     session.send(3, &["620: 40 18 10 01 00 00 00 00", "620: 2B 17 10 00 64 00 00 00", "000: 01 20"]);
@@ -167,13 +167,13 @@ fn a_session_replays_in_every_format() {
     assert!(as_logged("--device pvea-canopen@0x20 --tolerance-ms 0", &at_rest().log()) > 20);
 }
 
-/// Returns whether a frame is of node 0x20.
+/// Returns whether a frame was sent by node 0x20.
 fn is_of_valve(record: &Record) -> bool {
     let Entry::Frame(frame) = record.entry else { return false };
     ["0A0:", "1A0:", "5A0:", "720:"].iter().any(|id| frame.to_string().starts_with(id))
 }
 
-/// The stand-in may send frames after the end of the log.
+/// The simulated device may send frames after the end of the log.
 #[test]
 fn a_log_may_be_cut_off() {
     let records = at_rest().records;
@@ -220,7 +220,7 @@ fn a_valve_on_isobus_and_its_master() {
     assert!(as_logged(device, &session.log()) > 20);
 }
 
-/// Another node claims the valve's address with its identifier: once without success, once for good.
+/// Another node claims the valve's address: first without success, then successfully.
 #[test]
 fn a_contender_is_no_stand_in() {
     let device = "--device pvea-isobus@0x83";
@@ -233,8 +233,8 @@ fn a_contender_is_no_stand_in() {
     assert!(as_logged(device, &session.log()) >= 5);
 }
 
-/// A valve of the same product contends for the address, before the stand-in's claim and later; the stand-in has the
-/// logged NAME.
+/// A valve of the same product contends for the address, before the claim of the simulated device and later; the
+/// simulated device has the logged NAME.
 #[test]
 fn a_twin_is_no_stand_in() {
     let device = "--device pvea-isobus@0x83,serial=7";
@@ -242,7 +242,7 @@ fn a_twin_is_no_stand_in() {
         let mut session = Session::new(device);
         session.send(400, &["0CFE3327: 7D FF 31 FF FF FF FF FF", twin, "18EAFF27: 00 EE 00"]);
         assert!(as_logged(device, &session.log()) > 3, "{twin}");
-        // It was on the bus first, and lost.
+        // The other valve was on the bus first, and lost.
         let mut records = session.records.clone();
         let earlier = Timestamp::from_micros(records[0].at.as_micros() - 900);
         records.insert(0, Record { at: earlier, entry: Entry::Frame(frame("18EEFF83: 0A 00 20 07 08 FF 02 20")) });
@@ -250,7 +250,8 @@ fn a_twin_is_no_stand_in() {
     }
 }
 
-/// A log of a valve with another serial number than the stand-in: its claims are compared, those of a twin are played.
+/// A log of a valve with a different serial number: its claims are compared, those of another valve of the same product
+/// are sent.
 #[test]
 fn the_first_claim_tells_the_name() {
     let mut session = Session::new("--device pvea-isobus@0x83,serial=7");
@@ -266,7 +267,7 @@ fn the_first_claim_tells_the_name() {
     assert!(outcome.told.iter().all(|difference| difference.what == What::Different));
 }
 
-/// A sensor moved by a valve, with PDOs by SYNC; and each alone, with the other's frames played.
+/// A sensor moved by a valve, with PDOs on SYNC; and each device alone, with the frames of the other sent from the log.
 #[test]
 fn several_devices() {
     let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k --link pvea-canopen=hat1000";
@@ -289,7 +290,7 @@ fn several_devices() {
     assert!(valve > 30 && all > valve + 60, "{all} {valve}");
 }
 
-/// A blank valve gets a node ID by LSS, and its TPDO another COB-ID: identifiers unknown before the log.
+/// LSS assigns a node ID to a blank valve, and its TPDO receives another COB-ID: identifiers unknown before the log.
 #[test]
 fn identifiers_that_change() {
     let blank = "--device pvea-canopen,blank";
@@ -306,7 +307,7 @@ fn identifiers_that_change() {
     let own: usize = ["7E4:", "731:", "0B1:", "5B1:", "1C2:"].into_iter().map(sent).sum();
     let file = session.log();
     assert_eq!(as_logged(blank, &file), own as u64);
-    // A single round sends the frames of the TPDO to the stand-in, which compares nothing.
+    // A single round sends the TPDO frames to the simulated device instead of comparing them.
     let options = options(blank, &file);
     let error = play_rounds(&options, &Timeline::find(&options).unwrap(), 1).unwrap_err().to_string();
     assert!(error.ends_with("after 4 rounds: 1C2"), "{error}");

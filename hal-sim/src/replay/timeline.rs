@@ -12,18 +12,19 @@ use crate::log::{Entry, Timestamp};
 use crate::recording::{Logged, ReadError, Reader};
 use crate::world::{EventKind, World};
 
-/// The time after power-up within which a device sends its first frame, if it sends one without a request (A).
+/// The maximum time from power-up to the first frame of a device that sends without a request (A).
 const SILENT: Duration = Duration::from_secs(2);
 
-/// The lead before the first entry for a device whose first frame is not in the log: it has booted by then.
+/// The time before the first entry at which a device whose first frame is not in the log is powered up. It has booted
+/// by the first entry.
 const LEAD: Duration = Duration::from_secs(1);
 
-/// The time line of a replay.
+/// The time base of a replay and the power-up of each device.
 #[derive(Debug)]
 pub(super) struct Timeline {
-    /// The time of the log at virtual instant 0.
+    /// The log time that corresponds to virtual time 0.
     zero: Timestamp,
-    /// The first entry that counts, and its time.
+    /// The number and time of the first entry that is not skipped.
     first: (u64, Timestamp),
     /// The power-up of each device, in the order of the options.
     devices: Vec<PowerUp>,
@@ -32,13 +33,13 @@ pub(super) struct Timeline {
 /// The power-up of a device.
 #[derive(Debug)]
 pub(super) struct PowerUp {
-    /// The instant of the power-up.
+    /// The time of the power-up.
     pub(super) at: Instant,
-    /// The device's first frame; `None` for a blank device, which sends none.
+    /// The first frame of the simulated device; `None` for a blank device, which sends no frame without a request.
     pub(super) frame: Option<Frame>,
-    /// The first frame of the device in the log: the same, or the equivalent of another unit.
+    /// The first frame of the device in the log: equal to `frame`, or the equivalent frame of another unit.
     pub(super) logged: Option<Frame>,
-    /// The entry of the log with that frame.
+    /// The number of the log entry that contains `logged`.
     number: Option<u64>,
 }
 
@@ -51,18 +52,18 @@ struct First {
 /// The state of the search for a device's first frame in the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Search {
-    /// Nothing is found.
+    /// No entry has been found.
     Open,
-    /// The entry is found.
+    /// The entry has been found.
     Found(FirstFrame),
-    /// A claim with another NAME was found: it counts unless the device's own claim follows, which makes it a
-    /// contender's. `spoke`: the address has sent another frame since.
+    /// A claim with a NAME other than the device's has been found. It counts unless the device's own claim follows; it
+    /// then belongs to a contender for the address. `spoke`: another frame from the address has followed.
     Perhaps { claim: FirstFrame, spoke: bool },
-    /// The first frame was before the log: the device has sent another frame.
+    /// The first frame was sent before the log began, because the device has sent another frame.
     Before,
 }
 
-/// The first frame of a device in the log, its number and its time.
+/// The number, the time and the content of a device's first frame in the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct FirstFrame {
     number: u64,
@@ -82,7 +83,7 @@ impl Search {
         matches!(self, Self::Found(_) | Self::Before)
     }
 
-    /// Continues the search with a frame of the log; `first` is the first frame of the simulated device.
+    /// Continues the search with a log entry. `first` is the first frame of the simulated device.
     fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, exactly: bool) -> Self {
         let frame = &entry.frame;
         let is_own =
@@ -107,7 +108,7 @@ impl Search {
 }
 
 impl Timeline {
-    /// Finds the first frames of the devices.
+    /// Finds the first frames of the devices in the log and derives the power-ups.
     pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
         let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
         let mut found = vec![Search::Open; firsts.len()];
@@ -151,7 +152,7 @@ impl Timeline {
             _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
         };
         let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
-        // A log from its first power-up keeps its instants, because random delays depend on them.
+        // A log that includes the first power-up keeps its time base, because random delays depend on virtual time.
         let zero = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
         let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
             at: Instant::from_micros(at - zero),
@@ -162,28 +163,28 @@ impl Timeline {
         Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
     }
 
-    /// Returns the virtual instant of an entry of the log; `None` for an entry that is left out.
+    /// Returns the virtual time of a log entry; `None` for a skipped entry.
     pub(super) fn instant(&self, logged: &Logged) -> Option<Instant> {
         let micros = logged.record.at.as_micros().saturating_sub(self.zero.as_micros());
         (logged.number >= self.first.0).then(|| Instant::from_micros(micros))
     }
 
-    /// Returns the virtual instant of the first entry that counts: the log covers no earlier time.
+    /// Returns the virtual time of the first entry that is not skipped.
     pub(super) fn opened(&self) -> Instant {
         Instant::from_micros(self.first.1.as_micros().saturating_sub(self.zero.as_micros()))
     }
 
-    /// Returns the time of the log at a virtual instant.
+    /// Converts virtual time to log time.
     pub(super) fn time(&self, at: Instant) -> Timestamp {
         self.zero.at(at)
     }
 
-    /// Returns whether an entry of the log is the first frame of a device.
+    /// Returns whether a log entry contains the first frame of a device.
     pub(super) fn is_first(&self, number: u64) -> bool {
         self.devices.iter().any(|device| device.number == Some(number))
     }
 
-    /// Returns the entry of each device's first frame; `None` for a device that was on before the log.
+    /// Returns the number of the entry with each device's first frame; `None` for a device powered up before the log.
     pub(super) fn entries(&self) -> Vec<Option<u64>> {
         self.devices.iter().map(|device| device.number).collect()
     }
@@ -194,15 +195,15 @@ impl Timeline {
     }
 }
 
-/// Returns whether a frame can be the first one with other data: it has the same identifier and is not a heartbeat,
-/// which shares that of the boot-up.
+/// Returns whether a frame can be the first frame with other data: it has the same identifier and is not a heartbeat,
+/// which shares the identifier of the boot-up message.
 fn is_like(first: &Frame, frame: &Frame) -> bool {
     let is_heartbeat = matches!(frame.id(), Id::Standard(id) if matches!(classify(id), Some((Function::Heartbeat, _))))
         && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }
 
-/// Returns the first frame of a device alone on a bus at its own bit rate.
+/// Determines the first frame of a device by simulating it alone on a bus at its own bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
     let rate = device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied())?;
     let mut world = World::new(rate, 0);

@@ -74,7 +74,7 @@ pub(super) struct DeviceTable {
 }
 
 impl DeviceEntry {
-    /// Reads an entry: the device text, and whether the device has to run at the bit rate of the bus.
+    /// Reads a device entry. Returns the device text, and whether the device must run at the bit rate of the bus.
     ///
     /// # Errors
     /// A message with the accepted forms.
@@ -178,7 +178,7 @@ pub(super) enum Expected {
 /// The default time limit of an expectation.
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Reads the text of a scenario.
+/// Parses the text of a scenario.
 ///
 /// # Errors
 /// [`ReadError`] with the line of the error.
@@ -206,7 +206,8 @@ pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     }
 }
 
-/// Returns the text offset of a member, or of the deepest existing part of its path.
+/// Returns the text offset of a member. For a missing member, returns the offset of the deepest existing part of its
+/// path.
 fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
     let (first, mut rest) = path.split_first()?;
     let Place::Key(key) = first else { return None };
@@ -229,13 +230,13 @@ pub(super) fn line_of(text: &str, place: usize) -> usize {
     1 + text.bytes().take(place).filter(|byte| *byte == b'\n').count()
 }
 
-/// The word for null of the control interface.
+/// The word that stands for null in the tables of steps.
 const NONE: &str = "\"none\"";
 
-/// The nesting depth at which the tables of steps begin; inside them, "none" stands for null.
+/// The nesting depth from which values belong to the tables of steps, in which "none" stands for null.
 const TABLES: usize = 4;
 
-/// Converts a value at this nesting depth to JSON.
+/// Converts a value at a nesting depth to JSON.
 fn document(value: toml::Value, depth: usize) -> serde_json::Value {
     match value {
         value if depth >= TABLES => json(value),
@@ -246,7 +247,7 @@ fn document(value: toml::Value, depth: usize) -> serde_json::Value {
     }
 }
 
-/// Deserialises a table to a type of the control interface, with "none" for null.
+/// Deserialises a table to a type of the control interface, in which "none" stands for null.
 ///
 /// # Errors
 /// The reason why the table is invalid.

@@ -1,4 +1,4 @@
-//! Expected frames, and the received frames that match them.
+//! Expected frames and the received frames that match them.
 
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
@@ -8,18 +8,18 @@ use crate::state::Pattern;
 
 /// The expected frames of a step.
 pub(super) struct Frames<'a> {
-    /// Each pattern with the frame that matched it; `None` until a frame matches.
+    /// Each pattern, with the frame that matched it, if any.
     pub(super) wanted: Vec<(&'a Pattern, Option<Frame>)>,
     pub(super) any_order: bool,
     /// The number of the next event to check.
     pub(super) next: u64,
-    /// The number of the event after the last expected frame, and its time.
+    /// The number of the event after the last matching frame; `last` is the time of that frame.
     pub(super) mark: u64,
     pub(super) last: Instant,
 }
 
 impl Frames<'_> {
-    /// Matches the frames since the last call.
+    /// Matches the frames received since the last call.
     pub(super) fn look(&mut self, history: &History) {
         if self.next == history.next() {
             return;
@@ -32,7 +32,7 @@ impl Frames<'_> {
         self.next = history.next();
     }
 
-    /// Assigns a frame to an open pattern; returns whether one matches.
+    /// Assigns a frame to an unmatched pattern. Returns whether one matches.
     pub(super) fn claim(&mut self, heard: &Heard) -> bool {
         let fulfils = self.take(heard.frame);
         if fulfils {
@@ -55,8 +55,8 @@ impl Frames<'_> {
         fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
     }
 
-    /// Assigns a frame in any order. An assigned frame moves to another pattern if that makes room, so that a general
-    /// pattern never blocks a specific one.
+    /// Assigns a frame to a pattern in any order. A frame already assigned is moved to another pattern if necessary, so
+    /// that a general pattern never blocks a specific one.
     fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
         for place in 0..self.wanted.len() {
             let (pattern, holder) = self.wanted[place];

@@ -1,8 +1,8 @@
-//! Devices at another bit rate than the bus: found at power-up, after each change of a rate, and at the end.
+//! Devices at a bit rate different from the bus: detected at power-up, after each bit rate change, and at the end.
 
 use super::*;
 
-/// Returns the failures of a scenario with these devices and steps, each with its line.
+/// Returns the failures of a scenario with these devices and steps, each with its line number.
 fn failures(devices: &str, steps: &str) -> Vec<(usize, String)> {
     let text = format!("devices = [{devices}]\nsteps = [\n{steps}\n]");
     let outcome = Scenario::parse(&text).unwrap_or_else(|error| panic!("{text}: {error:?}")).run(1);
@@ -47,7 +47,7 @@ fn a_device_that_is_asked_to_run_at_another_rate_fails_although_nothing_else_doe
     }
 }
 
-/// A bus that gets the device's rate a moment later had another one at the power-up.
+/// There is no grace period at power-up: the bus must have the device's bit rate from the start.
 #[test]
 fn the_first_power_up_has_no_second() {
     let text = "bit_rate = 250000\ndevices = [\"hat1000,bit-rate=500k\"]\n\
@@ -57,7 +57,7 @@ fn the_first_power_up_has_no_second() {
     assert_eq!(told, [(2, DEAF_SENSOR)]);
 }
 
-/// The remedy fits the setup of the device and the rates of the product.
+/// The remedy suits the setup of the device and the bit rates of the product.
 #[test]
 fn the_remedy_fits_the_device() {
     for (device, remedy) in [
@@ -99,7 +99,7 @@ fn errors_of_the_bus_are_in_the_report() {
     assert!(report.contains(wanted) && report.contains("hat1000: error-passive ("), "{report}");
 }
 
-/// The master and the device each have a second to follow the other's change of rate.
+/// The bus and the device each have one second to follow the other's bit rate change.
 #[test]
 fn the_bus_and_a_device_meet_again_within_a_second() {
     let activate = format!("{CONFIGURED} {{ send = \"7E5#1500 0000 0000 0000\" }},");
@@ -117,7 +117,7 @@ fn the_bus_and_a_device_meet_again_within_a_second() {
     assert_eq!(failures(VALVE, &leads(1001)), [(3, LEFT_VALVE.to_owned())]);
 }
 
-/// A rate stored over SDO comes into force by reset node.
+/// A bit rate stored by SDO takes effect at reset node.
 #[test]
 fn a_reset_to_a_stored_rate_is_a_change_of_it() {
     let reset = "{ expect = \"701#00\" },\n\
@@ -151,8 +151,8 @@ fn the_end_of_the_scenario_and_of_a_never_wait_for_nobody() {
     passes(VALVE, &format!("{left} {{ power = {{ on = false }} }}"));
 }
 
-/// Activate bit timing with a delay: the valve is silent until the end of the second delay, whenever the master
-/// changes.
+/// Activate bit timing with a delay: the valve is silent until the end of the second delay, regardless of when the
+/// master changes its bit rate.
 #[test]
 fn the_time_of_a_switch_by_lss_does_not_count() {
     let activate = format!("{CONFIGURED}\n{{ send = \"7E5#15B8 0B00 0000 0000\" }},"); // 3 s, twice
@@ -162,7 +162,7 @@ fn the_time_of_a_switch_by_lss_does_not_count() {
         passes(VALVE, &joins(ms));
     }
     assert_eq!(failures(VALVE, &joins(7100)), [(4, DEAF_VALVE.to_owned())]);
-    // Its silence can be checked, and the bus has the right rate at the end.
+    // The silence of the valve can be checked, and the bus has the right bit rate at the end.
     let silent = format!("{activate} {{ never = \"7??\", for_ms = 5900 }},");
     passes(VALVE, &format!("{silent} {{ bus = {{ bit_rate = 500000 }} }}, {{ after_ms = 2000 }}"));
     assert_eq!(failures(VALVE, &silent), [(4, DEAF_VALVE.to_owned())]);
@@ -177,7 +177,7 @@ fn a_later_power_up_at_a_stored_rate_counts_as_the_first() {
     };
     let boots = "{ expect = \"720#00\" }";
     passes(VALVE, &format!("{}{boots}", cycle("{ bus = { bit_rate = 500000 } },")));
-    // At the same instant.
+    // At the same time.
     passes(VALVE, &format!("{} {{ bus = {{ bit_rate = 500000 }} }}, {boots}", cycle("")));
     let late = format!("{} {{ after_ms = 10, bus = {{ bit_rate = 500000 }} }}, {boots}", cycle(""));
     assert_eq!(failures(VALVE, &late), [(4, DEAF_VALVE.to_owned())]);

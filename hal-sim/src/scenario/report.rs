@@ -1,4 +1,4 @@
-//! The outcome of a scenario: each failure with the expectation, the observation, and the last frames before it.
+//! The outcome of a scenario: each failure with the expectation, the observation, and the preceding frames.
 
 use std::fmt::{self, Write as _};
 
@@ -19,11 +19,11 @@ pub struct Outcome {
     /// The virtual time at the end.
     pub(super) end: Instant,
     pub(super) failures: Vec<Failure>,
-    /// The trace of the bus, with the notes of the steps; empty if none was requested.
+    /// The trace of the bus with the notes of the steps; empty if it was not requested.
     pub(super) trace: String,
 }
 
-/// A failure.
+/// A failure of a step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Failure {
     /// The line of the step.
@@ -31,14 +31,14 @@ pub(super) struct Failure {
     note: Option<String>,
     /// The failed expectation, in one line.
     pub(super) headline: String,
-    /// The expectation and the observation.
+    /// The lines that describe the expectation and the observation.
     details: Vec<String>,
-    /// The number of the event after the last one that belongs to the failure; `None` for all events.
+    /// The number of the event after the last one to show with the failure; `None` to show all events.
     until: Option<u64>,
     at: Instant,
-    /// The last events before the failure.
+    /// The trace lines of the last events before the failure.
     excerpt: Vec<String>,
-    /// Whether a device ran at another bit rate than the bus; bus errors then replace the last events.
+    /// Whether the failure is a device at a bit rate different from the bus. The bus errors then replace the excerpt.
     is_not_heard: bool,
 }
 
@@ -49,18 +49,19 @@ impl Outcome {
         self.failures.is_empty()
     }
 
-    /// Returns the trace of the bus, with the notes of the steps, if the run was traced.
+    /// Returns the trace of the bus with the notes of the steps; empty if the run was not traced.
     #[must_use]
     pub fn trace(&self) -> &str {
         &self.trace
     }
 
-    /// Returns the headline of each failure, for a scenario from this file.
+    /// Returns the headline of each failure. `file` is the name of the scenario file.
     pub fn headlines(&self, file: &str) -> impl Iterator<Item = String> {
         self.failures.iter().map(move |failure| format!("{file}:{}: {}", failure.line, failure.headline))
     }
 
-    /// Returns the report of the failures, for a scenario from this file: indented lines, empty for a passed scenario.
+    /// Returns the report of the failures in indented lines; empty if the scenario passed. `file` is the name of the
+    /// scenario file.
     #[must_use]
     pub fn failures(&self, file: &str) -> String {
         let mut text = String::new();
@@ -87,7 +88,7 @@ impl Failure {
         }
     }
 
-    /// Creates the failure of a device that runs at another bit rate than the bus.
+    /// Creates the failure for a device at a bit rate different from the bus.
     pub(super) fn not_heard(line: usize, reason: String) -> Self {
         let accept = "if this is intended, declare the device as { device = \"…\", heard = false }".to_owned();
         Self {
@@ -102,14 +103,14 @@ impl Failure {
         }
     }
 
-    /// Replaces the excerpt of a bit rate failure by the bus errors.
+    /// Replaces the excerpt of a bit rate failure with the bus errors.
     pub(super) fn show_errors(&mut self, errors: &[String]) {
         if self.is_not_heard {
             self.excerpt = errors.to_vec();
         }
     }
 
-    /// Creates the failure of a step that begins late, because the previous steps took too long.
+    /// Creates the failure for a step that begins late because the previous steps took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
         let details = vec![format!("the previous steps were still running at {}", time(begin))];
         let ms = match step.begin {
@@ -119,13 +120,13 @@ impl Failure {
         Self::new(step, format!("at_ms = {ms}"), details)
     }
 
-    /// Creates the failure of a step whose action was refused.
+    /// Creates the failure for a step whose action was refused.
     pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Creates the failure of missing frames: `missing` of `patterns`, in the events from `from` on; all other patterns
-    /// matched before `mark`.
+    /// Creates the failure for frames that did not arrive. `missing` are the unmatched `patterns`, searched for in the
+    /// events from `from` onwards; all other patterns matched before the event `mark`.
     pub(super) fn frames(
         step: &Step,
         patterns: &[Pattern],
@@ -149,9 +150,9 @@ impl Failure {
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
 
-    /// Adds a deviation in a strict scenario to the failure of missing frames.
+    /// Adds the deviation from a strict scenario to a failure for missing frames.
     pub(super) fn because(mut self, deviation: &Deviation, history: &History) -> Self {
-        // Omits a deviation whose frame is already listed as observed.
+        // Omits a deviation whose frame is already listed as an observation.
         let is_told = |heard: &Heard| {
             let seen = format!("seen      {}  at {}", heard.frame, time(heard.at));
             self.details.iter().any(|line| line.starts_with(&seen))
@@ -162,12 +163,12 @@ impl Failure {
         self
     }
 
-    /// Creates the failure of a deviation in a strict scenario.
+    /// Creates the failure for a deviation from a strict scenario.
     pub(super) fn deviation(step: &Step, deviation: &Deviation, history: &History) -> Self {
         Self::new(step, "strict".to_owned(), vec![format!("strict    {}", deviation.reason(history))])
     }
 
-    /// Creates the failure of an expected state that did not occur.
+    /// Creates the failure for an expected state that was not reached.
     pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
         let mut details: Vec<String> =
@@ -178,7 +179,7 @@ impl Failure {
         Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
     }
 
-    /// Creates the failure of a forbidden frame.
+    /// Creates the failure for a forbidden frame.
     pub(super) fn came(step: &Step, pattern: &Pattern, heard: &Heard, history: &History) -> Self {
         let Heard { number, at, frame } = heard;
         let details = vec![format!("seen      {frame}  at {}  {}", time(*at), history.explain(frame))];
@@ -186,25 +187,25 @@ impl Failure {
         Self { until: Some(number + 1), ..failure }
     }
 
-    /// Creates the failure of a forbidden state.
+    /// Creates the failure for a forbidden state.
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
         let details = wanted.keys.iter().map(seen).collect();
         Self::new(step, format!("never a state of {}{}", state.name, during(step)), details)
     }
 
-    /// Returns the number of the event after the last one that belongs to the failure.
+    /// Returns the number of the event after the last one to show with the failure.
     pub(super) const fn until(&self) -> Option<u64> {
         self.until
     }
 
-    /// Adds the instant of the failure and the events before it.
+    /// Adds the time of the failure and the events before it.
     pub(super) fn with(self, at: Instant, excerpt: Vec<String>) -> Self {
         Self { at, excerpt, ..self }
     }
 
-    /// Writes the failure of a scenario from this file in indented lines. The first failure shows the latest events
-    /// before it; each later one shows the events since the previous failure.
+    /// Writes the failure in indented lines; `file` is the name of the scenario file. The first failure shows the
+    /// latest events before it; each later failure shows the events since the previous one.
     fn write(&self, out: &mut String, file: &str, is_first: bool) {
         let Self { line, note, headline, details, at, excerpt, .. } = self;
         // Writing to a string cannot fail.
@@ -241,13 +242,13 @@ impl Deviation {
     }
 }
 
-/// Returns the meaning of a pattern that matches a single frame.
+/// Explains the frame that a pattern matches, if the pattern matches a single frame.
 fn meaning(pattern: &Pattern, history: &History) -> String {
     pattern.frame().map_or_else(String::new, |frame| format!("  {}", history.explain(&frame)))
 }
 
-/// Describes the frame observed instead of a wanted one, in the events from `mark` on. `from` is the first event of the
-/// step.
+/// Describes the frame observed instead of the wanted one, in the events from `mark` onwards. `from` is the number of
+/// the first event of the step.
 fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<String> {
     let mut lines = Vec::new();
     let distance = |frame: &Frame| wanted.differences(frame).map_or(usize::MAX, |bytes| bytes.len());
@@ -281,7 +282,7 @@ fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<St
     lines
 }
 
-/// Returns carets that mark bytes of a printed frame.
+/// Returns a line of carets that mark bytes of a printed frame.
 fn carets(frame: &Frame, bytes: &[usize]) -> String {
     let head = frame.to_string().find(':').map_or(0, |colon| colon + 2);
     let mut line = " ".repeat(head);
@@ -300,7 +301,7 @@ fn during(step: &Step) -> String {
     span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()))
 }
 
-/// Returns the value of a state's key in the syntax of scenarios.
+/// Formats the value of a state key in scenario syntax.
 fn value_of(key: &str, state: &DeviceState) -> String {
     let mut values = serde_json::to_value(state).unwrap_or_default();
     match key {
@@ -322,7 +323,7 @@ fn value_of(key: &str, state: &DeviceState) -> String {
     }
 }
 
-/// Returns an instant in milliseconds since the start.
+/// Formats a time in milliseconds since the start.
 pub(super) fn time(at: Instant) -> String {
     span(since(at, Instant::from_ticks(0)))
 }
@@ -332,7 +333,7 @@ fn span(span: Duration) -> String {
     format!("{}.{:03} ms", micros / 1000, micros % 1000)
 }
 
-/// The summary in one line: counts and duration.
+/// Writes a one-line summary with counts and duration.
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.title.is_empty() {

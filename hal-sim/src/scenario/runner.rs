@@ -13,7 +13,7 @@ use crate::simulation::{Command, Executed, Heard, Refusal, Reply, Simulation, Ti
 use crate::state::{FaultRecord, Pattern};
 use crate::trace::Layout;
 
-/// Runs a scenario on a target whose devices are powered, with a full trace if `traced`. Calls `watch` after every step
+/// Runs a scenario on a target with powered devices and, if `traced`, records a trace. Calls `watch` after every step
 /// of the simulation.
 pub(super) fn run(
     scenario: &Scenario,
@@ -39,7 +39,7 @@ pub(super) fn run(
     }
     for step in &scenario.steps {
         runner.step(step);
-        // After the first deviation in a strict scenario, further ones are meaningless.
+        // After the first deviation from a strict scenario, further deviations are meaningless.
         if runner.claims.is_some() && !runner.failures.is_empty() {
             return runner.outcome();
         }
@@ -65,17 +65,17 @@ struct Runner<'a, B> {
     watch: &'a mut dyn FnMut(&mut Simulation),
     /// The claimed frames of a strict scenario.
     claims: Option<Claims<'a>>,
-    /// The full trace, laid out while the scenario runs.
+    /// The trace, written while the scenario runs.
     trace: Option<Trace>,
-    /// The current step.
+    /// The step being executed.
     step: Option<&'a Step>,
-    /// The completed commands.
+    /// The completed commands with their results.
     ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
     failures: Vec<Failure>,
-    /// The active communication faults, by name, with their steps.
+    /// The active communication faults by name, each with the step that added it.
     faults: Vec<(String, &'a Step)>,
-    /// The number of the first event that no failure shows yet.
+    /// The number of the first event that no failure has shown yet.
     shown: u64,
 }
 
@@ -84,34 +84,35 @@ struct Trace {
     text: String,
 }
 
-/// A forbidden state or forbidden frames.
+/// A running prohibition (`never`) of a state or of frames.
 struct Guard<'a> {
     step: &'a Step,
     since: Instant,
     until: Instant,
     what: Guarded<'a>,
-    /// The pending wait for the forbidden state, or for the end of the guard.
+    /// The pending wait for the forbidden state, or for the end of the prohibition.
     ticket: Ticket,
 }
 
 #[derive(Clone, Copy)]
 enum Guarded<'a> {
-    /// Frames, in the events from this number on.
+    /// Forbidden frames, checked in the events from this number onwards.
     Frames(&'a [Pattern], u64),
     State(&'a Wanted),
 }
 
 /// The condition that ends an advance of time.
 enum Goal<'a> {
-    /// No goal.
+    /// None: time advances to its end.
     None,
-    /// The completion of a command.
+    /// The completion of a pending command.
     Command(Ticket),
     Frames(Frames<'a>),
 }
 
 impl<'a, B: Target> Runner<'a, B> {
-    /// Fails the scenario before it begins if it expects states that the target cannot read; returns whether it did.
+    /// Fails the scenario before it begins if it expects a state that the target cannot read. Returns whether it
+    /// failed.
     fn refuse_states(&mut self) -> bool {
         for step in &self.scenario.steps {
             let expected = step.expect.as_ref().map(|expect| &expect.what);
@@ -134,7 +135,7 @@ impl<'a, B: Target> Runner<'a, B> {
             return;
         }
         self.step = Some(step);
-        // The first event of the step: earlier frames do not count for its patterns.
+        // The first event of the step: earlier frames do not match its patterns.
         let mark = self.target.simulation().history().next();
         if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
             trace.note(note);
@@ -155,10 +156,10 @@ impl<'a, B: Target> Runner<'a, B> {
     }
 
     fn act(&mut self, step: &'a Step, act: &Command) {
-        // Frames of the devices during the action count for the step's expectation.
+        // Device frames sent during the action can match the step's expectation.
         let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
         if let Command::Fault(_) = act {
-            // A new fault may replace one that is over.
+            // A new fault may replace an expired one.
             let over: Vec<FaultRecord> = self.target.simulation().faults().filter(|record| record.is_over).collect();
             self.end_faults(&over);
         }
@@ -175,7 +176,8 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Fails the steps of ended faults that affected no frame: nothing was tested. A probability of 0 is intended.
+    /// Fails the steps whose faults have ended without affecting a frame, because nothing was tested. Faults with
+    /// probability 0 are exempt.
     fn end_faults(&mut self, ended: &[FaultRecord]) {
         for record in ended {
             let Some(place) = self.faults.iter().position(|(name, _)| *name == record.name) else { continue };
@@ -188,7 +190,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Fails a step of a strict scenario with an unclaimed frame, or without a cyclic one.
+    /// Fails a step of a strict scenario that has an unclaimed frame or lacks a cyclic frame.
     fn settle(&mut self, step: &Step) {
         if let Some(deviation) = self.claims.as_mut().and_then(Claims::take_deviation) {
             let failure = Failure::deviation(step, &deviation, self.target.simulation().history());
@@ -196,12 +198,12 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Returns whether a strict scenario has a deviation.
+    /// Returns whether a deviation from a strict scenario has been found.
     fn is_broken(&self) -> bool {
         self.claims.as_ref().is_some_and(Claims::are_broken)
     }
 
-    /// Advances to the beginning of a step.
+    /// Advances to the start of a step.
     fn begin(&mut self, step: &Step) {
         let now = self.target.simulation().now();
         let begin = match step.begin {
@@ -216,7 +218,7 @@ impl<'a, B: Target> Runner<'a, B> {
         self.pass(begin);
     }
 
-    /// Executes a command, and advances until it completes.
+    /// Executes a command and advances until it completes.
     fn run(&mut self, command: &Command) -> Result<Reply, Refusal> {
         let executed = self.target.execute(command.clone());
         self.look();
@@ -262,7 +264,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Starts a guard against frames or a state.
+    /// Starts to check a prohibition.
     fn never(&mut self, step: &'a Step, Never { what, span }: &'a Never) {
         let since_now = self.target.simulation().now();
         let until = span.map_or(NEVER, |span| after(since_now, span));
@@ -279,12 +281,12 @@ impl<'a, B: Target> Runner<'a, B> {
         self.look();
     }
 
-    /// Advances to an instant and processes everything due by then.
+    /// Advances to `end` and processes everything due by then.
     fn pass(&mut self, end: Instant) {
         self.pass_until(end, &mut Goal::None);
     }
 
-    /// Advances to an instant, or until a goal is reached, and processes everything due; returns whether the goal was
+    /// Advances to `end`, or until the goal is reached, and processes everything due. Returns whether the goal is
     /// reached.
     fn pass_until(&mut self, end: Instant, goal: &mut Goal<'_>) -> bool {
         loop {
@@ -323,7 +325,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Processes new events, and collects completed commands.
+    /// Processes new events and collects completed commands.
     fn look(&mut self) {
         while let Some(happened) = self.target.simulation_mut().take_event() {
             if let Some(Trace { layout, text }) = &mut self.trace {
@@ -332,7 +334,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
         self.target.simulation_mut().poll();
         self.ended.extend(self.target.simulation_mut().take_completed());
-        // A guard ends before its last instant.
+        // A prohibition excludes its last instant.
         let now = self.target.simulation().now();
         if self.guards.iter().any(|guard| guard.until == now) {
             self.target.simulation_mut().rates_mut().find_at(now);
@@ -341,8 +343,8 @@ impl<'a, B: Target> Runner<'a, B> {
         self.guard();
     }
 
-    /// Adds a failure for each device at another bit rate than the bus: at the device's line if the rates differed from
-    /// the start, otherwise at the current step.
+    /// Adds a failure for each device at a bit rate different from the bus. The failure refers to the line of the
+    /// device if the rates differed from the start, otherwise to the current step.
     fn fail_unheard(&mut self) {
         for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
             let place = self.scenario.devices.iter().position(|known| known.name == device);
@@ -354,7 +356,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Checks the guards.
+    /// Checks the active prohibitions.
     fn guard(&mut self) {
         for mut guard in std::mem::take(&mut self.guards) {
             let ended = self.ended.iter().position(|(known, _)| *known == guard.ticket);
@@ -370,14 +372,15 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Ends all guards at the end of the scenario.
+    /// Ends all prohibitions at the end of the scenario.
     fn end_guards(&mut self) {
         for guard in std::mem::take(&mut self.guards) {
             self.end_guard(&guard);
         }
     }
 
-    /// Fails a step whose guard checked no instant: no time has passed, or `t_us` was outside the checked time.
+    /// Fails the step of a prohibition that was never checked: no time has passed, or `t_us` was outside the checked
+    /// time.
     fn end_guard(&mut self, guard: &Guard<'_>) {
         let end = guard.until.min(self.target.simulation().now());
         let instant = match &guard.what {
@@ -394,7 +397,7 @@ impl<'a, B: Target> Runner<'a, B> {
         self.fail(Failure::undone(guard.step, "never", reason));
     }
 
-    /// Returns the violation of a guard, if any. `ended` is the result of its wait.
+    /// Returns the violation of a prohibition, if any. `ended` is the result of its wait.
     fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
         let history = self.target.simulation().history();
         match (&mut guard.what, ended) {
@@ -409,7 +412,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Adds a failure at this instant, with the events before it.
+    /// Adds a failure at the current time, with the events before it.
     fn fail(&mut self, failure: Failure) {
         let (at, history) = (self.target.simulation().now(), self.target.simulation().history());
         let until = failure.until().unwrap_or_else(|| history.next());
@@ -446,7 +449,7 @@ impl Trace {
     }
 }
 
-/// Returns the key of the command, for failure headlines.
+/// Returns the scenario key of a command, for failure headlines.
 fn name(command: &Command) -> String {
     match command {
         Command::Send(frame, _) => format!("send {frame}"),

@@ -6,7 +6,7 @@ use utoipa::ToSchema as _;
 use super::file::ScenarioFile;
 use crate::state::schema::Schemas;
 
-/// Returns the schema, in draft 2020-12.
+/// Returns the JSON schema, in draft 2020-12.
 #[must_use]
 pub fn schema() -> String {
     let name = ScenarioFile::name();
@@ -26,7 +26,7 @@ pub fn schema() -> String {
     text.replace("#/components/schemas/", "#/$defs/") + "\n"
 }
 
-/// Replaces null by "none" in the schema of a nullable member.
+/// Replaces null with "none" in the schema of a nullable member.
 fn with_none(member: &mut Value) {
     let Some(fields) = member.as_object_mut() else { return };
     let description = fields.remove("description");
@@ -67,7 +67,7 @@ mod tests {
         assert!(copy == super::schema(), "pve-sim scenario --schema > docs/scenario.schema.json");
     }
 
-    /// The schema and the reader have the same keys.
+    /// The schema and the reader accept the same keys.
     #[test]
     fn the_schema_has_the_keys_of_the_reader() {
         let schema = schema();
@@ -92,7 +92,7 @@ mod tests {
         assert!(!schema.to_string().contains("\"null\"") && !schema.to_string().contains("components"), "{schema:#}");
     }
 
-    /// The schema accepts "none" exactly where the reader does for some device.
+    /// The schema accepts "none" exactly where the reader accepts it for at least one device.
     #[test]
     fn none_is_where_null_is() {
         let schema = schema();

@@ -1,4 +1,4 @@
-//! A checked scenario, in which every step can be executed.
+//! A checked scenario: every step can be executed.
 
 use protocol_core::controller::BitRate;
 
@@ -12,7 +12,7 @@ use crate::simulation::Simulation;
 use crate::state::{BusChange, Invalid};
 use crate::text::in_one_line;
 
-/// A scenario.
+/// A checked scenario.
 #[derive(Debug)]
 pub struct Scenario {
     pub(super) title: String,
@@ -21,7 +21,7 @@ pub struct Scenario {
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
-    /// Whether a step has to expect each frame of a device.
+    /// Whether every frame of a device must be claimed by a step.
     pub(super) strict: bool,
     pub(super) steps: Vec<Step>,
 }
@@ -30,12 +30,12 @@ pub struct Scenario {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) line: usize,
-    /// Whether the device has to run at the bit rate of the bus.
+    /// Whether the device must run at the bit rate of the bus.
     pub(super) heard: bool,
 }
 
 impl Scenario {
-    /// Parses a scenario.
+    /// Parses and checks a scenario.
     ///
     /// # Errors
     /// [`ReadError`] with the line of the first error.
@@ -80,7 +80,7 @@ impl Scenario {
             return Err(at(0)("no steps; add steps = [{ expect = \"720#00\" }]".to_owned()));
         }
         let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
-        // Impossible steps are refused before anything runs.
+        // Refuses steps that cannot be executed before the scenario runs.
         let mut trial = Trial::new(scenario.simulation(0), scenario.devices.clone(), strict);
         for step in steps {
             let line = file::line_of(text, step.span().start);
@@ -109,7 +109,7 @@ impl Scenario {
         self.bit_rate
     }
 
-    /// Creates a simulation of the unpowered devices.
+    /// Creates a simulation with the unpowered devices.
     pub(super) fn simulation(&self, seed: u64) -> Simulation {
         let mut simulation = Simulation::new(self.bit_rate, seed);
         for (device, entry) in self.devices.iter().zip(&self.entries) {
@@ -123,9 +123,9 @@ impl Scenario {
     }
 }
 
-/// Refuses a `never` after which no time passes: at most one instant would be checked.
+/// Refuses a `never` after which no time passes, because it would check a single instant at most.
 fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
-    // The scenario continues until every `never` with a duration ends.
+    // The scenario continues until every `never` with a duration has ended.
     if steps.iter().any(|step| step.never.as_ref().is_some_and(|never| never.span.is_some())) {
         return Ok(());
     }

@@ -19,14 +19,14 @@ pub(super) struct Step {
     pub(super) never: Option<Never>,
 }
 
-/// The beginning of a step.
+/// The start of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Begin {
-    /// The end of the previous step.
+    /// The step starts when the previous one ends.
     Now,
-    /// A time after the end of the previous step.
+    /// The step starts with a delay after the end of the previous one.
     After(Duration),
-    /// An instant, from the start of the scenario.
+    /// The step starts at a time counted from the start of the scenario.
     At(Duration),
 }
 
@@ -36,15 +36,15 @@ pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
     pub(super) within: Duration,
-    /// The period at which the frame has to repeat afterwards.
+    /// The period with which the frame must repeat after the expectation.
     pub(super) every: Option<Duration>,
 }
 
-/// A forbidden frame or state (`never`).
+/// A prohibition (`never`) of frames or of a state.
 #[derive(Debug)]
 pub(super) struct Never {
     pub(super) what: What,
-    /// The duration; `None` until the end of the scenario.
+    /// The duration of the prohibition; `None` until the end of the scenario.
     pub(super) span: Option<Duration>,
 }
 
@@ -55,13 +55,13 @@ pub(super) enum What {
     State(Wanted),
 }
 
-/// A state of a device.
+/// A wanted or forbidden state of a device.
 #[derive(Debug)]
 pub(super) struct Wanted {
     /// The name of the device.
     pub(super) device: String,
     pub(super) condition: StateCondition,
-    /// Each key with its value as in the file, and a condition on that key alone.
+    /// Each key with its value as written in the file, and a condition on this key only.
     pub(super) keys: Vec<(String, String, StateCondition)>,
 }
 
@@ -71,7 +71,7 @@ impl Wanted {
         &self.device
     }
 
-    /// Returns the condition of a wait.
+    /// Returns the condition for a wait.
     pub(super) fn condition(&self) -> Condition {
         Condition::State(self.device.clone(), Box::new(self.condition.clone()))
     }

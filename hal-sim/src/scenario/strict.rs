@@ -1,4 +1,4 @@
-//! Strict scenarios: a step has to claim each frame of a device.
+//! Strict scenarios: every frame of a device must be claimed by a step.
 
 use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant, after, since};
@@ -7,7 +7,7 @@ use super::frames::Frames;
 use crate::simulation::{Heard, History};
 use crate::state::Pattern;
 
-/// The claimed frames, up to the first deviation.
+/// The claimed frames of a strict scenario, up to the first deviation.
 #[derive(Default)]
 pub(super) struct Claims<'a> {
     /// The number of the next event to check.
@@ -23,18 +23,18 @@ struct Again<'a> {
     last: Instant,
 }
 
-/// A deviation in a strict scenario.
+/// A deviation from a strict scenario.
 pub(super) enum Deviation {
-    /// A frame that no step expects.
+    /// A frame that no step claims.
     Unclaimed(Heard),
-    /// A cyclic frame that came too early, with the time since the previous one.
+    /// A cyclic frame that was sent too early, with the time since the previous one.
     Early(Heard, Duration),
-    /// A cyclic frame that did not come.
+    /// A cyclic frame that was not sent in time.
     Missing { pattern: Pattern, period: Duration, last: Instant },
 }
 
 impl<'a> Claims<'a> {
-    /// Matches the frames up to now: first with the wanted frames, then with the cyclic ones.
+    /// Matches the frames received until `now`, first with the wanted frames, then with the expected cyclic frames.
     pub(super) fn look(&mut self, now: Instant, history: &History, mut wanted: Option<&mut Frames<'_>>) {
         for heard in history.heard_since(self.next) {
             if self.deviation.is_some() || wanted.as_ref().is_some_and(|wanted| wanted.are_all_there()) {
@@ -52,7 +52,7 @@ impl<'a> Claims<'a> {
         self.find_missing(now);
     }
 
-    /// Matches a frame with an expected cyclic one; returns the deviation if there is no match.
+    /// Matches a frame with the expected cyclic frames. Returns the deviation if none matches.
     fn repeat(&mut self, heard: Heard) -> Option<Deviation> {
         let known = self.again.iter_mut().find(|again| again.pattern.matches(&heard.frame));
         let Some(again) = known else { return Some(Deviation::Unclaimed(heard)) };
@@ -69,22 +69,22 @@ impl<'a> Claims<'a> {
         }
     }
 
-    /// Starts to expect the frame just received as a cyclic frame.
+    /// Starts to expect a frame as cyclic; `last` is the time of the frame just received.
     pub(super) fn begin(&mut self, pattern: &'a Pattern, period: Duration, last: Instant) {
         self.again.push(Again { pattern, period, last });
     }
 
-    /// Stops expecting the cyclic frame with an identifier; `None` stops all.
+    /// Stops expecting the cyclic frame with an identifier, or all cyclic frames if `None`.
     pub(super) fn end(&mut self, id: Option<Id>) {
         self.again.retain(|again| id.is_some() && again.pattern.identifier() != id);
     }
 
-    /// Returns whether there is a deviation.
+    /// Returns whether a deviation has been found.
     pub(super) const fn are_broken(&self) -> bool {
         self.deviation.is_some()
     }
 
-    /// Takes the deviation.
+    /// Takes the deviation, if any.
     pub(super) fn take_deviation(&mut self) -> Option<Deviation> {
         self.deviation.take()
     }

@@ -1,4 +1,4 @@
-//! The effect and the time of each step, refusals, and the text of failures.
+//! The effects and times of steps, refused scenarios, and failure reports.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +10,7 @@ mod faults;
 mod refusals;
 mod strict;
 
-/// Runs the steps with one valve, which has booted.
+/// Runs the steps with one valve that has booted.
 fn outcome(steps: &str) -> Outcome {
     let text =
         format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [\n{{ expect = [\"720#00\", \"0A0\"] }},\n{steps}\n]");
@@ -22,7 +22,7 @@ fn passes(steps: &str) {
     assert!(outcome.is_success(), "{steps}\n{}", outcome.failures("x.toml"));
 }
 
-/// Runs the steps, of which this many fail; returns the report.
+/// Runs steps of which `failures` fail. Returns the report.
 fn fails(steps: &str, failures: usize) -> String {
     let outcome = outcome(steps);
     let text = outcome.failures("x.toml");
@@ -44,10 +44,10 @@ fn refused(step: &str) -> String {
     reason
 }
 
-/// The steps into ACTIVE with a set-point of 25 %, in a cycle of 100 ms.
+/// The steps into ACTIVE with a set-point of 25 %, sent every 100 ms.
 const ACTIVE: &str = r#"{ send = "000#0120" }, { send = "220#0F00 0010", every_ms = 100, expect = { dsm = "active", position = 4096 } }"#;
 
-/// A spool of 1000 ms forward and 600 ms back is half-way after half of that.
+/// A spool with 1000 ms forward and 600 ms back is half-way after half of each time.
 #[test]
 fn a_spool_takes_the_times_that_are_written() {
     let half_way = |ms: u32| {
@@ -88,12 +88,12 @@ fn never_holds_up_to_its_last_instant_and_from_its_first() {
     let text = fails(&trip(2000), 1);
     assert!(text.contains("never a state of pvea-canopen for 2000 ms: failed at 3000.000 ms"), "{text}");
     assert!(text.contains("seen      dsm = \"fault-hold\""), "{text}");
-    // Violated from the first instant, reported once; the next steps continue.
+    // Violated from the first instant, but reported once; later steps continue.
     let text = fails(r#"{ never = { powered = true } }, { send = "000#0120", expect = { nmt = "operational" } }"#, 1);
     assert!(text.contains("x.toml:4: never a state") && text.contains("powered = true"), "{text}");
 }
 
-/// Frames during a command's wait for the bus are from before the prohibition.
+/// Frames sent while a command waits for the bus precede the prohibition.
 #[test]
 fn never_begins_when_what_is_done_is_done() {
     let busy = r#"{ send = "000#0120" }, { send = "220#0F00 0010", every_ms = 1 }"#;
@@ -104,7 +104,7 @@ fn never_begins_when_what_is_done_is_done() {
     }
 }
 
-/// A prohibition is checked while time passes: without time nothing is checked.
+/// A prohibition is checked only while time passes.
 #[test]
 fn never_needs_time_in_which_something_could_come() {
     let last = "never: the scenario ends with this step; add for_ms, or a later step";
@@ -144,7 +144,7 @@ fn never_needs_time_in_which_something_could_come() {
     }
 }
 
-/// Numbers are described in the words of TOML.
+/// Numbers are described in TOML terms.
 #[test]
 fn a_number_that_is_none_says_what_is_accepted() {
     for (key, number) in [("after_ms", "-1"), ("at_ms", "1.5"), ("at_ms", "4294967296"), ("after_ms", "\"1\"")] {
@@ -153,7 +153,7 @@ fn a_number_that_is_none_says_what_is_accepted() {
     }
 }
 
-/// A frame that matches several patterns leaves none without a frame.
+/// A frame that matches several patterns does not leave another pattern unmatched.
 #[test]
 fn frames_in_any_order_are_given_to_whom_they_fit() {
     let text = |expected: &str| {
@@ -174,10 +174,10 @@ fn a_frame_that_must_not_come_is_shown_with_what_was_before() {
     assert!(text.contains("x.toml:4: never 5A0: ..: failed at "), "{text}");
     assert!(text.contains("seen      5A0: 43 00 10 00 98 01 00 00  at "), "{text}");
     assert!(text.contains("->  620: 40 00 10 00 00 00 00 00  master → pvea-canopen: SDO read"), "{text}");
-    // Up to the end of the scenario, or of its duration.
+    // Until the end of the scenario, or of the prohibition's duration.
     passes(r#"{ never = "5A0", for_ms = 10 }, { after_ms = 11, send = "620#4000 1000 0000 0000" }, { after_ms = 5 }"#);
     passes(r#"{ never = "5A0" }, { after_ms = 5 }"#);
-    // The scenario waits for the end of the last step's duration.
+    // The scenario waits until the last step's prohibition ends.
     let text = fails(r#"{ send = "620#2B17 1000 6400 0000" }, { never = "720#7F", for_ms = 150 }"#, 1);
     assert!(text.contains("seen      720: 7F"), "{text}");
 }
@@ -206,7 +206,7 @@ fn frames_in_order_and_in_any_order() {
     assert!(text.contains("received  0A0: ..") && text.contains("expected  720: 00"), "{text}");
 }
 
-/// The window of an expectation begins with its step: an answer to an earlier request does not count.
+/// The window of an expectation begins with its step: a response to an earlier request does not match.
 #[test]
 fn a_frame_from_before_the_step_fulfils_nothing() {
     // The status word is 0x0008 (INIT) at the first request, and 0x0009 (DISABLED) at the second.
@@ -225,7 +225,7 @@ fn a_frame_from_before_the_step_fulfils_nothing() {
         let text = fails(&twice(expected), 1);
         assert!(text.contains("a matching frame was received before the step, at "), "{text}");
     }
-    // The same for all other actions, and for a pause.
+    // The same applies to all other actions, and to a pause.
     let request = r#"{ send = "620#4000 1000 0000 0000" }, { send = "700#05" }, { send = "700#05" }"#;
     for step in [
         r#"expect = "5A0#43..""#,
@@ -241,7 +241,7 @@ fn a_frame_from_before_the_step_fulfils_nothing() {
     }
 }
 
-/// A frame during the wait of the step's own frame for the bus belongs to the step.
+/// A frame received while the step's own frame waits for the bus belongs to the step.
 #[test]
 fn nothing_is_lost_within_a_step() {
     passes(r#"{ send = "620#4000 1000 0000 0000" }, { send = "700#05", expect = "5A0#43.." }"#);
@@ -267,7 +267,7 @@ fn a_wrong_byte_is_marked_and_every_failure_is_told() {
 
 #[test]
 fn a_power_cut_in_the_middle_of_a_write_is_a_power_cut() {
-    // "save" has no answer, and the defaults are back after the next start.
+    // "save" has no response, and the defaults are restored at the next start.
     passes(
         r#"{ send = "620#2B17 1000 6400 0000", expect = "5A0#60.." }, { send = "620#2310 1001 7361 7665" },
            { power = { on = false } }, { never = "5A0" }, { expect = { powered = false }, within_ms = 0 }, { after_ms = 10, power = { on = true } },
@@ -290,7 +290,7 @@ fn a_disturbance_takes_the_sender_off_the_bus() {
         text.contains("!!  error frame: bit error in 1A0: ") && text.contains("!!  pvea-canopen: bus-off"),
         "{text}"
     );
-    // The scenario's own frames: one is withdrawn after a second.
+    // A frame of the scenario itself is withdrawn after one second.
     let text = fails(r#"{ disturb = { frames = 100000000, id = 0x220 } }, { send = "220#00" }"#, 1);
     assert!(text.contains("send 220: 00: failed") && text.contains("not sent within 1 s"), "{text}");
 }
@@ -319,7 +319,7 @@ fn enormous_times_are_times() {
     ));
 }
 
-/// A word alone and an object, and `ok` for healthy, as on the console and in Python.
+/// A spool fault can be a word or an object, and `ok` means healthy, as on the console and in Python.
 #[test]
 fn a_spool_is_broken_and_mended_by_a_word() {
     for (broken, healthy) in [
@@ -335,7 +335,7 @@ fn a_spool_is_broken_and_mended_by_a_word() {
     }
 }
 
-/// Numbers are numbers, and text is hexadecimal.
+/// Numbers are decimal, strings are hexadecimal.
 #[test]
 fn identifiers_of_steps() {
     for (stop, disturb) in
@@ -384,7 +384,7 @@ fn what_is_null_in_json_is_none() {
 const WITH_FAILURES: &str = "devices = [\"pvea-canopen@0x20\", \"hat1000,bit-rate=250k\"]\nsteps = [\n\
     { send = \"000#0100\", after_ms = 10 }, { expect = \"111#\" }, { device = \"hat1000\", expect = { position = 1 } } ]";
 
-/// Some two seeds may start the devices at the same instants; these do not.
+/// Two seeds may happen to start the devices at the same times; these two do not.
 #[test]
 fn another_seed_starts_the_devices_at_other_instants() {
     let scenario = Scenario::parse(WITH_FAILURES).expect("a scenario");
@@ -404,7 +404,7 @@ proptest! {
         prop_assert_eq!(one.to_string(), other.to_string());
     }
 
-    /// Any text is a scenario, or refused in one line.
+    /// Any text is parsed as a scenario or refused in one line.
     #[test]
     fn nothing_panics(text in "(devices|steps|=|\\[|\\]|\\{|\\}|\"|send|pvea-canopen|expect|720#00|,|\n| ){0,40}") {
         if let Err(ReadError { reason, .. }) = Scenario::parse(&text) {

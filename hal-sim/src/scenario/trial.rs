@@ -17,12 +17,12 @@ use crate::state::{
 /// The word for null in scenarios.
 const NONE: &str = "\"none\"";
 
-/// The trial run of the steps: devices and active cyclic frames.
+/// The trial run of the steps, which tracks the devices and the active cyclic frames.
 pub(super) struct Trial {
     simulation: Simulation,
     devices: Vec<NamedDevice>,
     strict: bool,
-    /// The identifiers of the cyclic frames.
+    /// The identifiers of the active cyclic frames.
     cyclic: Vec<Id>,
 }
 
@@ -31,7 +31,7 @@ impl Trial {
         Self { simulation, devices, strict, cyclic: Vec::new() }
     }
 
-    /// Checks a step, and applies its plant change to the trial simulation.
+    /// Checks a step and applies its plant change to the trial simulation.
     pub(super) fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
         let about_device = table.plant.is_some()
             || table.power.is_some()
@@ -150,7 +150,8 @@ impl Trial {
         }
     }
 
-    /// Returns the named device, or the only one; `is_meant` selects the candidates.
+    /// Returns the named device. Without a name, returns the only device on the bus, or the first one unless
+    /// `is_meant`.
     fn device(&self, name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
         let names = || self.devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
         let found = match (name, self.devices.as_slice()) {
@@ -194,7 +195,7 @@ impl Trial {
         }
         let command = Command::Plant(device.name.clone(), file::table(change)?);
         self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
-        // Time will have passed before the next change.
+        // The profiles may have ended before the next change.
         self.simulation.end_profiles();
         Ok(command)
     }
@@ -203,27 +204,27 @@ impl Trial {
         let request: FaultRequest = file::table(change)?;
         let command = Command::Fault(request.fault().map_err(|Invalid(reason)| reason)?);
         match self.simulation.execute(command.clone()) {
-            // Earlier faults may be over by then.
+            // Earlier faults may have expired by then.
             Ok(_) | Err(Refusal::Conflict(_)) => Ok(command),
             Err(refusal) => Err(refusal.to_string()),
         }
     }
 
-    /// Ends an existing fault.
+    /// Checks that a fault to be ended exists, and ends it in the trial simulation.
     fn end(&mut self, name: String) -> Result<Command, String> {
         let command = Command::EndFaults(Some(name).filter(|name| name != "all"));
         self.simulation.execute(command.clone()).map_err(|refusal| format!("end: {refusal}"))?;
         Ok(command)
     }
 
-    /// Parses a pattern that a device on the bus must be able to send.
+    /// Parses a pattern, which must match a frame that a device on the bus can send.
     fn frame_to_come(&self, text: &str) -> Result<Pattern, String> {
         let pattern: Pattern = text.parse()?;
         if pattern.is_remote() {
             return Err(format!("'{text}': no device sends remote frames; use a data frame"));
         }
-        // Every kind can send 29-bit identifiers: valves answer UDS with them, and a COB-ID of an angle sensor can have
-        // 29 bits.
+        // Every kind can send frames with 29-bit identifiers: valves in UDS responses, angle sensors with a 29-bit
+        // COB-ID.
         let is_canopen = |device: &NamedDevice| device.setup.kind.protocol() == Protocol::Canopen;
         if !pattern.is_extended() && !self.devices.iter().any(is_canopen) {
             return Err(format!("'{text}': no device on the bus sends 11-bit identifiers; use 8 digits"));
@@ -281,7 +282,7 @@ fn millis(ms: u32) -> Duration {
 
 fn power(change: toml::Table) -> Result<Power, String> {
     let change: PowerChange = file::table(change)?;
-    // The original message has the JSON form.
+    // The control interface's message has the JSON form of the accepted values.
     let accepted = "must be { on = true }, { on = false } or { reset = \"watchdog\" }";
     change.power().map_err(|_| accepted.to_owned())
 }
@@ -326,7 +327,7 @@ fn one_frame(text: &str) -> Result<Frame, String> {
     frame.ok_or_else(|| format!("send: '{text}' is not a single frame; give all digits, as in \"220#0F00 0020\""))
 }
 
-/// Returns the identifier of the cyclic frame to stop; `None` for all.
+/// Returns the identifier of the cyclic frame to stop; `None` stands for all.
 fn stopped(which: &Identifier) -> Result<Option<Id>, String> {
     match which {
         Identifier::Text(text) if text == "all" => Ok(None),

@@ -50,7 +50,7 @@ pub struct DisturbState {
 }
 
 impl BusState {
-    /// Returns the current state of the bus; `rates` contains the devices at another bit rate.
+    /// Returns the current state of the bus. `rates` provides the devices with a different bit rate.
     pub(super) fn of(world: &World, rates: &RateWatch) -> Self {
         let disturbance = world.disturbance();
         let id = disturbance.id.filter(|_| disturbance.frames > 0).map(raw);

@@ -12,28 +12,28 @@ use crate::bus::{Disturbance, Fault, FaultError};
 use crate::state::{Condition, DeviceState, FaultRecord, PlantChange, Power};
 use crate::world::PlantError;
 
-/// A command to a simulation, which takes effect at the current instant.
+/// A command to a simulation. It is executed at the current virtual time.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Command {
-    /// Changes the plant of the named device; applies all changes or none. Returns [`Reply::Device`].
+    /// Changes the plant of the named device. Applies all changes or none. Returns [`Reply::Device`].
     Plant(String, PlantChange),
     /// Switches the power of the named device. Returns [`Reply::Device`].
     Power(String, Power),
     /// Changes the bit rate of the bus and of all its clients. Returns [`Reply::Bus`].
     BitRate(BitRate),
-    /// Destroys the next frames; replaces an earlier disturbance. Returns [`Reply::Bus`].
+    /// Destroys the next attempts to send a frame. Replaces any earlier disturbance. Returns [`Reply::Bus`].
     Disturb(Disturbance),
-    /// Adds a communication fault. A fault without a name is named after its kind and identifier, with a number if that
-    /// name is taken. Returns [`Reply::Fault`].
+    /// Adds a communication fault. The default name is made of the kind and the identifier, plus a number if that name
+    /// is in use. Returns [`Reply::Fault`].
     Fault(Fault),
-    /// Ends the named communication fault, or all. Returns [`Reply::Faults`] with the ended ones.
+    /// Ends the named communication fault, or all faults. Returns [`Reply::Faults`] with the ended faults.
     EndFaults(Option<String>),
-    /// Sends a frame once or, with a period, cyclically; replaces a cyclic frame with the same identifier. Returns
-    /// [`Reply::Sent`] once the first frame is sent, or held back by a communication fault; refused if that takes more
-    /// than a second.
+    /// Sends a frame once or, with a period, cyclically. Replaces a cyclic frame with the same identifier. Returns
+    /// [`Reply::Sent`] when the first frame is sent or is held back by a communication fault; the command is refused if
+    /// this takes more than a second.
     Send(Frame, Option<Duration>),
-    /// Stops the cyclic frames with an identifier, or all. Returns [`Reply::Stopped`].
+    /// Stops the cyclic frames with an identifier, or all if `None`. Returns [`Reply::Stopped`].
     Stop(Option<Id>),
     /// Waits for a condition, with a time limit. Returns [`Reply::Device`] or [`Reply::Frame`].
     Wait(Condition, Duration),
@@ -94,12 +94,12 @@ pub struct Ticket(pub(super) u64);
 pub enum Executed {
     /// The command has completed.
     Done(Reply),
-    /// The command takes time: [`Simulation::take_completed`](super::Simulation::take_completed) returns its
-    /// completion.
+    /// The command takes virtual time. [`Simulation::take_completed`](super::Simulation::take_completed) returns its
+    /// result.
     Pending(Ticket),
 }
 
-/// The reason why a command was refused; nothing has changed.
+/// The reason why a command was refused. A refused command has no effect.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
@@ -108,7 +108,7 @@ pub enum Refusal {
     UnknownDevice {
         /// The unknown name.
         name: String,
-        /// The known names.
+        /// The names of all devices.
         known: String,
     },
     /// No communication fault has this name.
@@ -116,7 +116,7 @@ pub enum Refusal {
     UnknownFault {
         /// The unknown name.
         name: String,
-        /// The known names.
+        /// The names of all communication faults.
         known: String,
     },
     /// The plant change is refused.

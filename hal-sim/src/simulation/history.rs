@@ -1,4 +1,4 @@
-//! The history of the bus: the latest events, with the state that explains them.
+//! The history of the bus: the latest events, and the explainer state needed to explain them.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
@@ -14,10 +14,10 @@ use crate::log::{ErrorClass, write_hex};
 use crate::trace::{Errors, Layout};
 use crate::world::{Event, EventKind, NodeId, World};
 
-/// The capacity of the history in frames and errors: a second of a fully loaded bus, minutes of a typical one.
+/// The capacity of the history in frames and errors: one second of a fully loaded bus, or minutes of a typical bus.
 pub const KEPT: usize = 4096;
 
-/// The maximum number of entries of an excerpt, including repeated cyclic frames.
+/// The maximum number of history entries considered for an excerpt, including repeated cyclic frames.
 const SHOWN: usize = 256;
 
 /// The maximum number of lines of an excerpt.
@@ -63,40 +63,40 @@ pub enum TraceRecord {
     Error(BusTrouble),
 }
 
-/// A frame with its end and its sender.
+/// A frame with its end time and its sender.
 #[derive(Clone, Debug)]
 pub struct Passed {
     /// The end of the frame.
     pub at: Instant,
     /// The frame.
     pub frame: Frame,
-    /// The name of the device or client that sent it.
+    /// The name of the device or client that sent the frame.
     pub from: Arc<str>,
 }
 
-/// An event on the bus, as recorded.
+/// A recorded bus event.
 #[derive(Clone, Debug)]
 pub struct Happened {
     /// The event.
     pub event: Event,
-    /// The text of an error, or of the effect of a communication fault, that is reported to users; errors with their
-    /// class.
+    /// The text of an event that is reported to users, with its class if it is a bus error. A communication fault has
+    /// no class.
     pub error: Option<(Option<ErrorClass>, String)>,
-    /// Whether a device sent the frame.
+    /// Whether a device sent the frame of the event.
     pub is_from_device: bool,
 }
 
-/// The latest events of a bus, numbered from the start.
+/// The latest events of a bus. Events are numbered from the start of the simulation.
 #[derive(Clone, Debug, Default)]
 pub struct History {
     /// The name of the controller that sends the frames of commands.
     own: String,
-    /// The devices by name, with their places.
+    /// The devices by name, each with its index in the explainer.
     places: HashMap<Arc<str>, (NodeId, usize)>,
     errors: Errors,
-    /// The explainer with its state before the oldest recorded entry.
+    /// The state of the explainer before the oldest recorded entry.
     oldest: Explainer,
-    /// The explainer with its state after the latest entry.
+    /// The state of the explainer after the latest entry.
     latest: Explainer,
     /// The number of the oldest recorded entry.
     first: u64,
@@ -109,18 +109,18 @@ struct Entry {
     at: Instant,
     who: Arc<str>,
     what: Kept,
-    /// The sending device, by its place, with its node ID after the event.
+    /// The index of the sending device, with its node ID after the event.
     device: Option<(usize, Option<u8>)>,
 }
 
 #[derive(Clone, Debug)]
 enum Kept {
     Frame(Frame),
-    /// A reported error.
+    /// The text of a reported error.
     Error(String),
 }
 
-/// A received frame: its sender is not the controller of commands.
+/// A frame received from the bus. Its sender is not the controller for the frames of commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
     /// The number of the event.
@@ -131,17 +131,17 @@ pub struct Heard {
     pub frame: Frame,
 }
 
-/// The latest frames and errors with an explainer, so that another thread can explain them.
+/// A copy of the latest frames and errors with an explainer, so that another thread can explain them.
 #[derive(Clone, Debug)]
 pub struct Excerpt {
     entries: Vec<Entry>,
-    /// The number of leading entries that are only context.
+    /// The number of leading entries that only prepare the explainer.
     skipped: usize,
     explainer: Explainer,
 }
 
 impl Excerpt {
-    /// Explains the entries; returns the records, oldest first.
+    /// Explains the entries. Returns the records, oldest first.
     #[must_use]
     pub fn records(mut self) -> Vec<TraceRecord> {
         let mut records = Vec::new();
@@ -156,7 +156,7 @@ impl Excerpt {
 }
 
 impl History {
-    /// Adds a device of the world.
+    /// Adds a device to the explainer.
     pub(super) fn add_device(&mut self, name: &str, kind: Kind, node: NodeId) {
         self.places.insert(name.into(), (node, self.places.len()));
         for explainer in [&mut self.oldest, &mut self.latest] {
@@ -164,12 +164,12 @@ impl History {
         }
     }
 
-    /// Sets the name of the controller that sends the frames of commands.
+    /// Sets the name of the controller for the frames of commands.
     pub(super) fn set_own(&mut self, name: &str) {
         name.clone_into(&mut self.own);
     }
 
-    /// Sets the node IDs of the devices, before the first event.
+    /// Sets the initial node IDs of the devices in the explainer.
     pub(super) fn learn(&mut self, world: &World) {
         for (node, place) in self.places.values() {
             for explainer in [&mut self.oldest, &mut self.latest] {
@@ -178,7 +178,7 @@ impl History {
         }
     }
 
-    /// Records an event.
+    /// Records an event and returns it with its report.
     pub(super) fn keep(&mut self, event: Event, world: &World) -> Happened {
         let error = self.errors.note(&event);
         let device = self.places.get(&event.who).copied();
@@ -208,7 +208,8 @@ impl History {
         self.entries.push_back(entry);
     }
 
-    /// Returns the explainer for the latest event, with the node IDs before it, because the frame may change them.
+    /// Returns the explainer for the latest event. It has the node IDs before the event, because the event may change
+    /// them.
     pub const fn explainer(&self) -> &Explainer {
         &self.latest
     }
@@ -219,7 +220,7 @@ impl History {
         self.first + self.entries.len() as u64
     }
 
-    /// Returns the latest frames and errors, at most `limit`.
+    /// Returns the latest frames and errors, up to `limit`.
     #[must_use]
     pub fn last(&self, limit: usize) -> Excerpt {
         Excerpt {
@@ -229,7 +230,7 @@ impl History {
         }
     }
 
-    /// Returns the recorded frames from the event with this number on, except those of commands.
+    /// Returns the recorded frames from event `number` onwards, except frames of commands.
     pub fn heard_since(&self, number: u64) -> impl Iterator<Item = Heard> {
         let skipped = self.place(number);
         let numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
@@ -239,12 +240,12 @@ impl History {
         })
     }
 
-    /// Returns the place of an event among the recorded ones.
+    /// Returns the index of an event in the recorded entries.
     fn place(&self, number: u64) -> usize {
         usize::try_from(number.saturating_sub(self.first)).unwrap_or(usize::MAX).min(self.entries.len())
     }
 
-    /// Returns the meaning of a frame as if a device sent it now.
+    /// Explains a frame as if a device sent it now.
     #[must_use]
     pub fn explain(&self, frame: &Frame) -> String {
         let mut explainer = self.latest.clone();
@@ -252,7 +253,7 @@ impl History {
         explainer.explain(frame, None)
     }
 
-    /// Returns the oldest recorded bus errors, one per line, in the layout of the trace.
+    /// Returns the oldest recorded bus errors, one per line, in trace layout.
     #[must_use]
     pub fn errors(&self) -> Vec<String> {
         let (mut layout, mut text) = (Layout::new(false, false), String::new());
@@ -263,7 +264,7 @@ impl History {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Returns the last events in a range of numbers, one per line, in the layout of the trace.
+    /// Returns the last events with numbers from `from` up to `until`, one per line, in trace layout.
     #[must_use]
     pub fn excerpt(&self, from: u64, until: u64) -> Vec<String> {
         let end = self.place(until);
@@ -283,7 +284,7 @@ impl History {
 }
 
 impl Entry {
-    /// Writes the event.
+    /// Writes the entry in trace layout.
     fn lay_out(&self, text: &mut String, layout: &mut Layout, explainer: &Explainer) {
         match &self.what {
             Kept::Frame(frame) => {
@@ -305,7 +306,7 @@ impl Entry {
         }
     }
 
-    /// Updates an explainer with the event.
+    /// Updates an explainer with the entry.
     fn teach(&self, explainer: &mut Explainer) {
         if let Kept::Frame(frame) = &self.what {
             explainer.observe(frame);
@@ -332,7 +333,7 @@ impl Happened {
         self.error.as_ref().map(|(_, meaning)| BusTrouble::new(self.event.at, &self.event.who, meaning))
     }
 
-    /// Writes the event in the human-readable layout.
+    /// Writes the event in trace layout.
     pub fn lay_out(&self, text: &mut String, layout: &mut Layout, explainer: &Explainer) {
         let Event { at, who, .. } = &self.event;
         match (self.event.frame(), &self.error) {
@@ -353,7 +354,7 @@ impl BusTrouble {
 }
 
 impl Passed {
-    /// Returns the record of the frame.
+    /// Creates the record of the frame with its explanation.
     #[must_use]
     pub fn record(&self, meaning: String) -> FrameRecord {
         let mut data = String::new();
@@ -363,7 +364,7 @@ impl Passed {
     }
 }
 
-/// Returns an identifier as a number, and whether it has 29 bits.
+/// Returns the numeric value of an identifier, and whether it has 29 bits.
 #[must_use]
 pub fn raw(id: Id) -> (u32, bool) {
     match id {

@@ -45,10 +45,10 @@ use waits::{Awaited, Waits};
 
 /// A world with named devices that executes commands.
 ///
-/// Time advances event by event: [`go`](Self::go), then [`take_event`](Self::take_event) for the events, then
-/// [`poll`](Self::poll). [`run`](Self::run) and [`run_until`](Self::run_until) combine these.
+/// Every advance of time takes three steps: [`go`](Self::go), then [`take_event`](Self::take_event) until all events
+/// are taken, then [`poll`](Self::poll). [`run`](Self::run) and [`run_until`](Self::run_until) combine these steps.
 ///
-/// A clone continues exactly as the original, with the same pending commands.
+/// A clone continues exactly as the original would, with the same pending commands.
 #[derive(Clone)]
 pub struct Simulation {
     world: World,
@@ -61,9 +61,9 @@ pub struct Simulation {
     /// The events not taken yet; the queue is reused to keep its capacity.
     events: VecDeque<Event>,
     completed: Completed,
-    /// The number of commands so far that needed time.
+    /// The number of tickets issued so far.
     tickets: u64,
-    /// The option that permits communication faults on this bus with real devices; `None` on any other bus.
+    /// The option that would permit communication faults on this bus with real devices; `None` if faults are permitted.
     protected: Option<&'static str>,
 }
 
@@ -97,24 +97,24 @@ impl Simulation {
         node
     }
 
-    /// Links shafts to valves.
+    /// Links sensor shafts to valves.
     pub fn link(&mut self, links: &[NamedLink]) {
         devices::link_in(&mut self.world, links);
     }
 
-    /// Adds the controller that sends the frames of commands, with its name in traces.
+    /// Adds the controller that sends the frames of commands. `name` identifies it in traces.
     pub fn send_as(&mut self, name: &str) {
         self.sender = Some(Sender::new(name, &mut self.world));
         self.history.set_own(name);
     }
 
-    /// Protects a bus with real devices from communication faults: only the simulated devices can lose frames. `option`
-    /// would permit all faults.
+    /// Protects a bus with real devices: refuses communication faults that affect more than the simulated devices.
+    /// `option` is the option that would permit all faults.
     pub const fn protect_bus(&mut self, option: &'static str) {
         self.protected = Some(option);
     }
 
-    /// Powers all devices that are off, each at a random moment within `jitter`.
+    /// Powers on all devices that are off, each after a random delay up to `jitter`.
     pub fn power_up(&mut self, jitter: Duration) {
         self.world.power_all(jitter);
         self.history.learn(&self.world);
@@ -127,7 +127,7 @@ impl Simulation {
         &self.world
     }
 
-    /// Returns the world for changes. Only [`go`](Self::go) may advance time.
+    /// Returns the world, mutably. Only [`go`](Self::go) may advance time.
     pub const fn world_mut(&mut self) -> &mut World {
         &mut self.world
     }
@@ -138,7 +138,7 @@ impl Simulation {
         self.world.now()
     }
 
-    /// Returns the devices with their kinds, in the order of their addition.
+    /// Returns the devices with their kinds, in the order in which they were added.
     #[must_use]
     pub fn devices(&self) -> &[(NodeId, Kind)] {
         &self.devices
@@ -150,7 +150,7 @@ impl Simulation {
         &self.history
     }
 
-    /// Returns the monitor of the device bit rates.
+    /// Returns the monitor of the device bit rates, mutably.
     pub const fn rates_mut(&mut self) -> &mut RateWatch {
         &mut self.rates
     }
@@ -241,7 +241,7 @@ impl Simulation {
         Ok(Executed::Done(reply))
     }
 
-    /// Adds a communication fault, and names it if it has no name.
+    /// Adds a communication fault, with a default name if it has none.
     fn fault(&mut self, mut fault: Fault) -> Result<FaultRecord, Refusal> {
         if fault.name.is_empty() {
             let name = fault.default_name();
@@ -261,13 +261,13 @@ impl Simulation {
         Ok(record)
     }
 
-    /// Returns whether a fault affects simulated devices alone.
+    /// Returns whether a fault affects simulated devices only.
     fn spares_others(&self, fault: &Fault) -> bool {
         let FaultKind::Lose { receivers } = &fault.kind else { return false };
         !receivers.is_empty() && receivers.iter().all(|name| self.find(name).is_ok())
     }
 
-    /// Ends the named communication fault, or all; returns them.
+    /// Ends the named communication fault, or all faults. Returns the ended faults.
     fn end_faults(&mut self, name: Option<String>) -> Result<Vec<FaultRecord>, Refusal> {
         let Some(name) = name else {
             let ended = self.faults().collect();
@@ -282,12 +282,12 @@ impl Simulation {
         Ok(ended)
     }
 
-    /// Ends the plant changes in progress; the plants keep their present values.
+    /// Ends the plant changes in progress; the plants keep their current values.
     pub fn end_profiles(&mut self) {
         self.profiles.clear();
     }
 
-    /// Returns the communication faults in the order of their addition, those that are over included.
+    /// Returns the communication faults in the order in which they were added, including expired faults.
     pub fn faults(&self) -> impl Iterator<Item = FaultRecord> {
         self.world.faults().map(FaultRecord::from)
     }
@@ -315,7 +315,7 @@ impl Simulation {
         }
     }
 
-    /// Cancels the completion of a pending command; a queued frame is still sent.
+    /// Cancels the completion of a pending command. A queued frame is still sent.
     pub fn forget(&mut self, ticket: Ticket) {
         self.waits.forget(ticket);
         if let Some(sender) = &mut self.sender {
@@ -324,13 +324,13 @@ impl Simulation {
         self.completed.retain(|(known, _)| *known != ticket);
     }
 
-    /// Returns the commands completed since the last call.
+    /// Takes the commands completed since the last call.
     pub fn take_completed(&mut self) -> Vec<(Ticket, Result<Reply, Refusal>)> {
         std::mem::take(&mut self.completed)
     }
 
-    /// Advances to the next event or due time, or to `end` if that comes first; returns whether it reached `end`.
-    /// [Take](Self::take_event) the events before the next [`poll`](Self::poll).
+    /// Advances to the next event or due time, but no further than `end`. Returns whether `end` is reached. The events
+    /// must be [taken](Self::take_event) before the next [`poll`](Self::poll).
     pub fn go(&mut self, end: Instant) -> bool {
         let (event, due) = (self.world.next_event(), self.due());
         if event.min(due) > end || event.min(due) == NEVER {
@@ -345,7 +345,7 @@ impl Simulation {
         false
     }
 
-    /// Returns the next bus event. [`History::explainer`] explains it until the next one is taken.
+    /// Takes the next bus event. [`History::explainer`] explains this event until the next one is taken.
     pub fn take_event(&mut self) -> Option<Happened> {
         if self.events.is_empty() {
             self.events.extend(self.world.take_events());
@@ -361,7 +361,7 @@ impl Simulation {
         Some(happened)
     }
 
-    /// Processes due commands and waits. Call this after each [`go`](Self::go) and its events.
+    /// Processes due commands and waits. Must be called after each [`go`](Self::go), once its events are taken.
     pub fn poll(&mut self) {
         if let Some(sender) = &mut self.sender {
             sender.poll(&mut self.world, &mut self.completed);
@@ -371,7 +371,7 @@ impl Simulation {
         self.rates.look(&mut self.world);
     }
 
-    /// Returns the next event of the world or due time of a command.
+    /// Returns the time of the next world event or command that is due.
     #[must_use]
     pub fn next(&self) -> Instant {
         self.world.next_event().min(self.due())
@@ -383,7 +383,7 @@ impl Simulation {
         if self.waits.is_empty() { sender } else { sender.min(self.waits.due(&self.world)) }
     }
 
-    /// Returns the advance limit: the instant up to which pending commands may need time; `None` if none is pending.
+    /// Returns the latest time up to which pending commands may need time; `None` if no command is pending.
     #[must_use]
     pub fn advance_limit(&self) -> Option<Instant> {
         let sender = self.sender.as_ref().and_then(|sender| sender.advance_limit(self.world.now()));
@@ -396,10 +396,10 @@ impl Simulation {
         !self.waits.is_empty() || self.sender.as_ref().is_some_and(|sender| !sender.is_idle())
     }
 
-    /// Executes a command, and advances until it completes.
+    /// Executes a command and advances until it completes.
     ///
     /// # Errors
-    /// [`Refusal`]; [`Refusal::Conflict`] for a command that is still pending at its advance limit.
+    /// [`Refusal`]; [`Refusal::Conflict`] if the command is still pending at its advance limit.
     pub fn run(&mut self, command: Command) -> Result<Reply, Refusal> {
         let ticket = match self.execute(command)? {
             Executed::Done(reply) => return Ok(reply),

@@ -1,4 +1,4 @@
-//! Plant changes in time: changes that end, and profiles of a numeric word.
+//! Plant changes over time: temporary changes, and profiles of a numeric plant word.
 
 use protocol_core::device::plant::WORDS;
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
@@ -7,13 +7,13 @@ use super::command::Refusal;
 use crate::state::{PlantChange, PlantState, Profile};
 use crate::world::{NodeId, Plant, World};
 
-/// The interval between two values of a linear profile (A).
+/// The interval between the values of an interpolated profile (A).
 pub const RAMP_STEP: Duration = Duration::from_millis(1);
 
 /// The maximum number of changes in progress.
 const MAX_PROFILES: usize = 64;
 
-/// Instants and values.
+/// Points of a profile: times and values.
 type Points = Vec<(Instant, i32)>;
 
 /// The changes in progress.
@@ -23,7 +23,7 @@ pub(super) struct Profiles(Vec<InProgress>);
 #[derive(Clone, Debug)]
 struct InProgress {
     node: NodeId,
-    /// The plant words that change.
+    /// The plant words that the change affects.
     words: Vec<&'static str>,
     next: Instant,
     end: Instant,
@@ -32,14 +32,14 @@ struct InProgress {
 
 #[derive(Clone, Debug)]
 enum Course {
-    /// The earlier values, which come back at the end.
+    /// The earlier values, restored at the end.
     Earlier(Box<PlantChange>),
-    /// The points of a profile, and whether it has steps.
+    /// The remaining points of a profile. With steps, the values between the points are not interpolated.
     Points { points: Points, has_steps: bool },
 }
 
 impl Profiles {
-    /// Applies a change, and schedules the rest of it.
+    /// Starts a plant change: applies its current values and schedules the remaining ones.
     ///
     /// # Errors
     /// [`Refusal`]; nothing has changed.
@@ -93,7 +93,7 @@ impl Profiles {
         self.0.iter().map(|change| change.next).min().unwrap_or(NEVER)
     }
 
-    /// Applies the values that are due.
+    /// Applies all values that are due.
     pub(super) fn poll(&mut self, world: &mut World) {
         let now = world.now();
         self.0.retain_mut(|change| {
@@ -105,14 +105,14 @@ impl Profiles {
         });
     }
 
-    /// Drops the changes in progress; the plants keep their present values.
+    /// Ends the changes in progress. The plants keep their current values.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }
 }
 
 impl InProgress {
-    /// Applies the value of this instant, and schedules the next one.
+    /// Applies the current value and schedules the next one.
     fn apply(&mut self, now: Instant, world: &mut World) {
         let change = match &self.course {
             Course::Earlier(earlier) => (**earlier).clone(),
@@ -135,24 +135,24 @@ impl InProgress {
                 plant.map(PlantChange::from).unwrap_or_default()
             }
         };
-        // A shaft may have been linked meanwhile.
+        // The change fails if the shaft was linked in the meantime.
         let _ = change.make(self.node, world);
     }
 }
 
-/// Returns the change of a numeric word to a value.
+/// Returns the plant change that sets a numeric word to a value.
 fn plant(word: &str, value: i32) -> Option<Plant> {
     Plant::parse(word, &value.to_string())
 }
 
-/// Returns the value between two points.
+/// Interpolates between two points.
 fn between((begin, from): (Instant, i32), (end, to): (Instant, i32), now: Instant) -> i32 {
     let (passed, whole) = (since(now, begin).as_ticks(), since(end, begin).as_ticks().max(1));
     let change = (i128::from(to) - i128::from(from)) * i128::from(passed) / i128::from(whole);
     (i128::from(from) + change) as i32
 }
 
-/// Returns the word and the points of a profile that begins now.
+/// Returns the plant word and the points of a profile that starts now.
 fn points(profile: &Profile, now: Instant) -> Result<(&'static str, Points), Refusal> {
     let word = WORDS.iter().find(|word| word.name == profile.word).filter(|word| word.values.range().is_some());
     let (Some(word), Some((min, max))) = (word, word.and_then(|word| word.values.range())) else {

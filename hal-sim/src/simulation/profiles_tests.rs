@@ -7,7 +7,7 @@ use super::*;
 use crate::devices::NamedDevice;
 use crate::memory::Memory;
 
-/// Returns a simulation with a valve and an angle sensor, powered for 100 ms.
+/// Creates a simulation with a valve and an angle sensor, powered for 100 ms.
 fn simulation() -> Simulation {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
     for (name, kind) in [("boom", "pvea-canopen"), ("angle", "hat1000")] {
@@ -24,7 +24,7 @@ fn change(simulation: &mut Simulation, device: &str, change: Value) -> Result<Re
     simulation.run(Command::Plant(device.to_owned(), change))
 }
 
-/// Returns a word of a device's plant after milliseconds.
+/// Returns a plant word of a device after `ms` milliseconds.
 fn after_ms(simulation: &mut Simulation, ms: u64, device: &str, word: &str) -> Value {
     simulation.run_until(after(simulation.now(), Duration::from_millis(ms)));
     json!(simulation.state(device).expect("a device"))["plant"][word].clone()
@@ -76,7 +76,7 @@ fn cranking() {
     assert_eq!(values, [15_000, 6_000, 9_000, 24_000]);
 }
 
-/// Other words of the same device, and the same word of another device, are free.
+/// Changes of other words, and of the same word of another device, are accepted.
 #[test]
 fn two_changes_of_one_word_do_not_overlap() {
     let mut simulation = simulation();
@@ -127,7 +127,7 @@ fn what_is_no_profile_is_refused_and_changes_nothing() {
     assert_eq!(after_ms(&mut simulation, 1, "boom", "supply_mv"), json!(24_000));
 }
 
-/// A clone goes on like the original.
+/// A clone continues as the original does.
 #[test]
 fn a_clone_has_the_changes_in_progress() {
     let mut original = simulation();

@@ -9,10 +9,10 @@ use crate::world::{ClientPortId, World};
 /// The time after which an unsent frame is withdrawn.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// The error for a stopped cyclic frame.
+/// The error of a send command whose cyclic frame was stopped.
 const STOPPED: &str = "the cyclic frame was stopped";
 
-/// The error for a frame that was not sent in time.
+/// The error of a send command whose frame was not sent in time.
 const LATE: &str = "the frame was not sent within 1 s of virtual time and was withdrawn";
 
 /// The maximum number of pending frames.
@@ -24,26 +24,26 @@ const CYCLIC: usize = 64;
 /// The completed commands.
 pub(super) type Completed = Vec<(Ticket, Result<Reply, Refusal>)>;
 
-/// A controller with its pending and cyclic frames.
+/// The controller for the frames of commands, with its pending and cyclic frames.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     port: ClientPortId,
-    /// The frame in the controller.
+    /// The frame in the controller's transmit queue.
     sending: Option<Outgoing>,
-    /// The frames pending behind that frame.
+    /// The frames that wait until the controller's queue is empty.
     waiting: Vec<Outgoing>,
     cyclic: Vec<Cyclic>,
 }
 
-/// A frame to be sent.
+/// A frame that has not been sent yet.
 #[derive(Clone, Debug)]
 struct Outgoing {
     frame: Frame,
-    /// The instant at which an unsent frame is withdrawn.
+    /// The time at which the frame is withdrawn if it is still unsent.
     deadline: Instant,
-    /// The command that the frame completes; a cyclic frame completes it with its first transmission.
+    /// The command that completes when the frame is sent: for a cyclic frame, only the first transmission.
     ticket: Option<Ticket>,
-    /// Whether the frame belongs to a cyclic one.
+    /// Whether the frame is a transmission of a cyclic frame.
     is_cyclic: bool,
 }
 
@@ -56,12 +56,12 @@ struct Cyclic {
 }
 
 impl Sender {
-    /// Creates a sender and adds its controller to the bus, with a name for traces.
+    /// Creates a sender and adds its controller to the bus. `name` identifies it in traces.
     pub(super) fn new(name: &str, world: &mut World) -> Self {
         Self { port: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
-    /// Sends a frame once or, with a period, cyclically; replaces a cyclic frame with the same identifier.
+    /// Sends a frame once or, with a period, cyclically. Replaces a cyclic frame with the same identifier.
     pub(super) fn send(
         &mut self,
         frame: Frame,
@@ -86,7 +86,7 @@ impl Sender {
         Ok(())
     }
 
-    /// Stops the cyclic frames with an identifier, or all; returns their number.
+    /// Stops the cyclic frames with an identifier, or all if `None`. Returns the number of stopped cyclic frames.
     pub(super) fn stop(&mut self, id: Option<Id>, world: &mut World, completed: &mut Completed) -> usize {
         let meant = |frame: &Frame| id.is_none_or(|id| frame.id() == id);
         let before = self.cyclic.len();
@@ -97,7 +97,7 @@ impl Sender {
         }
         if let Some(outgoing) = self.sending.as_mut().filter(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame)) {
             if world.is_sending(self.port) {
-                // A frame on the wire completes; a destroyed frame is not retried.
+                // A frame on the wire is completed, but not retransmitted if it is destroyed.
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
@@ -109,7 +109,7 @@ impl Sender {
         before - self.cyclic.len()
     }
 
-    /// Completes sent frames, withdraws late ones, and sends due ones.
+    /// Completes sent frames, withdraws late frames, and sends due frames.
     pub(super) fn poll(&mut self, world: &mut World, completed: &mut Completed) {
         if self.is_idle() {
             return;
@@ -137,7 +137,7 @@ impl Sender {
         }
     }
 
-    /// Completes the frame in the controller if it was sent, or if a fault holds it back; returns whether it did.
+    /// Completes the frame in the controller if it was sent or is delayed by a fault. Returns whether it is completed.
     fn complete(&mut self, world: &World, completed: &mut Completed) -> bool {
         let Some(sent) = self.sending.take_if(|_| world.is_controller_empty(self.port)) else { return false };
         if let Some(ticket) = sent.ticket {
@@ -146,7 +146,7 @@ impl Sender {
         true
     }
 
-    /// Queues the due cyclic frames. A frame that is still queued from the last period is not queued again.
+    /// Queues the due cyclic frames. A frame still queued from its previous period is not queued again.
     fn repeat(&mut self, now: Instant) {
         let Self { sending, waiting, cyclic, .. } = self;
         for Cyclic { frame, period, next } in cyclic.iter_mut().filter(|cyclic| cyclic.next <= now) {
@@ -159,7 +159,7 @@ impl Sender {
         }
     }
 
-    /// Loads the most urgent frame into the controller; among equals, the oldest.
+    /// Hands the most urgent frame to the controller; among equally urgent frames, the oldest.
     fn load(&mut self, world: &mut World) {
         if self.sending.is_some() || !world.can_delay(self.port) {
             return;
@@ -178,14 +178,14 @@ impl Sender {
         }
     }
 
-    /// Returns the next due time after now.
+    /// Returns the next time after `now` at which the sender must be polled.
     pub(super) fn due(&self, now: Instant) -> Instant {
         let deadlines = self.sending.iter().chain(&self.waiting).map(|outgoing| outgoing.deadline);
         let repeats = self.cyclic.iter().map(|cyclic| cyclic.next);
         deadlines.chain(repeats).filter(|due| *due > now).min().unwrap_or(NEVER)
     }
 
-    /// Returns the latest deadline of the commands, if any. A frame on the wire has no deadline.
+    /// Returns the latest deadline of the pending commands, if any. A frame on the wire has no deadline.
     pub(super) fn advance_limit(&self, now: Instant) -> Option<Instant> {
         let awaited = self.sending.iter().chain(&self.waiting).filter(|outgoing| outgoing.ticket.is_some());
         awaited.map(|outgoing| if outgoing.deadline > now { outgoing.deadline } else { NEVER }).max()

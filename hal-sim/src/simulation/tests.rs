@@ -1,4 +1,4 @@
-//! A device's state agrees with its frames at one virtual instant; and reading changes nothing.
+//! The state of a device agrees with its frames at the same virtual time, and reading the state changes nothing.
 
 use proptest::prelude::*;
 use protocol_core::actuator::{Position, Scale};
@@ -15,9 +15,9 @@ use crate::world::{ClientPortId, Link};
 enum Act {
     /// A frame.
     Send(String),
-    /// A change of the plant.
+    /// A plant change.
     Change(String),
-    /// A power cut with a later power-up.
+    /// A power cut, followed by a power-up.
     Cycle,
 }
 
@@ -26,7 +26,7 @@ struct Rig {
     world: World,
     devices: Vec<(NodeId, Kind)>,
     master: ClientPortId,
-    /// States are read all the time.
+    /// Whether states are read all the time.
     reads: bool,
 }
 
@@ -91,7 +91,7 @@ impl Rig {
         self.read();
     }
 
-    /// Sends a frame; returns whether it was sent, at the instant of its end.
+    /// Sends a frame. Returns whether it was sent; the time is then its end.
     fn sent(&mut self, frame: &str) -> bool {
         self.world.send(self.master, frame.parse().expect("a frame"));
         let end = after(self.world.now(), Duration::from_millis(50));
@@ -101,7 +101,7 @@ impl Rig {
         self.world.pending(self.master) == 0
     }
 
-    /// Reads an object of the first device by SDO, and the state at the instant of the request.
+    /// Reads an object of the first device by SDO. Returns the value, and the state at the time of the request.
     fn read_object(&mut self, node_id: u8, index: u16, sub: u8) -> Option<(u32, DeviceState)> {
         let [low, high] = index.to_le_bytes();
         let request = format!("{:03X}: 40 {low:02X} {high:02X} {sub:02X} 00 00 00 00", 0x600 + u16::from(node_id));
@@ -159,7 +159,7 @@ fn avc() -> impl Strategy<Value = Act> {
         .prop_map(|(flow, state)| Act::Send(format!("0CFE3027: {flow:02X} FF {:02X} FF FF FF FF FF", 0x30 | state)))
 }
 
-/// Returns the status word of a state of the device state machine.
+/// Returns the status word for a state of the device state machine.
 fn status_word(state: &DeviceState) -> Option<u32> {
     use crate::state::DeviceStateMachine::{Active, Disabled, FaultHold, Hold, Init};
     state.dsm.map(|dsm| match dsm {
@@ -174,7 +174,7 @@ fn status_word(state: &DeviceState) -> Option<u32> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(10)))]
 
-    /// SDO answers of a valve on CANopen agree with the state at the instant of the request.
+    /// The SDO responses of a CANopen valve agree with the state at the time of the request.
     #[test]
     fn a_valve_on_canopen(acts in prop::collection::vec((valve_act(), 0_u64..200_000), 1..30)) {
         let mut rig = Rig::new(&["pvea-canopen"], None, false);
@@ -207,19 +207,19 @@ proptest! {
         prop_assert!(compared > 0 || state.nmt != Some(crate::state::Nmt::Operational), "{:?}", state);
     }
 
-    /// AVEF of a valve on ISOBUS agrees with the state at the beginning of the frame, on an otherwise idle bus.
+    /// The AVEF of an ISOBUS valve agrees with the state at the start of the frame, on an otherwise idle bus.
     #[test]
     fn a_valve_on_isobus(acts in prop::collection::vec(prop_oneof![4 => avc(), 1 => change()], 1..30)) {
         let mut rig = Rig::new(&["pvea-isobus"], None, false);
         rig.pass(Duration::from_millis(500));
-        // From the middle between two AVEFs.
+        // Starts midway between two AVEFs.
         let phase = rig.world.take_events().rfind(|event| event.frame().is_some()).expect("an AVEF").at;
         rig.world.run_until(after(phase, Duration::from_millis(50)));
         let (cycles, mut compared) = (acts.len(), 0);
         for act in acts {
             rig.act(&act);
             let end = after(rig.world.now(), Duration::from_millis(100));
-            // It begins 100 ms after the previous one.
+            // The AVEF starts 100 ms after the previous one.
             let mut states: Vec<(Instant, DeviceState)> = Vec::new();
             while rig.world.next_event() <= end {
                 rig.world.step();
@@ -244,7 +244,7 @@ proptest! {
         prop_assert!(compared > 0 || cycles < 3 || state_is_bus_off(&mut rig), "{:?}", rig.state(0));
     }
 
-    /// SDO answers of an angle sensor with a turning shaft agree with the state.
+    /// The SDO responses of an angle sensor with a turning shaft agree with the state.
     #[test]
     fn an_angle_sensor(turns in prop::collection::vec((-3000_i32..3000, 0_u32..36_000, 0_u64..100_000), 1..20)) {
         let mut rig = Rig::new(&["hat1000"], None, false);
@@ -257,7 +257,7 @@ proptest! {
         }
     }
 
-    /// Reading changes nothing: each frame comes at the same instant as without it.
+    /// Reading changes nothing: each frame is sent at the same time as without reading.
     #[test]
     fn reading_changes_nothing(acts in prop::collection::vec((valve_act(), 0_u64..50_000), 1..20), rate in -9000_i32..9000) {
         let run = |reads: bool| {
@@ -282,7 +282,7 @@ fn state_is_bus_off(rig: &mut Rig) -> bool {
     rig.state(0).faults.iter().any(|fault| fault.fault == "can-bus" && fault.count != Some(0))
 }
 
-/// Returns the state of AVEF for the command of a device state.
+/// Returns the AVEF state for the command in a device state.
 fn command(state: &DeviceState) -> State {
     use crate::state::Command::{Blocked, EmergencyStop, Extend, Float, Hand, Retract};
     match state.command.expect("a valve on ISOBUS") {
@@ -295,7 +295,7 @@ fn command(state: &DeviceState) -> State {
     }
 }
 
-/// The next position is found to the microsecond, and none in between is missed.
+/// The next position is found to the microsecond, and no position in between is missed.
 #[test]
 fn the_next_position_of_a_spool_and_of_shafts() {
     let mut rig = Rig::new(&["pvea-canopen", "hat1000"], Some(Link { rate: 36_000, min: 0, max: 35_999 }), false);
@@ -316,7 +316,7 @@ fn the_next_position_of_a_spool_and_of_shafts() {
             assert!(next == limit || rig.state(device).position != before || rig.world.next_event() <= next);
         }
     }
-    // A resting spool stays at its position.
+    // A spool at rest keeps its position.
     rig.act(&Act::Cycle);
     rig.pass(Duration::from_millis(500));
     let limit = after(rig.world.now(), Duration::from_secs(3600));
@@ -325,7 +325,7 @@ fn the_next_position_of_a_spool_and_of_shafts() {
     }
 }
 
-/// A wait for a position of a turning shaft completes at the first instant, with a few checks per turn.
+/// A wait for a position of a turning shaft completes at the first possible time, with few checks per turn.
 #[test]
 fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
     for (speed_rpm, wanted) in [(60, "{\"min\": 9000, \"max\": 9001}"), (-3000, "16383"), (3_500, "1"), (-1, "16380")] {
@@ -360,7 +360,7 @@ fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
     }
 }
 
-/// The shaft rests while time passes: the search for the next position does not run to the end of the wait.
+/// While the shaft is at rest, the search for the next position does not run to the end of the wait.
 #[test]
 fn a_wait_without_end_for_a_linked_shaft_that_stands_costs_little() {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
@@ -379,7 +379,7 @@ fn a_wait_without_end_for_a_linked_shaft_that_stands_costs_little() {
     }
 }
 
-/// A wait is not checked while its condition cannot hold, and the end of time ends it.
+/// A wait is not checked while its condition cannot hold, and it ends at the end of time.
 #[test]
 fn a_wait_to_the_end_of_time_ends() {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
@@ -403,7 +403,7 @@ fn a_wait_to_the_end_of_time_ends() {
     assert_eq!(simulation.now(), NEVER);
 }
 
-/// The events of an instant are taken when a simulation has run to it.
+/// After a run to a time, the events at that time are taken.
 #[test]
 fn running_to_now_takes_what_has_happened() {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
@@ -416,7 +416,7 @@ fn running_to_now_takes_what_has_happened() {
     assert!(simulation.history().next() > before && simulation.take_event().is_none());
 }
 
-/// The same for a shaft that follows a valve.
+/// The same as above, for a shaft that follows a valve.
 #[test]
 fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
     for (rate, wanted) in [(3_000, 60..=60), (36_000, 700..=701), (-3_000, 16_000..=16_323), (100, 2..=2)] {
@@ -460,7 +460,7 @@ fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
     }
 }
 
-/// On a bus with real devices, only simulated devices can lose frames.
+/// On a bus with real devices, communication faults may only lose frames for simulated devices.
 #[test]
 fn a_bus_with_real_devices_is_protected_from_faults() {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);

@@ -9,7 +9,7 @@ use super::sender::Completed;
 use crate::state::{Pattern, StateWatch};
 use crate::world::World;
 
-/// The pending waits, oldest first.
+/// The commands in progress that wait, oldest first.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Waits(Vec<Wait>);
 
@@ -20,23 +20,24 @@ struct Wait {
     ticket: Ticket,
 }
 
-/// The awaited condition.
+/// The condition that a command waits for.
 #[derive(Clone, Debug)]
 pub(super) enum Awaited {
     State(StateWatch),
-    /// A frame; with the last non-matching frame of the same identifier.
+    /// A frame that matches a pattern, with the last non-matching frame of the same identifier.
     Frame(Pattern, Option<Frame>),
-    /// An advance of time.
+    /// The end of a requested advance of time.
     Time,
 }
 
 impl Waits {
-    /// Adds a wait.
+    /// Adds a wait that ends at `until` at the latest.
     pub(super) fn begin(&mut self, what: Awaited, until: Instant, ticket: Ticket) {
         self.0.push(Wait { what, until, ticket });
     }
 
-    /// Completes the waits whose condition holds now, and those that time out. All events of the last instant count.
+    /// Completes the waits whose condition holds now, and those that time out. A wait times out after all events at its
+    /// time limit.
     pub(super) fn poll(&mut self, world: &mut World, completed: &mut Completed) {
         if self.0.is_empty() {
             return;
@@ -62,7 +63,7 @@ impl Waits {
         });
     }
 
-    /// Completes the waits for this frame.
+    /// Completes the waits for a frame that was just sent.
     pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord, completed: &mut Completed) {
         self.0.retain_mut(|Wait { what, ticket, .. }| {
             let Awaited::Frame(pattern, other) = what else { return true };
@@ -77,12 +78,12 @@ impl Waits {
         });
     }
 
-    /// Removes a wait.
+    /// Removes the wait of a command.
     pub(super) fn forget(&mut self, ticket: Ticket) {
         self.0.retain(|wait| wait.ticket != ticket);
     }
 
-    /// Returns the next instant at which a condition can hold without an event, or a wait times out.
+    /// Returns the next time at which a condition can become true without an event, or at which a wait times out.
     pub(super) fn due(&self, world: &World) -> Instant {
         let due = |Wait { what, until, .. }: &Wait| match what {
             Awaited::State(watch) => watch.due(*until, world),
@@ -91,7 +92,7 @@ impl Waits {
         self.0.iter().map(due).min().unwrap_or(NEVER)
     }
 
-    /// Returns the latest time-out; `None` if there is no wait.
+    /// Returns the latest time limit of the waits, if any.
     pub(super) fn advance_limit(&self) -> Option<Instant> {
         self.0.iter().map(|wait| wait.until).max()
     }
@@ -102,7 +103,7 @@ impl Waits {
     }
 }
 
-/// Returns the message about a missing frame, with the last other frame of its identifier.
+/// Returns the error message for a missing frame, with the last non-matching frame of its identifier.
 fn missing(pattern: &Pattern, other: Option<&Frame>) -> String {
     let Some(other) = other else {
         return format!("the frame {pattern} was not received, nor any other frame with its identifier");

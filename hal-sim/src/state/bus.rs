@@ -39,7 +39,7 @@ pub struct Disturb {
 }
 
 impl BusChange {
-    /// Returns the bit rate.
+    /// Returns the requested bit rate.
     pub fn bit_rate(self) -> Result<BitRate, Invalid> {
         BitRate::from_bits_per_second(self.bit_rate).ok_or_else(|| {
             let rates: Vec<String> = BitRate::ALL.iter().map(|rate| rate.bits_per_second().to_string()).collect();
@@ -58,7 +58,7 @@ impl PartialSchema for BitsPerSecond {
 impl ToSchema for BitsPerSecond {}
 
 impl Disturb {
-    /// Returns the disturbance.
+    /// Returns the requested disturbance.
     pub fn disturbance(self) -> Result<Disturbance, Invalid> {
         if self.id.is_none() && self.extended == Some(true) {
             return Err(Invalid("extended is only valid together with id".to_owned()));

@@ -11,13 +11,13 @@ use super::given::{Object, given, object, present};
 use super::{BitsPerSecond, Pattern, possible};
 use crate::Kind;
 
-/// A condition.
+/// A condition that a command waits for.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Condition {
-    /// A device is in a state.
+    /// The named device is in a state that matches.
     State(String, Box<StateCondition>),
-    /// A frame is on the bus.
+    /// A frame that matches the pattern is sent.
     Frame(Pattern),
 }
 
@@ -127,13 +127,14 @@ pub struct LedCondition {
     pub flashing: Option<bool>,
 }
 
-/// Reads an object that may be null; null differs from a missing member.
+/// Deserialises an object that may be null; null differs from a missing member.
 fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
     present(value).map(|value| value.map(|value: Option<Object<T>>| value.map(|Object(value)| value)))
 }
 
 impl StateCondition {
-    /// Refuses a condition that can never hold for a device of this kind and name. `none` is the word for null.
+    /// Refuses a condition that can never hold for a device of this kind and name. `none` is the word for null in
+    /// messages.
     ///
     /// # Errors
     /// A message with the key and its possible values.
@@ -150,7 +151,7 @@ impl StateCondition {
         possible::is_always_so(&self.keys(), kind, name)
     }
 
-    /// Returns the given keys with their values.
+    /// Returns the keys of the condition with their values.
     fn keys(&self) -> Vec<(String, serde_json::Value)> {
         match serde_json::to_value(self) {
             Ok(serde_json::Value::Object(keys)) => keys.into_iter().collect(),
@@ -158,7 +159,7 @@ impl StateCondition {
         }
     }
 
-    /// Returns whether the condition holds for a state.
+    /// Returns whether a state satisfies the condition.
     pub fn holds(&self, state: &DeviceState) -> bool {
         is(self.t_us.as_ref(), &state.t_us)
             && is(self.name.as_ref(), &state.name)
@@ -176,7 +177,7 @@ impl StateCondition {
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
     }
 
-    /// Returns the wanted positions if only the position of a state violates the condition; otherwise `None`.
+    /// Returns the accepted positions if the condition fails only because of the position.
     pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())
@@ -187,7 +188,7 @@ fn is<T: PartialEq>(wanted: Option<&T>, found: &T) -> bool {
     wanted.is_none_or(|wanted| wanted == found)
 }
 
-/// Returns whether a nullable value is the wanted one.
+/// Returns whether a nullable value satisfies an optional condition.
 fn fits<W, T>(wanted: Option<&Option<W>>, found: Option<&T>, holds: impl FnOnce(&W, &T) -> bool) -> bool {
     match (wanted, found) {
         (None, _) | (Some(None), None) => true,

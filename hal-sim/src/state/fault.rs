@@ -1,4 +1,4 @@
-//! Communication faults, as users write them: `{ lose = "220", count = 3 }`.
+//! Communication faults in user input: `{ lose = "220", count = 3 }`.
 
 use std::sync::Arc;
 
@@ -14,10 +14,10 @@ use super::identifier::IdentifierOrAll;
 use super::{Identifier, Invalid, Pattern};
 use crate::bus::{ALWAYS, Corruption, Delay, Fault, FaultKind, FaultState, FrameFilter, Masks};
 
-/// The default wait of a swapped frame for the next frame of its sender.
+/// The default maximum wait of a swapped frame for the sender's next frame.
 const SWAP_WITHIN: Duration = Duration::from_secs(1);
 
-/// The length limit of a fault's name.
+/// The maximum length of a fault's name.
 const NAME_MAX: usize = 64;
 
 /// A communication fault: exactly one of `lose`, `delay`, `repeat`, `swap`, `corrupt`, `insert`, `masquerade`, `destroy`
@@ -227,7 +227,7 @@ impl From<FaultState> for FaultRecord {
     }
 }
 
-/// The kinds of faults with the parameters that only some of them have.
+/// The keys of the fault kinds, each with the parameters that it accepts in addition to the common ones.
 const PARAMETERS: [(&str, &[&str]); 9] = [
     ("lose", &["receivers", "filter"]),
     ("delay", &["ms", "burst_ms", "overtake", "filter"]),
@@ -241,15 +241,15 @@ const PARAMETERS: [(&str, &[&str]); 9] = [
 ];
 
 impl FaultRequest {
-    /// The keys of the kinds of faults.
+    /// Returns the keys of the fault kinds.
     pub fn kinds() -> impl Iterator<Item = &'static str> {
         PARAMETERS.iter().map(|(kind, _)| *kind)
     }
 
-    /// Returns the fault; its name is empty if none was given.
+    /// Converts the request to a fault, with an empty name if none was given.
     ///
     /// # Errors
-    /// [`Invalid`] for no kind or several, for a parameter of another kind, and for a value that is out of range.
+    /// [`Invalid`] if the request has no kind or several kinds, a parameter of another kind, or a value out of range.
     pub fn fault(&self) -> Result<Fault, Invalid> {
         let (kind, identifier) = self.kind()?;
         self.check_parameters(kind)?;
@@ -277,7 +277,7 @@ impl FaultRequest {
         Ok(fault)
     }
 
-    /// Returns the kind, and the identifier of the affected frames; `None` for an inserted frame.
+    /// Returns the key of the kind, and the identifier of the affected frames; `None` for an inserted frame.
     fn kind(&self) -> Result<(&'static str, Option<&Identifier>), Invalid> {
         let given = [
             ("lose", self.lose.as_ref().map(Some)),
@@ -303,7 +303,7 @@ impl FaultRequest {
         }
     }
 
-    /// Refuses the parameters of other kinds.
+    /// Refuses parameters that the kind does not accept.
     fn check_parameters(&self, kind: &str) -> Result<(), Invalid> {
         let given = [
             ("receivers", self.receivers.is_some()),
@@ -332,7 +332,7 @@ impl FaultRequest {
         Ok(())
     }
 
-    /// Returns the filter of an identifier, or of `all`.
+    /// Returns the frame filter for an identifier or for `all`.
     fn filter(&self, identifier: &Identifier) -> Result<FrameFilter, Invalid> {
         let sender = self.sender.as_deref().map(Arc::from);
         let is_all = matches!(identifier, Identifier::Text(text) if text == "all");
@@ -349,7 +349,7 @@ impl FaultRequest {
         Ok(FrameFilter { id: Some(id), mask: mask.as_ref().map(bits), sender })
     }
 
-    /// Returns the inserted frame.
+    /// Returns the frame to insert, if any.
     fn frame(&self, kind: &str) -> Result<Option<Frame>, Invalid> {
         let Some(text) = self.insert.as_ref().or(self.masquerade.as_ref()) else { return Ok(None) };
         let frame = text.parse::<Pattern>().ok().and_then(|pattern| pattern.frame());
@@ -399,7 +399,7 @@ impl FaultRequest {
     }
 }
 
-/// Returns whether a fault can be named so; `all` means all faults.
+/// Returns whether a text is a valid fault name; `all` is reserved for all faults.
 fn is_name(name: &str) -> bool {
     let is_short = (1..=NAME_MAX).contains(&name.len());
     is_short && name != "all" && name.bytes().all(|letter| letter.is_ascii_alphanumeric() || letter == b'-')
@@ -416,7 +416,7 @@ fn bits(id: &Id) -> u32 {
     }
 }
 
-/// Returns up to eight bytes in hex; the rest is 0.
+/// Parses up to eight hex bytes; missing bytes are 0.
 fn bytes(text: &str) -> Result<[u8; MAX_LEN], Invalid> {
     let refuse = || Invalid(format!("data: '{text}' is not up to 8 bytes in hex as in \"00 80\""));
     let digits: Vec<u32> = text

@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer};
 /// Deserialises a value that may be missing but not null.
 ///
 /// # Errors
-/// The errors of the value's own deserialiser.
+/// The errors of the value's deserialiser.
 pub fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     T::deserialize(value).map(Some)
 }
@@ -20,7 +20,7 @@ pub(crate) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) 
     Option::deserialize(value).map(Some)
 }
 
-/// Deserialises a JSON object; refuses a list, which derived deserialisers would accept as the fields in order.
+/// Deserialises a JSON object. Refuses a list, which derived deserialisers would accept as the fields in order.
 pub(crate) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<T, D::Error> {
     Object::deserialize(value).map(|Object(value)| value)
 }
@@ -28,12 +28,12 @@ pub(crate) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -
 /// Deserialises an object that may be missing but not null.
 ///
 /// # Errors
-/// The errors of the value's own deserialiser.
+/// The errors of the value's deserialiser.
 pub fn given_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     object(value).map(Some)
 }
 
-/// A value in the form of a JSON object.
+/// A value that must be given as a JSON object.
 #[derive(Debug)]
 pub(crate) struct Object<T>(pub(crate) T);
 

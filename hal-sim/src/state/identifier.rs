@@ -1,4 +1,4 @@
-//! CAN identifiers in user input: a number, or a hex string.
+//! CAN identifiers in user input: numbers or hex strings.
 
 use protocol_core::frame::{ExtendedId, Id, StandardId};
 use serde::Deserialize;
@@ -21,11 +21,11 @@ pub enum Identifier {
 }
 
 impl Identifier {
-    /// Returns the 11-bit or 29-bit identifier. Without `extended`, a string of eight digits has 29 bits, as in a
-    /// candump log, and any other value 11.
+    /// Returns the 11-bit or 29-bit identifier. If `extended` is `None`, a string of eight digits has 29 bits, as in a
+    /// candump log, and any other value has 11 bits.
     ///
     /// # Errors
-    /// [`Invalid`] for a value that is not an identifier of that size.
+    /// [`Invalid`] if the value is not an identifier of this length.
     pub fn id(&self, extended: Option<bool>) -> Result<Id, Invalid> {
         let (number, is_long) = match self {
             Self::Number(number) => (Some(*number), false),
@@ -64,7 +64,7 @@ impl std::fmt::Display for Identifier {
     }
 }
 
-/// Returns an identifier as users write it: three digits, or eight.
+/// Formats an identifier as users write it, with three or eight digits.
 pub(crate) fn digits(id: Id) -> String {
     match id {
         Id::Standard(id) => format!("{:03X}", id.as_raw()),

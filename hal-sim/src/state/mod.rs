@@ -38,7 +38,7 @@ pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
 pub use watch::StateWatch;
 
-/// An invalid value: a message in one line with the accepted values.
+/// The error message for an invalid value: one line, with the accepted values.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(pub String);

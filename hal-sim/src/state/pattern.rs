@@ -8,24 +8,24 @@ use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
 
 use super::Invalid;
 
-/// The accepted form of a frame.
+/// The accepted syntax of a frame.
 const ACCEPTED: &str = "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 digits up to 7FF, or 8 digits up to 1FFFFFFF; up to 8 bytes";
 
 /// Hex digits with wildcards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Digits {
     value: u32,
-    /// The bits that have to match.
+    /// The bits that must match.
     mask: u32,
 }
 
-/// The accepted form of the data alone.
+/// The accepted syntax of frame data.
 const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit, and .. at the end for any further bytes";
 
 /// A regular expression for the data of a frame: bytes, or a remote frame.
 pub const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";
 
-/// A regular expression for patterns of data: bytes and any further bytes, or a remote frame.
+/// A regular expression for data patterns: bytes, which may end in a wildcard, or a remote frame.
 pub const DATA_PATTERN: &str = r"^[ \t]*((([0-9A-Fa-f?][ \t]*){2}){0,8}(\.[ \t]*\.[ \t]*)?|R[ \t]*([0-8][ \t]*)?)$";
 
 /// A pattern of frames.
@@ -40,13 +40,13 @@ pub struct Pattern {
 enum Content {
     /// Data frames with any data.
     Any,
-    /// Data frames with these bytes, optionally followed by further ones.
+    /// Data frames with these bytes, and further bytes if `More` allows them.
     Data(Vec<Digits>, More),
     /// Remote frames with this length.
     Remote(u8),
 }
 
-/// Whether further bytes match.
+/// Whether any further bytes match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum More {
     No,
@@ -54,7 +54,7 @@ enum More {
 }
 
 impl Digits {
-    /// Parses digits: at most eight hex digits or `?`.
+    /// Parses up to eight hex digits or `?` wildcards.
     fn parse(text: &str) -> Option<Self> {
         text.chars().try_fold(Self { value: 0, mask: 0 }, |Self { value, mask }, digit| match digit {
             '?' => Some(Self { value: value << 4, mask: mask << 4 }),
@@ -70,7 +70,7 @@ impl Digits {
         self.mask.count_ones() == 4 * digits
     }
 
-    /// Writes this many digits.
+    /// Writes the digits and wildcards; `digits` is their number.
     fn write(self, f: &mut fmt::Formatter<'_>, digits: u32) -> fmt::Result {
         (0..digits).rev().try_for_each(|place| {
             let shift = 4 * place;
@@ -130,10 +130,10 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
 }
 
 impl Pattern {
-    /// Creates the pattern of an identifier, with the data of a text or any data.
+    /// Creates a pattern for an identifier. `None` for `data` matches any data.
     ///
     /// # Errors
-    /// [`Invalid`] for a text that is not valid data.
+    /// [`Invalid`] if `data` is not valid.
     pub fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
         let (is_extended, value, mask) = match id {
             Id::Standard(id) => (false, id.as_raw().into(), 0xFFF),
@@ -170,8 +170,8 @@ impl Pattern {
         }
     }
 
-    /// Returns the indices of the bytes that do not match, missing and surplus ones included; `None` for a data frame
-    /// instead of a remote one, the reverse, or another requested length.
+    /// Returns the indices of the bytes that do not match, including missing and surplus bytes. `None` if only one of
+    /// frame and pattern is remote, or if the requested lengths differ.
     pub fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
         match (&self.content, frame.is_remote()) {
             (Content::Any, false) => Some(Vec::new()),
@@ -189,7 +189,7 @@ impl Pattern {
         }
     }
 
-    /// Describes the difference if only the length does not match; otherwise `None`.
+    /// Describes the difference if the frame differs from the pattern only in its length.
     pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
         let (wanted, is_least) = match &self.content {
             Content::Data(bytes, more) if !frame.is_remote() => (bytes.len(), *more == More::Any),
@@ -240,7 +240,7 @@ impl Pattern {
     }
 }
 
-/// Writes the frame as the manuals do: `1A0: 0F 00 ?? ..`.
+/// Writes the pattern in the notation of the manuals: `1A0: 0F 00 ?? ..`.
 impl fmt::Display for Pattern {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.id.write(f, if self.is_extended { 8 } else { 3 })?;

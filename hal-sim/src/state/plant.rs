@@ -180,14 +180,15 @@ pub enum ReadyProfile {
     Cranking,
 }
 
-/// The supply of a 24 V machine while its engine is cranked, in the shape of ISO 16750-2: ms and mV (A).
+/// The supply voltage of a 24 V machine while its engine is cranked, shaped as in ISO 16750-2: times in ms, values in
+/// mV (A).
 pub const CRANKING: [[i64; 2]; 4] = [[0, 24_000], [50, 6_000], [120, 9_000], [900, 24_000]];
 
 impl Profile {
-    /// The longest profile, a day, in milliseconds.
+    /// The maximum duration of a profile in milliseconds: one day.
     pub const MAX_MS: u64 = 24 * 60 * 60 * 1000;
 
-    /// Returns the points.
+    /// Returns the points of the profile.
     #[must_use]
     pub fn points(&self) -> Vec<[i64; 2]> {
         match &self.points {
@@ -229,7 +230,7 @@ impl PlantState {
         })
     }
 
-    /// Returns the plant without the angle, which changes continuously.
+    /// Returns the plant without the shaft angle, which changes continuously.
     pub fn at_rest(&self) -> Self {
         match self {
             Self::Encoder(plant) => Self::Encoder(EncoderPlant { angle_cdeg: 0, ..plant.clone() }),
@@ -239,7 +240,7 @@ impl PlantState {
 }
 
 impl PlantChange {
-    /// Applies all changes or none.
+    /// Applies all changes to a device, or none.
     ///
     /// # Errors
     /// [`PlantError`] for the first refused change; nothing has changed.
@@ -253,14 +254,14 @@ impl PlantChange {
         Ok(())
     }
 
-    /// Returns the words with a new value.
+    /// Returns the plant words that the change sets.
     #[must_use]
     pub fn words(&self) -> Vec<&'static str> {
         let memory = self.memory.map(|_| Plant::MemoryFails(false).word().name);
         self.plants().into_iter().map(|plant| plant.word().name).chain(memory).collect()
     }
 
-    /// Returns the change back from this one to a state.
+    /// Returns the change that restores the values of `state` after this change.
     #[must_use]
     pub fn earlier(&self, state: &PlantState) -> Self {
         let mut earlier = Self::default();
@@ -285,7 +286,7 @@ impl PlantChange {
         earlier
     }
 
-    /// Returns the individual changes except the memory's.
+    /// Returns the change as one change per plant word, except for the memory.
     pub fn plants(&self) -> Vec<Plant> {
         let Self { supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, .. } = *self;
         let plants = [
@@ -334,7 +335,7 @@ impl SpoolChange {
     }
 }
 
-/// The spool faults by name; a healthy spool has no name in a state.
+/// The names of the spool faults. A healthy spool has no name in a state.
 const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
     (SpoolFaultName::Stuck, SpoolFault::Stuck),
     (SpoolFaultName::Slow, SpoolFault::Slow),

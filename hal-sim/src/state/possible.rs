@@ -1,5 +1,5 @@
-//! The possible values of each key of a device's state, by kind, with and without power (SPEC 1, 2, 4.3, 5, 9). A
-//! condition on other values can never hold.
+//! The possible values of each key of a device state, by kind, with and without power (SPEC 1, 2, 4.3, 5, 9). A
+//! condition that requires any other value can never hold.
 
 use std::ops::RangeInclusive;
 
@@ -12,13 +12,13 @@ use serde_json::{Value as Json, json};
 use super::device::{Color, Command, DeviceStateMachine, FloatWord, Led, Nmt};
 use crate::Kind;
 
-/// The full stroke of a spool, in both directions (SPEC 2).
+/// The position range of a spool from full stroke to full stroke (SPEC 2).
 const STROKE: RangeInclusive<i64> = -16384..=16384;
 
-/// The range of 0x6004 of an angle sensor (SPEC 9).
+/// The range of object 0x6004 of an angle sensor (SPEC 9).
 const TURN: RangeInclusive<i64> = 0..=POSITION_MAX as i64;
 
-/// All states of the LED with power (SPEC 2).
+/// All states of the LED of a powered valve (SPEC 2).
 const LEDS: [Led; 5] = [
     Led { color: Color::Green, flashing: false },
     Led { color: Color::Green, flashing: true },
@@ -36,22 +36,22 @@ const DSM: [DeviceStateMachine; 5] = [
     DeviceStateMachine::FaultHold,
 ];
 
-/// The states of an auxiliary valve in AVEF (SPEC 5).
+/// The states of an auxiliary valve in an AVEF (SPEC 5).
 const COMMANDS: [Command; 6] =
     [Command::Blocked, Command::Extend, Command::Retract, Command::Float, Command::Hand, Command::EmergencyStop];
 
-/// The possible values of a key.
+/// A set of possible values of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Values {
     /// Whole numbers.
     Numbers(RangeInclusive<i64>),
-    /// A value other than a number: a word, a Boolean, null, an LED.
+    /// A single value that is not a number: a word, a Boolean, null, or an LED.
     One(Json),
     /// Any subset of these names.
     Sets(Vec<&'static str>),
 }
 
-/// The share of the possible values that fulfil a condition.
+/// The share of the possible values that satisfy a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Share {
     None,
@@ -68,13 +68,13 @@ pub(crate) fn table(kind: Kind, name: &str, powered: bool) -> Table {
     let is_canopen = kind.protocol() == Protocol::Canopen;
     let (first, last) = kind.node_ids().into_inner();
     let faults = if powered { kind.fault_names().iter().copied().collect() } else { Vec::new() };
-    // Null, unless the device is powered and has the key.
+    // The values are possible only if the device is powered and has the key; otherwise the key is null.
     let shown = |has: bool, values: Vec<Values>| if has && powered { values } else { null() };
     [
         ("t_us", vec![Values::Numbers(0..=i64::MAX)]),
         ("name", one(name)),
         ("kind", one(kind.name())),
-        // A device has no node ID when it left the factory blank, or has lost its address.
+        // A device has no node ID if it is blank or has lost its address.
         ("node_id", shown(true, [numbers(first.into()..=last.into()), null()].concat())),
         ("bit_rate", shown(true, bit_rates(kind))),
         ("powered", one(powered)),
@@ -111,7 +111,8 @@ fn bit_rates(kind: Kind) -> Vec<Values> {
     rates.into_iter().map(|rate| Values::Numbers(rate..=rate)).collect()
 }
 
-/// Refuses values that a device of this kind and name never has, or never has together. `none` is the word for null.
+/// Refuses values that a device of this kind and name never has, or never has at the same time. `none` is the word for
+/// null in messages.
 ///
 /// # Errors
 /// A message with the key, its value, and its possible values.
@@ -145,13 +146,13 @@ pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &st
     }
 }
 
-/// Returns whether all states of a device of this kind and name have these values.
+/// Returns whether every state of a device of this kind and name has the wanted values.
 pub(super) fn is_always_so(wanted: &[(String, Json)], kind: Kind, name: &str) -> bool {
     let tables = [true, false].map(|powered| table(kind, name, powered));
     wanted.iter().all(|(key, value)| tables.iter().all(|table| share(table, key, value) == Share::All))
 }
 
-/// Lists the possible values of a key, for a device of this kind and name. `none` is the word for null.
+/// Describes the possible values of a key for a device of this kind and name. `none` is the word for null in the text.
 pub fn accepted(key: &str, kind: Kind, name: &str, none: &str) -> String {
     let mut accepted: Vec<Values> = Vec::new();
     for powered in [true, false] {
@@ -198,7 +199,7 @@ impl Values {
         }
     }
 
-    /// Returns whether these values include all the others.
+    /// Returns whether this set includes all values of `other`.
     fn include(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Numbers(range), Self::Numbers(other)) => {
@@ -219,7 +220,7 @@ impl Values {
     }
 }
 
-/// Returns the range of a number or of limits; `None` for other values.
+/// Returns the range of a number or of limits; `None` for any other value.
 fn bounds(value: &Json) -> Option<RangeInclusive<i64>> {
     if let Some(fields) = value.as_object() {
         let limit = |key, open| fields.get(key).map_or(Some(open), Json::as_i64);
@@ -231,7 +232,7 @@ fn bounds(value: &Json) -> Option<RangeInclusive<i64>> {
     value.as_i64().map(|number| number..=number)
 }
 
-/// Returns whether a value equals the wanted one, or for an object, contains it.
+/// Returns whether a value equals the wanted value or, for an object, contains all wanted members.
 fn is_part(wanted: &Json, value: &Json) -> bool {
     match (wanted, value) {
         (Json::Object(wanted), Json::Object(fields)) => {
@@ -241,7 +242,7 @@ fn is_part(wanted: &Json, value: &Json) -> bool {
     }
 }
 
-/// Formats a value: an LED without its keys, and a word for null.
+/// Formats a value. An LED is written without its keys; `none` is the word for null.
 fn word(value: &Json, none: &str) -> String {
     match value {
         Json::Null => none.to_owned(),

@@ -1,4 +1,5 @@
-//! The table against the devices: their states have only values of the table, and show all of them.
+//! Checks the table of possible values against the devices: their states contain only values of the table, and all of
+//! them.
 
 use std::collections::BTreeMap;
 
@@ -14,13 +15,13 @@ use crate::world::{ClientPortId, NodeId, World};
 
 const NAME: &str = "boom";
 
-/// A device on a bus, with all its states so far.
+/// A device on a bus, with all states that it has had.
 struct Rig {
     world: World,
     master: ClientPortId,
     node: NodeId,
     kind: Kind,
-    /// The values of each key, with and without power, and their numbers.
+    /// The values of each key, with and without power, and the numbers among them.
     seen: BTreeMap<(bool, String), Vec<Json>>,
 }
 
@@ -88,7 +89,7 @@ impl Rig {
         }
     }
 
-    /// Shows the faults of a valve; `neutral`, `full` and `float` are its commands.
+    /// Causes the faults of a valve; `neutral`, `full` and `float` are its commands.
     fn break_valve(&mut self, neutral: &str, full: &str, float: &str, recover: &[&str]) {
         let faults = [
             (neutral, json!({"supply_mv": 8000}), json!({"supply_mv": 24000}), neutral, 2200),
@@ -111,7 +112,7 @@ impl Rig {
         self.pass(400);
     }
 
-    /// Fails unless the rigs have shown all of the table: words, faults, and the range of positions.
+    /// Asserts that the rigs have had all states of the table: words, faults, and the range of positions.
     fn assert_all_seen(rigs: &[Self]) {
         let kind = rigs[0].kind;
         for powered in [true, false] {
@@ -211,7 +212,7 @@ fn an_angle_sensor_shows_the_table_and_nothing_else() {
     }
 }
 
-/// Null is named in the words of the caller.
+/// Null is written with the caller's word.
 #[test]
 fn what_a_key_can_be_is_told_in_order() {
     let told = |key, none| accepted(key, Kind::Pve(pve::Kind::PveaCanopen), NAME, none);

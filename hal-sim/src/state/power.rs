@@ -15,7 +15,7 @@ pub enum Power {
     Off,
     /// Switches the power on and boots the device; no effect if it is already on.
     On,
-    /// Resets the processor like the watchdog.
+    /// Resets the processor, as the watchdog does.
     Watchdog,
 }
 
@@ -40,7 +40,7 @@ pub enum ResetCause {
 }
 
 impl PowerChange {
-    /// Returns the change if exactly one member is given.
+    /// Returns the change. Exactly one member must be given.
     pub fn power(self) -> Result<Power, Invalid> {
         match (self.on, self.reset) {
             (Some(false), None) => Ok(Power::Off),
@@ -54,7 +54,7 @@ impl PowerChange {
 }
 
 impl Power {
-    /// Applies the change to a device now; the error is the reason why an unpowered device cannot be reset.
+    /// Applies the change to a device. The error is the reason why an unpowered device cannot be reset.
     pub fn switch(self, node: NodeId, world: &mut World) -> Result<(), &'static str> {
         match self {
             Self::Off => world.power(node, false),

@@ -1,5 +1,5 @@
-//! The JSON schemas of all input, and the validation against them, so that the published descriptions and the accepted
-//! input agree.
+//! The JSON schemas of all input, and the validation of input against them. The published schemas therefore agree with
+//! the accepted input.
 
 use std::any::TypeId;
 use std::collections::BTreeMap;
@@ -14,14 +14,14 @@ use utoipa::openapi::{RefOr, schema};
 use super::Invalid;
 use crate::Kind;
 
-/// The nullable members, by schema. All other optional members may be missing but not null.
+/// The nullable members of each schema. All other optional members may be missing but not null.
 const NULLABLE: &[(&str, &[&str])] = &[
     ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
     ("PlantChange", &["lever"]),
     ("Spool", &["fault"]),
 ];
 
-/// Schemas by their names, in draft 2020-12.
+/// Schemas by name, in draft 2020-12.
 #[derive(Clone, Debug)]
 pub struct Schemas(Map<String, Value>);
 
@@ -39,12 +39,12 @@ pub enum Place {
 pub struct Mismatch {
     /// The path to the invalid member.
     pub path: Vec<Place>,
-    /// The reason, with the name of the member and its accepted values.
+    /// The reason, with the name of the invalid member and the accepted values.
     pub reason: String,
 }
 
 impl Schemas {
-    /// Returns the schema of an input type with all referenced schemas; each type's schemas are built once.
+    /// Returns the schema of an input type and all schemas that it references. Each type's schemas are built once.
     pub fn of<T: ToSchema + 'static>() -> &'static Self {
         static MADE: Mutex<BTreeMap<TypeId, &'static Schemas>> = Mutex::new(BTreeMap::new());
         MADE.lock().unwrap_or_else(PoisonError::into_inner).entry(TypeId::of::<T>()).or_insert_with(|| {
@@ -54,8 +54,8 @@ impl Schemas {
         })
     }
 
-    /// Returns the schemas of input types. An optional member is an `Option` in Rust, but nullable only where
-    /// [`NULLABLE`] lists it.
+    /// Creates the schemas of input types. An optional member is an `Option` in Rust, but nullable only if listed in
+    /// [`NULLABLE`].
     fn requests(named: impl IntoIterator<Item = (String, RefOr<schema::Schema>)>) -> Self {
         let schemas = named.into_iter().map(|(name, schema)| {
             let mut schema = serde_json::to_value(schema).unwrap_or_default();
@@ -67,12 +67,12 @@ impl Schemas {
         Self(schemas.collect())
     }
 
-    /// Returns the schemas by their names.
+    /// Returns the schemas by name.
     pub const fn by_name(&self) -> &Map<String, Value> {
         &self.0
     }
 
-    /// Converts a text to the value of a schema member: a number or a Boolean where the schema accepts one.
+    /// Converts a text to a value that the schema of a member accepts: a number or a Boolean, otherwise a string.
     pub fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
         let kind = self.0.get(name).and_then(|schema| schema["properties"][key]["type"].as_str());
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
@@ -85,7 +85,7 @@ impl Schemas {
         }
     }
 
-    /// Checks a value against the named schema. `null` is the word for null in the reason.
+    /// Validates a value against the named schema. `null` is the word for null in messages.
     ///
     /// # Errors
     /// The first invalid member.
@@ -104,7 +104,7 @@ impl From<Mismatch> for Invalid {
     }
 }
 
-/// Removes null from the members of a schema that are not nullable.
+/// Removes null from the schema of each member that is not nullable.
 fn without_null(name: &str, schema: &mut Value) {
     let nullable = NULLABLE.iter().find(|(known, _)| *known == name).map_or(&[][..], |(_, keys)| keys);
     let Some(members) = schema.get_mut("properties").and_then(Value::as_object_mut) else { return };
@@ -123,7 +123,7 @@ fn without_null(name: &str, schema: &mut Value) {
     }
 }
 
-/// Removes integer formats from a schema, because its limits are exact.
+/// Removes the integer formats from a schema; its limits already define the range exactly.
 pub fn without_formats(schema: &mut Value) {
     match schema {
         Value::Object(members) => {
@@ -137,11 +137,11 @@ pub fn without_formats(schema: &mut Value) {
     }
 }
 
-/// Adds the constraints that attributes cannot express: dependencies between members, and limits from the core.
+/// Adds constraints that attributes cannot express: dependencies between members, and limits defined by the core.
 fn restrict(name: &str, schema: &mut Value) {
     let members = schema.get("properties").and_then(Value::as_object);
     if members.is_some_and(|members| members.contains_key("id") && members.contains_key("extended")) {
-        // 11 bits; 29 bits by `extended`; 29 bits by a string of eight digits.
+        // 11 bits; 29 bits with `extended`; 29 bits as a string of eight digits.
         schema["anyOf"] = json!([
             {
                 "properties": {
@@ -198,13 +198,13 @@ fn restrict(name: &str, schema: &mut Value) {
 /// A regular expression for 11-bit identifiers.
 const STANDARD: &str = "^(0[xX])?0{0,4}[0-7]?[0-9A-Fa-f]{1,2}$";
 
-/// A regular expression for strings whose length implies 29 bits.
+/// A regular expression for hex strings of eight digits, which are 29-bit identifiers.
 const EIGHT_DIGITS: &str = "^(0[xX])?[01][0-9A-Fa-f]{7}$";
 
 /// A regular expression for all identifiers.
 pub const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$";
 
-/// The accepted forms of a step's expectation.
+/// The accepted forms of an expectation in a step.
 const EXPECTED: &str = "a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }";
 
 /// Validates a value against its schema.
@@ -222,14 +222,14 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns whether a schema, or one of its choices, accepts an object.
+    /// Returns whether a schema, or any of its choices, accepts an object.
     fn has_members(&self, schema: &'a Value) -> bool {
         let schema = self.resolved(schema);
         schema["properties"].is_object()
             || choices(schema).is_some_and(|choices| choices.iter().any(|choice| self.has_members(choice)))
     }
 
-    /// Returns the first invalid member.
+    /// Returns the first mismatch between a value and its schema.
     fn mismatch(&self, schema: &'a Value, value: &Value, path: &mut Vec<Place>) -> Option<Mismatch> {
         let schema = self.resolved(schema);
         if let Some(choices) = choices(schema) {
@@ -237,7 +237,7 @@ impl<'a> Checker<'a> {
             if !choices.iter().all(|choice| fails(&choice)) {
                 return None;
             }
-            // The error of an object lies in a member.
+            // If the value is an object, the mismatch is in one of its members.
             let same = choices.iter().find(|choice| value.is_object() && self.has_members(choice));
             return match (same, choices.as_slice()) {
                 (Some(only), _) | (None, [only]) => self.mismatch(only, value, path),
@@ -309,7 +309,7 @@ impl<'a> Checker<'a> {
         Mismatch { path: path.to_vec(), reason }
     }
 
-    /// Returns the words that a schema, or one of its choices, accepts.
+    /// Returns the words that a schema, or any of its choices, accepts.
     fn words(&self, schema: &'a Value) -> Vec<&'a str> {
         let schema = self.resolved(schema);
         match choices(schema) {
@@ -318,7 +318,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Describes the accepted values.
+    /// Describes the values that a schema accepts.
     fn accepted(&self, schema: &'a Value) -> String {
         let schema = self.resolved(schema);
         if self.is_expected(schema) {
@@ -348,7 +348,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns whether a schema is that of a step's expectation.
+    /// Returns whether a schema is that of an expectation in a step.
     fn is_expected(&self, schema: &Value) -> bool {
         self.schemas.0.get("Expected").is_some_and(|expected| std::ptr::eq(expected, schema))
     }
@@ -380,7 +380,7 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// Returns the choices of a schema, if it has choices and no members.
+/// Returns the choices of a schema that has choices and no members.
 fn choices(schema: &Value) -> Option<&Vec<Value>> {
     let has_members = schema["properties"].is_object();
     ["oneOf", "anyOf"].iter().find_map(|several| schema[several].as_array()).filter(|_| !has_members)
@@ -411,9 +411,9 @@ fn is_within(schema: &Value, value: &Value) -> bool {
         && whole(&schema["maximum"]).is_none_or(|max| number <= max)
 }
 
-/// Converts whole numbers in a value to integers: in JSON, 8.0 and 8 are the same number.
+/// Converts whole numbers in a value to integers, because JSON does not distinguish 8.0 from 8.
 pub fn with_whole_numbers(value: Value) -> Value {
-    /// All whole numbers up to this limit have an exact representation.
+    /// The limit up to which every whole number has an exact representation.
     const EXACT: f64 = (1_u64 << 53) as f64;
     match value {
         Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
@@ -426,7 +426,7 @@ pub fn with_whole_numbers(value: Value) -> Value {
     }
 }
 
-/// Returns the path of a member: `steps[2].plant.supply_mv`.
+/// Formats the path of a member: `steps[2].plant.supply_mv`.
 fn named(path: &[Place]) -> String {
     path.iter().fold(String::new(), |name, place| match place {
         Place::Key(key) if name.is_empty() => key.clone(),
@@ -446,7 +446,7 @@ fn meant(word: &str, known: &[&str]) -> String {
     near.map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"))
 }
 
-/// Joins choices to a list in English.
+/// Joins choices into an English list.
 fn list(choices: Vec<String>) -> String {
     match choices.as_slice() {
         [] => String::new(),

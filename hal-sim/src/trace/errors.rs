@@ -1,5 +1,5 @@
-//! Reports bus errors: the first error frame of each destroyed frame, and each change of an error mode. Repeated error
-//! frames are not reported, because a controller retries thousands of times per second.
+//! Selects the bus errors to report: the first error frame of each destroyed frame, and each change of an error mode.
+//! Repeated error frames are not reported, because a controller retransmits thousands of times per second.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,25 +13,25 @@ use crate::explain::{explain_error, explain_fault};
 use crate::log::ErrorClass;
 use crate::world::{Event, EventKind};
 
-/// The pause after which a further error frame is reported again.
+/// The pause after which an error frame is reported again.
 const OVER: Duration = Duration::from_secs(1);
 
 /// A filter that selects the bus errors to report.
 #[derive(Clone, Debug, Default)]
 pub struct Errors {
-    /// The number of error frames since the first reported one.
+    /// The number of error frames since the last report.
     count: u64,
-    /// The instant of the last error frame.
+    /// The time of the last error frame.
     last: Option<Instant>,
-    /// The frame that each sender is failing to send, with the time of its last error frame.
+    /// For each sender, the frame that it fails to send, with the time of the last error frame.
     failing: HashMap<Arc<str>, (Frame, Instant)>,
-    /// The controllers that are not error-active, with their modes and the time of entry.
+    /// The controllers that are not error-active, with their modes and the times of the mode changes.
     troubled: HashMap<Arc<str>, (BusErrorMode, Instant)>,
 }
 
 impl Errors {
-    /// Records an event; returns the text if the event is reported, and the class of an error: the effect of a
-    /// communication fault is no error on the bus.
+    /// Records an event. Returns the text of an event to report, with its class if it is an error; the effect of a
+    /// communication fault is not a bus error.
     pub fn note(&mut self, event: &Event) -> Option<(Option<ErrorClass>, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
@@ -67,7 +67,7 @@ impl Errors {
         (!told).then(|| (class(error), explain_error(error, frame, &event.who)))
     }
 
-    /// Describes a mode change with the duration of the previous mode, because traces may use different time origins.
+    /// Describes a mode change and the duration of the previous mode, because traces may use different time origins.
     fn change(&mut self, event: &Event, to: BusErrorMode) -> (ErrorClass, String) {
         let before = match to {
             BusErrorMode::ErrorActive => self.troubled.remove(&event.who),

@@ -1,4 +1,4 @@
-//! The reports of error frames, event by event.
+//! The reported error frames, event by event.
 
 use super::*;
 
@@ -27,7 +27,7 @@ fn mode(micros: u64, who: &str, from: BusErrorMode, to: BusErrorMode) -> Event {
     event(micros, who, EventKind::ErrorMode { from, to })
 }
 
-/// Returns the reports of events, a line each.
+/// Returns the reports of events, one per line.
 fn told(events: impl IntoIterator<Item = Event>) -> Vec<String> {
     let mut errors = Errors::default();
     let lines = events.into_iter().filter_map(|event| errors.note(&event));

@@ -17,25 +17,25 @@ use protocol_core::time::{Duration, Instant, since};
 use crate::explain::{Mark, is_cyclic};
 use crate::log::write_hex;
 
-/// The pause after which an unchanged frame is printed as new.
+/// The pause after which an unchanged frame is printed again.
 const CYCLE: Duration = Duration::from_secs(2);
 
-/// The maximum time between two reports of repeats.
+/// The maximum time between two reports of repeated frames.
 const REMINDER: Duration = Duration::from_secs(5);
 
-/// The lateness of a frame after which its cycle has ended.
+/// The delay of a frame after which its cycle counts as ended.
 const LATE: Duration = Duration::from_millis(20);
 
-/// The time from which times are printed as h:mm:ss.mmm, in milliseconds.
+/// The time above which times are printed as h:mm:ss.mmm, in milliseconds.
 const MINUTE: u64 = 60_000;
 
 /// The width of the columns before the frame: time, unit, arrow.
 const MARGIN: usize = 19;
 
-/// The number of terminal columns below which data bytes are printed without blanks.
+/// The number of terminal columns from which data bytes are printed with blanks.
 const ROOMY: usize = 100;
 
-/// The width below which meanings are not wrapped.
+/// The minimum width for which explanations are wrapped.
 const NARROWEST: usize = 20;
 
 const TIME: Style = Style::new().dimmed();
@@ -54,22 +54,22 @@ pub struct Layout {
     columns: Option<usize>,
     /// Whether space is reserved for 29-bit identifiers.
     extended: bool,
-    /// The last printed frame of each sender and identifier.
+    /// The last printed frame for each sender and identifier.
     latest: HashMap<(Arc<str>, Id), Latest>,
 }
 
-/// A printed frame and its repeats.
+/// A printed frame and its repetitions.
 struct Latest {
     frame: Frame,
-    /// The time of the last repeat.
+    /// The time of the last repetition.
     at: Instant,
-    /// The number of unreported repeats, and the time of the frame before them.
+    /// The number of unreported repetitions, and the time of the frame before them.
     again: u32,
     told: Instant,
 }
 
 impl Layout {
-    /// Creates a layout. `color` enables colours; `verbose` prints every frame instead of counting repeats.
+    /// Creates a layout. `color` enables colours; `verbose` prints every frame instead of counting repetitions.
     #[must_use]
     pub fn new(color: bool, verbose: bool) -> Self {
         Self { color, verbose, columns: None, extended: false, latest: HashMap::new() }
@@ -80,12 +80,12 @@ impl Layout {
         self.columns = columns;
     }
 
-    /// Reserves space for 29-bit identifiers from the first line on.
+    /// Reserves space for 29-bit identifiers from the first line.
     pub fn expect_extended(&mut self) {
         self.extended = true;
     }
 
-    /// Writes a frame or counts it as a repeat. `from_device`: the sender is a device.
+    /// Writes a frame, or counts it as a repetition. `from_device` selects the arrow of a device.
     pub fn frame(
         &mut self,
         out: &mut String,
@@ -120,12 +120,12 @@ impl Layout {
         out.push('\n');
     }
 
-    /// Reports all unreported repeats.
+    /// Reports all unreported repetitions.
     pub fn finish(&mut self, out: &mut String) {
         self.tell_repeats(out, |_| true);
     }
 
-    /// Returns whether a frame is a repeat, and counts it.
+    /// Returns whether a frame is a repetition, and counts it if so.
     fn repeats(&mut self, out: &mut String, at: Instant, who: &Arc<str>, frame: &Frame) -> bool {
         if !is_cyclic(frame) {
             return false;
@@ -148,7 +148,7 @@ impl Layout {
         false
     }
 
-    /// Reports the repeats of ended cycles.
+    /// Reports the repetitions of cycles that have ended.
     fn tell_ended(&mut self, out: &mut String, now: Instant) {
         self.tell_repeats(out, |(_, latest)| since(now, latest.at).as_micros() > latest.period_us() + LATE.as_micros());
     }
@@ -198,7 +198,7 @@ impl Layout {
         format!("{text:<width$}", width = self.frame_width())
     }
 
-    /// Returns the width of a frame with eight bytes: identifier, colon, blank, bytes.
+    /// Returns the width of an eight-byte frame: identifier, colon, blank, bytes.
     fn frame_width(&self) -> usize {
         let bytes = if self.is_roomy() { 23 } else { 16 };
         let id = if self.extended { 8 } else { 3 };
@@ -209,7 +209,7 @@ impl Layout {
         self.columns.is_none_or(|columns| columns >= ROOMY)
     }
 
-    /// Writes a text up to the end of the line, wrapped if it is too long.
+    /// Writes a text to the end of the line, wrapped if it is too long.
     fn text(&self, out: &mut String, style: Style, text: &str) {
         let indent = MARGIN + self.frame_width() + 2;
         let width = self.columns.map_or(usize::MAX, |columns| columns.saturating_sub(indent).max(NARROWEST));
@@ -235,13 +235,13 @@ impl Latest {
         Self { frame, at, again: 0, told: at }
     }
 
-    /// Returns the mean time between the repeats, in microseconds.
+    /// Returns the mean interval between the repetitions, in microseconds.
     fn period_us(&self) -> u64 {
         since(self.at, self.told).as_micros() / u64::from(self.again.max(1))
     }
 }
 
-/// Splits a text between words into lines of at most `width` characters.
+/// Splits a text between words into lines of up to `width` characters.
 fn broken(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     let mut length = 0;

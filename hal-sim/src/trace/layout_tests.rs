@@ -1,4 +1,4 @@
-//! The trace for people, line by line.
+//! The human-readable trace, line by line.
 
 use super::*;
 
@@ -10,7 +10,7 @@ fn at(ms: u64) -> Instant {
     Instant::from_micros(ms * 1000)
 }
 
-/// Writes a frame of the device, or of a client.
+/// Writes a frame of a device or a client.
 fn show(layout: &mut Layout, out: &mut String, ms: u64, who: &str, text: &str, meaning: (&str, Mark)) {
     let meaning = (meaning.0.to_owned(), meaning.1);
     layout.frame(out, (at(ms), &who.into(), &frame(text)), who == "valve", || meaning);
@@ -41,7 +41,7 @@ fn columns_are_aligned_and_arrows_tell_who_sent_it() {
     );
 }
 
-/// From a minute on, times have hours, minutes and seconds; the columns stay.
+/// From one minute on, times have hours, minutes and seconds; the columns are unchanged.
 #[test]
 fn times_from_a_minute_on_are_those_of_a_clock() {
     let frames = [(59_999, "valve", "720: 05"), (60_000, "valve", "721: 05"), (45_296_007, "valve", "722: 05")];
@@ -105,7 +105,7 @@ fn a_cycle_that_has_ended_is_told_before_the_next_line() {
 fn what_counts_each_time_is_shown_each_time() {
     let requests = [(0, "client", "620: 40 18 10 01 00 00 00 00"), (1, "client", "620: 40 18 10 01 00 00 00 00")];
     assert_eq!(lines(None, &requests).matches("->").count(), 2);
-    // typed again manually
+    // The user sent the same frame again.
     assert_eq!(lines(None, &[(0, "client", "123: 01"), (2500, "client", "123: 01")]).matches("->").count(), 2);
     // the same frame from another sender
     let both = [(0, "client", "720: 05"), (1, "valve", "720: 05")];

@@ -1,15 +1,15 @@
-//! The agenda: the next due device and its due time.
+//! The agenda: the device with the earliest due time.
 
 use protocol_core::time::{Instant, NEVER};
 
-/// The due times of all devices, as a tournament tree: the earlier due time wins; of equal times, the lower device
-/// number. A new due time replays only the matches of its device.
+/// The due times of all devices, as a tournament tree. The earliest due time wins; among equal times, the lowest device
+/// number. A change of a due time replays only the matches of its device.
 #[derive(Clone, Debug)]
 pub(super) struct Agenda {
     /// The due time of each device, by number.
     due: Vec<Instant>,
-    /// The winner of each match, indexed as in a heap: the final at 1, its two predecessors at 2 and 3, and so on. The
-    /// last places hold the devices themselves, or [`NOBODY`].
+    /// The winner of each match, indexed as in a heap: the final at 1, the semi-finals at 2 and 3, and so on. The last
+    /// entries are the devices themselves, or [`NOBODY`].
     winners: Vec<usize>,
     /// The due time of the winner.
     next: Instant,
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// For any due times in any order, the earliest is next; among equals, the lowest number.
+        /// For any due times set in any order, the earliest is next; among equal times, the lowest number.
         #[test]
         fn the_earliest_is_next(sets in prop::collection::vec((0..40_usize, 0..20_u64), 0..200)) {
             let mut agenda = Agenda::default();

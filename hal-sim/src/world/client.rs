@@ -15,12 +15,12 @@ use super::{ClientPortId, World};
 /// available when that call returns. `transmit` accepts every frame. `nb::block!` on `receive` never returns: run the
 /// world, then receive again.
 ///
-/// A dropped client leaves the bus and loses its pending frames. A cloned world does not take over the client: see
-/// [`World::take_client`].
+/// A client that is dropped leaves the bus and loses its pending frames. In a cloned world, [`World::take_client`]
+/// creates the client anew.
 #[derive(Debug)]
 pub struct Client(Shared);
 
-/// The error of a client whose world was dropped.
+/// The error of a client whose world has been dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the world of this client was dropped")]
 pub struct WorldGone;
@@ -76,16 +76,16 @@ impl Shared {
     }
 }
 
-/// The world's end of a [`Client`].
+/// The world's side of a [`Client`].
 pub(super) struct Connection {
     port: ClientPortId,
     queues: Shared,
-    /// Whether this connection is a clone whose client still belongs to the original world: [`World::take_client`] has
-    /// not replaced it yet.
+    /// Whether this connection is a clone whose client still belongs to the original world, because
+    /// [`World::take_client`] has not been called for it.
     untaken: bool,
 }
 
-/// The clone gets its own queues with the same frames.
+/// The clone has its own queues, with the same frames.
 impl Clone for Connection {
     fn clone(&self) -> Self {
         let queues = Shared(Arc::new(Mutex::new(self.queues.lock().clone())));
@@ -100,8 +100,8 @@ impl Drop for Connection {
 }
 
 impl World {
-    /// Adds a client that the caller owns, as firmware owns its CAN controller. It sends frames in FIFO order, receives
-    /// all frames except its own, and acknowledges.
+    /// Adds a client that the caller owns. It sends frames in FIFO order, receives all frames except its own, and
+    /// acknowledges.
     pub fn client(&mut self, name: &str) -> Client {
         let mut connection = Connection { port: self.add_client_port(name), queues: Shared::default(), untaken: true };
         let client = connection.take();
@@ -109,8 +109,8 @@ impl World {
         client
     }
 
-    /// Takes the named client of a cloned world, with the frames that the original had not transferred yet. Before this
-    /// call, the client is already on the bus and receives. Returns `None` if the client is unknown or already taken.
+    /// Takes the named client of a cloned world, with the frames that the original had not yet transferred. The client
+    /// already receives before this call. Returns `None` if the client is unknown or already taken.
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
         let is_it = |connection: &&mut Connection| {
             let is_there = connection.untaken && !connection.queues.lock().client_gone;
@@ -119,7 +119,7 @@ impl World {
         self.clients.iter_mut().find(is_it).map(Connection::take)
     }
 
-    /// Moves sent frames to the bus and removes dropped clients.
+    /// Transfers sent frames to the bus and removes dropped clients.
     pub(super) fn take_from_clients(&mut self) {
         let mut clients = std::mem::take(&mut self.clients);
         clients.retain(|Connection { port, queues, .. }| {
@@ -135,7 +135,7 @@ impl World {
         self.clients = clients;
     }
 
-    /// Moves received frames to the clients.
+    /// Transfers received frames to the clients.
     pub(super) fn give_to_clients(&mut self) {
         for Connection { port, queues, .. } in &self.clients {
             queues.lock().received.extend(self.bus.port_mut(port.0).take_received().map(|(_, frame)| frame));

@@ -21,13 +21,13 @@ impl World {
         ControllerId(port)
     }
 
-    /// Connects the controller at a bit rate; it participates after 11 recessive bits. A silent controller receives but
+    /// Connects the controller at a bit rate. It participates after 11 recessive bits. A silent controller receives but
     /// never drives the bus.
     pub fn attach(&mut self, controller: ControllerId, rate: BitRate, silent: bool) {
         self.bus.attach(controller.0, rate, silent, self.now);
     }
 
-    /// Disconnects the controller; it keeps its error counters.
+    /// Disconnects the controller without clearing its error counters.
     pub fn detach(&mut self, controller: ControllerId) {
         self.bus.detach(controller.0, false, self.now);
     }
@@ -37,12 +37,13 @@ impl World {
         self.bus.detach(controller.0, true, self.now);
     }
 
-    /// Sets the frame that the controller sends next; call it again after each of the controller's events.
+    /// Sets the frame that the controller sends next. The caller must repeat the call after each event of the
+    /// controller.
     pub fn offer(&mut self, controller: ControllerId, frame: Option<Frame>) {
         self.bus.offer(controller.0, frame, self.now);
     }
 
-    /// Starts the recovery of a bus-off controller: it counts 128 sequences of 11 recessive bits.
+    /// Starts the recovery of a bus-off controller, which takes 128 sequences of 11 recessive bits.
     pub fn start_recovery(&mut self, controller: ControllerId) {
         self.bus.start_recovery(controller.0, self.now);
     }
@@ -52,7 +53,7 @@ impl World {
         self.bus.take_wire_events(controller.0)
     }
 
-    /// Returns the port of the controller, with its error mode as the bus sees it.
+    /// Returns the port of the controller, with the error mode as calculated by the bus.
     #[must_use]
     pub fn controller_port(&self, controller: ControllerId) -> &Port {
         self.bus.port(controller.0)

@@ -1,4 +1,4 @@
-//! Devices with slow or weak electronics: a late start, late answers, a slow cycle, an undervoltage reset.
+//! Devices with slow or weak electronics: a delayed start, delayed answers, a slow cycle, an undervoltage reset.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
@@ -9,15 +9,16 @@ use protocol_core::wire::uds;
 /// The electronics of a device. The defaults add no delay and have no undervoltage reset (A): the manuals name neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Electronics {
-    /// The time from power to the start of the device (A).
+    /// The time from power-on to the start of the application (A).
     pub boot: Duration,
-    /// The smallest and the largest delay of an answer: SDO, LSS, UDS, and acknowledgements, DM2 and transport protocol
-    /// of J1939 (A).
+    /// The minimum and maximum delay of an answer (A). Answers are those of SDO, LSS and UDS, and J1939
+    /// acknowledgements, DM2 and transport protocol messages.
     pub answer: (Duration, Duration),
-    /// The cycle of the application, from its start: it reads frames and inputs and sends frames only then. 0: at once
-    /// (A).
+    /// The cycle time of the application, which reads frames and inputs and sends frames only once a cycle (A). 0: the
+    /// application reacts immediately.
     pub cycle: Duration,
-    /// The supply below which a valve is off, in mV; it starts again above. `None`: never off (A).
+    /// The supply voltage in mV below which a valve is off (A). It restarts above this voltage. `None`: the valve is
+    /// never off.
     pub brown_out_mv: Option<u32>,
 }
 
@@ -27,9 +28,9 @@ pub(super) struct State {
     pub(super) electronics: Electronics,
     /// The start of the application.
     pub(super) started: Instant,
-    /// The device is off because of its supply, and starts when that is back.
+    /// Whether the device is off because of undervoltage and will start when the supply recovers.
     pub(super) is_browned_out: bool,
-    /// The inputs have changed since the last cycle.
+    /// Whether the inputs have changed since the last cycle.
     pub(super) has_new_inputs: bool,
 }
 
@@ -45,7 +46,7 @@ impl Default for State {
 }
 
 impl State {
-    /// Returns the first cycle of the application at or after an instant.
+    /// Returns the start of the first application cycle at or after an instant.
     pub(super) fn cycle_from(&self, at: Instant) -> Instant {
         let cycle = self.electronics.cycle.as_ticks();
         if cycle == 0 || at == NEVER {
@@ -56,7 +57,7 @@ impl State {
     }
 }
 
-/// Returns whether a frame of a device is an answer.
+/// Returns whether a frame from a device is an answer, as defined by [`Electronics::answer`].
 pub(super) fn is_answer(frame: &Frame) -> bool {
     match frame.id() {
         Id::Standard(id) => {

@@ -25,7 +25,7 @@ impl Rig {
         Self { world, device: node, master }
     }
 
-    /// Returns one whose device has been powered for a second.
+    /// Creates a rig whose device has been powered for one second.
     fn started(device: &str) -> Self {
         let mut rig = Self::new(device);
         rig.world.power(rig.device, true);
@@ -33,7 +33,7 @@ impl Rig {
         rig
     }
 
-    /// Lets milliseconds pass; returns the device's frames with their starts in µs.
+    /// Advances time by `ms` milliseconds. Returns the device's frames with their start times in µs.
     fn frames(&mut self, ms: u64) -> Vec<(u64, String)> {
         let name = self.world.name(self.device).to_owned();
         self.world.run_for(Duration::from_millis(ms));
@@ -45,7 +45,7 @@ impl Rig {
         frames.collect()
     }
 
-    /// Sends a frame; returns its end in µs, after which nothing else is sent.
+    /// Sends a frame. Returns its end time in µs; nothing else is sent afterwards.
     fn send(&mut self, frame: &str) -> u64 {
         self.world.send(self.master, frame.parse().expect(frame));
         while self.world.pending(self.master) > 0 {
@@ -79,7 +79,7 @@ fn power_during_the_start() {
     let mut rig = Rig::new("pvea-canopen,boot-ms=100");
     rig.world.power(rig.device, true);
     assert_eq!(rig.frames(60), []);
-    // It is on: this changes nothing.
+    // The device is already on, so this has no effect.
     rig.world.power(rig.device, true);
     assert_eq!(rig.frames(45).len(), 2, "boot-up and EMCY");
     rig.world.power(rig.device, false);
@@ -104,7 +104,7 @@ fn answers_come_late_and_nothing_else_does() {
     let late = answer("pvea-canopen,answer-ms=5..20");
     assert!((5_000..=20_100).contains(&late) && late != answer("pvea-canopen,answer-ms=20"), "{late}");
     assert_eq!(late, answer("pvea-canopen,answer-ms=5..20"), "the same seed");
-    // A heartbeat and TPDOs keep their times.
+    // Heartbeat and TPDOs keep their times.
     let cyclic = |device: &str| {
         let mut rig = Rig::started(device);
         rig.send("620: 2B 17 10 00 32 00 00 00");
@@ -117,7 +117,7 @@ fn answers_come_late_and_nothing_else_does() {
 
 #[test]
 fn answers_of_isobus_come_late() {
-    // Requests of DM2, and of a group that the valve does not have.
+    // Requests for DM2, and for a parameter group that the valve does not support.
     for request in ["18EA8027: CB FE 00", "18EA8027: D8 00 00"] {
         let answer = |device: &str| {
             let mut rig = Rig::started(device);
@@ -171,7 +171,7 @@ fn below_its_limit_a_valve_is_off() {
     rig.supply(24_000);
     let frames = rig.frames(100);
     assert_eq!(frames.first().map(|(_, frame)| frame.as_str()), Some("720: 00"));
-    // Switched off, it stays off; switched on below the limit, it waits.
+    // A device switched off remains off; a device switched on below the limit waits.
     rig.supply(5_000);
     rig.world.power(rig.device, false);
     rig.supply(24_000);

@@ -1,4 +1,4 @@
-//! Links: a sensor's shaft angle follows the integral of a valve's spool position.
+//! Links: the shaft angle of a sensor follows the integral of a valve's spool position.
 //!
 //! The flow is proportional to the spool position, and the spool position is piecewise linear in time. The integral is
 //! therefore a sum of trapezoids, computed in integers. It is updated when the shaft is read or the valve changes; the
@@ -15,11 +15,12 @@ use super::{NodeId, World};
 /// The parameters of a link between a valve and a sensor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
-    /// The speed at full stroke towards the B-port, in 1/100 degree per second; negative when the angle falls.
+    /// The speed at full stroke towards the B-port, in 1/100 degree per second. Negative values decrease the angle.
     pub rate: i32,
     /// The lower end stop, inclusive, in 1/100 degree.
     pub min: u32,
-    /// The upper end stop, inclusive, in 1/100 degree: not below the lower end stop, and less than one turn.
+    /// The upper end stop, inclusive, in 1/100 degree. It must not be below the lower end stop, and must be less than
+    /// one turn.
     pub max: u32,
 }
 
@@ -43,13 +44,13 @@ pub enum LinkError {
     /// The sensor's shaft already follows a valve.
     #[error("the sensor is already linked")]
     Linked,
-    /// The end stops are in the wrong order, or the upper one is not less than one turn.
+    /// The lower end stop is above the upper one, or the upper one is not less than one turn.
     #[error("end stops must be 0 to 35999 in 1/100 degree, the lower one first")]
     Stops,
 }
 
 /// 1/100 degree in units of the integral: twice the steps of the full stroke times microseconds. The factor of two
-/// avoids the one half of the trapezoid formula.
+/// avoids the fraction one half in the trapezoid formula.
 const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
@@ -60,7 +61,7 @@ pub(super) struct Coupling {
     valve: NodeId,
     sensor: NodeId,
     link: Link,
-    /// The angle at `reckoned`, in units of 1/[`CDEG`] of a 1/100 degree.
+    /// The angle at the time `reckoned`, in units of 1/[`CDEG`] of 1/100 degree.
     angle: i128,
     reckoned: Instant,
 }
@@ -138,14 +139,14 @@ impl World {
         }
     }
 
-    /// Sets the angle of a link; the link continues from this angle.
+    /// Sets the angle of a linked shaft, from which the link continues.
     pub(super) fn turn_link(&mut self, sensor: NodeId, angle_cdeg: u32) {
         if let Some(coupling) = self.couplings.iter_mut().find(|coupling| coupling.sensor == sensor) {
             coupling.angle = i128::from(angle_cdeg) * CDEG;
         }
     }
 
-    /// Returns the inputs with the angle of the link, which must be up to date.
+    /// Returns the inputs of a sensor with the angle of its link, which must be up to date.
     pub(super) fn as_linked(&self, sensor: NodeId, mut inputs: Inputs) -> Inputs {
         if let Some(coupling) = self.couplings.iter().find(|coupling| coupling.sensor == sensor)
             && let Some(shaft) = inputs.shaft_mut()
@@ -156,7 +157,7 @@ impl World {
         inputs
     }
 
-    /// Returns the valve of a powered device. An unpowered valve counts as neutral (A), as at its next start.
+    /// Returns the valve of a powered device. An unpowered valve counts as neutral (A), as at its start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
         match &self.nodes[node.0].power {
             Power::On(device) => device.valve(),
@@ -166,13 +167,13 @@ impl World {
 }
 
 impl Coupling {
-    /// Returns the angle at an instant at or after the last update, in 1/100 degree, if the valve does not change
-    /// before.
+    /// Returns the angle at an instant at or after the last update, in 1/100 degree. The valve must not change before
+    /// the instant.
     pub(super) fn angle_at(&self, world: &World, at: Instant) -> u32 {
         self.angle_cdeg(self.reckon(world.valve(self.valve), at))
     }
 
-    /// Returns the speed at full stroke, in 1/100 degree per second: the highest speed of the shaft.
+    /// Returns the speed of the shaft at full stroke, in 1/100 degree per second: its maximum speed.
     pub(super) const fn rate(&self) -> i32 {
         self.link.rate
     }
@@ -181,7 +182,7 @@ impl Coupling {
         u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
     }
 
-    /// Returns the angle at `now`, at or after the last update. The valve has not changed in between.
+    /// Returns the angle at `now`, at or after the last update. The valve must not have changed since the last update.
     fn reckon(&self, valve: Option<&Valve>, now: Instant) -> i128 {
         let Some(valve) = valve else { return self.angle };
         let (mut angle, mut at) = (self.angle, self.reckoned);
@@ -193,7 +194,7 @@ impl Coupling {
                 continue;
             }
             // The flow changes sign where the spool passes neutral. The interval is split into three parts: before the
-            // microsecond of the passage, that microsecond, and the rest.
+            // microsecond of the zero crossing, that microsecond, and the rest.
             let micros = i128::from(since(end, at).as_micros());
             let end = if from * to < 0 {
                 let passes = Duration::from_micros(u64::try_from(from * micros / (from - to)).unwrap_or(0));
@@ -208,7 +209,7 @@ impl Coupling {
         angle
     }
 
-    /// Adds a flow to an angle. The end stops limit the angle; a shaft outside a stop moves no further outwards.
+    /// Adds a flow to an angle, limited by the end stops. A shaft beyond a stop can only move inwards.
     fn moved(&self, angle: i128, flow: i128) -> i128 {
         let (min, max) = (i128::from(self.link.min) * CDEG, i128::from(self.link.max) * CDEG);
         let turned = flow * i128::from(self.link.rate);

@@ -1,7 +1,7 @@
-//! The world: devices, their plant and their memory on one bus, in virtual time, event by event.
+//! The world: devices with their plants and memories on one bus, in virtual time, event by event.
 //!
-//! The order within one instant is fixed: first the frames that end on the bus with their receivers, then the due
-//! devices, both by number, and finally the start of the next frame. A run depends only on the calls and the seed.
+//! The order within one instant is fixed: first the ends of frames with their receivers, then the due devices, both in
+//! the order of their numbers, and finally the start of the next frame. A run depends only on the calls and the seed.
 
 mod agenda;
 mod client;
@@ -59,9 +59,9 @@ pub struct ClientPortId(PortId);
 
 /// A bus and its devices with plants and memories, in virtual time.
 ///
-/// A clone continues exactly as the original would: the same calls have the same results at the same times. Two things
-/// stay with the original: the file behind a memory, because the clone keeps its memory in RAM, and each [`Client`],
-/// which [`take_client`](Self::take_client) replaces in the clone.
+/// A clone continues exactly as the original would: the same calls have the same results at the same times. Files and
+/// clients remain with the original: the clone keeps its memories in RAM, and [`take_client`](Self::take_client)
+/// creates a new [`Client`] for each of the original's clients.
 #[derive(Clone)]
 pub struct World {
     now: Instant,
@@ -71,9 +71,9 @@ pub struct World {
     bus: Bus,
     nodes: Vec<Node>,
     agenda: Agenda,
-    /// The links.
+    /// The links between valves and sensors.
     couplings: Vec<Coupling>,
-    /// The owner of each port, by the port's number; `None` for a client's port.
+    /// The device of each port, by port number; `None` for a client's port.
     owners: Vec<Option<NodeId>>,
     random: fastrand::Rng,
     /// A reusable buffer for the ports being served.
@@ -115,8 +115,8 @@ impl World {
         self.add_with(name, setup, Memory::in_ram())
     }
 
-    /// Adds a healthy, unpowered device with this memory, whose content takes precedence over the setup. A setup
-    /// without a bit rate uses the bit rate of the bus if the product supports it.
+    /// Adds a healthy, unpowered device with an existing memory. Records in the memory take precedence over the setup.
+    /// A setup without a bit rate uses the bit rate of the bus if the product supports it.
     pub fn add_with(&mut self, name: &str, setup: impl Into<Setup>, memory: Memory) -> NodeId {
         let setup: Setup = setup.into();
         let bit_rate = setup.bit_rate.or(Some(self.bit_rate).filter(|rate| setup.kind.bit_rates().contains(rate)));
@@ -203,8 +203,8 @@ impl World {
         &self.nodes[node.0].inputs
     }
 
-    /// Sets the inputs of a device. Two inputs are ignored: the bus mode, see [`force_bus_off`](Self::force_bus_off),
-    /// and the angle of a linked shaft, see [`set_plant`](Self::set_plant).
+    /// Sets the inputs of a device. Ignores the bus mode, which [`force_bus_off`](Self::force_bus_off) sets, and the
+    /// angle of a linked shaft, which [`set_plant`](Self::set_plant) sets.
     pub fn set_inputs(&mut self, node: NodeId, inputs: Inputs) {
         self.follow_links(node);
         let inputs = self.as_linked(node, inputs);
@@ -232,7 +232,8 @@ impl World {
         self.bus.port(self.nodes[node.0].port)
     }
 
-    /// Forces the controller of a device bus-off, or lets it recover after 128 sequences of 11 recessive bits.
+    /// Forces the controller of a device bus-off if `on`; otherwise starts its recovery, which takes 128 sequences of
+    /// 11 recessive bits.
     pub fn force_bus_off(&mut self, node: NodeId, on: bool) {
         let Node { port, power, forced_bus_off, .. } = &mut self.nodes[node.0];
         let port = *port;
@@ -257,8 +258,8 @@ impl World {
         ClientPortId(port)
     }
 
-    /// Adds a gateway: a client that discards received frames. A second controller, which never sends, acknowledges all
-    /// frames of the gateway, even when a device sends the same frame simultaneously. It also keeps a lone device from
+    /// Adds a gateway: a client that discards received frames. A second controller, which never sends, acknowledges the
+    /// frames of the gateway even when a device sends the same frame simultaneously. It also keeps a lone device from
     /// becoming error-passive.
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}, listening");
@@ -291,18 +292,18 @@ impl World {
         self.bus.port(port.0).pending()
     }
 
-    /// Drops the pending frames of a client, except one on the wire and those that a fault holds back.
+    /// Drops the pending frames of a client, except the one on the wire and those delayed by faults.
     pub fn drop_waiting(&mut self, port: ClientPortId) {
         self.bus.drop_waiting(port.0, self.now);
     }
 
-    /// Returns whether the controller of a client is empty; faults may still hold back frames of its application.
+    /// Returns whether the controller of a client has no pending frame. Frames delayed by faults do not count.
     #[must_use]
     pub fn is_controller_empty(&self, port: ClientPortId) -> bool {
         self.bus.port(port.0).is_controller_empty()
     }
 
-    /// Returns whether faults can hold back another frame of a client.
+    /// Returns whether a further frame of a client can be delayed by faults.
     #[must_use]
     pub fn can_delay(&self, port: ClientPortId) -> bool {
         self.bus.port(port.0).can_delay()
@@ -325,13 +326,13 @@ impl World {
         self.bus.port(port.0)
     }
 
-    /// Returns the bit rate of the bus, which applies to its clients and to the controllers of new devices.
+    /// Returns the bit rate of the bus. Clients use it, and so do the controllers of new devices.
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.bit_rate
     }
 
-    /// Changes the bit rate of the bus and of all its clients, as a master would.
+    /// Changes the bit rate of the bus and of all its clients, but not of the devices.
     pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         self.rate_changes += 1;
@@ -351,7 +352,7 @@ impl World {
         }
     }
 
-    /// Returns whether a device is silent because it is switching its bit rate.
+    /// Returns whether a device has stopped communication to switch its bit rate.
     pub(crate) fn is_switching_bit_rate(&self, node: NodeId) -> bool {
         matches!(&self.nodes[node.0].power, Power::On(device) if device.is_switching_bit_rate())
     }
@@ -383,7 +384,7 @@ impl World {
         self.bus.disturb(disturbance);
     }
 
-    /// Returns the remainder of the last [`disturb`](Self::disturb).
+    /// Returns the requested disturbance, with the number of attempts still to destroy.
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.bus.disturbance()
@@ -397,7 +398,7 @@ impl World {
         self.bus.add_fault(fault, self.now)
     }
 
-    /// Ends a fault; returns whether it existed. Frames that it holds back are still sent when they are due.
+    /// Ends a fault; returns whether it existed. Frames that it delays are still sent when they are due.
     pub fn end_fault(&mut self, name: &str) -> bool {
         let has_ended = self.bus.end_fault(name);
         self.end_insertions();
@@ -429,8 +430,8 @@ impl World {
         self.bus.clear_injectors();
     }
 
-    /// Starts or stops recording events for [`take_events`](Self::take_events). Recording is off in a new world,
-    /// because events that nobody takes would fill the memory.
+    /// Starts or stops recording events for [`take_events`](Self::take_events). Recording is initially off, because
+    /// events that are never taken would fill the memory.
     pub fn record_events(&mut self, on: bool) {
         self.bus.record_events(on);
     }

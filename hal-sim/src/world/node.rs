@@ -15,16 +15,16 @@ use crate::memory::Memory;
 
 /// The duration of a record write (A).
 pub const WRITE_TIME: Duration = Duration::from_millis(10);
-/// The duration of a fault log write: the real device's minimum time to clear its counters (A).
+/// The duration of a fault log write: the minimum time that the real device needs to clear its counters (A).
 pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
 
 /// A [`Device`] that can be moved to another thread, cloned with its world, and viewed.
 pub trait SimDevice: Device + Viewable + Any + Send {
-    /// Returns a clone.
+    /// Returns a boxed clone.
     fn boxed(&self) -> Box<dyn SimDevice>;
 
-    /// Pumps the device through its controller, see [`pump`]. The whole pass is one dynamic call, so that its steps are
-    /// static calls.
+    /// Pumps the device through its controller, see [`pump`]. Only this call is dynamic; all calls inside the pump are
+    /// static.
     fn pump(&mut self, can: &mut DeviceCan<'_>, now: Instant) -> Option<Effect>;
 }
 
@@ -44,7 +44,7 @@ impl Clone for Box<dyn SimDevice> {
     }
 }
 
-/// Boxes the concrete product, so that the pump calls it statically.
+/// Boxes the concrete product rather than the enum, so that the pump calls the product statically.
 impl From<AnyDevice> for Box<dyn SimDevice> {
     fn from(device: AnyDevice) -> Self {
         match device {
@@ -55,7 +55,7 @@ impl From<AnyDevice> for Box<dyn SimDevice> {
     }
 }
 
-/// Creates a device from its memory image, start cause and start time. The result must not depend on anything else:
+/// Creates a device from its memory image, start cause and start time. The result must depend on nothing else:
 /// otherwise clones of a world would diverge.
 pub type Factory = Arc<dyn Fn(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + Sync>;
 
@@ -71,10 +71,10 @@ pub(super) struct Node {
     /// The write in progress.
     pub(super) write: Option<Write>,
     pub(super) forced_bus_off: bool,
-    /// The device's counter of dropped frames at its last service.
+    /// The value of the device's counter of dropped frames when the device was last served.
     pub(super) frames_dropped: u32,
     pub(super) electronics: electronics::State,
-    /// The times of a valve's spool in warm oil, if they depend on its temperature.
+    /// A valve's spool times in warm oil, if they depend on the temperature.
     pub(super) oil: Option<SpoolTimes>,
 }
 
@@ -82,7 +82,7 @@ pub(super) struct Node {
 #[derive(Clone)]
 pub(super) enum Power {
     Off,
-    /// The device starts at this time, with this cause.
+    /// The device will start at this time, with this cause.
     Coming(Instant, StartCause),
     On(Box<dyn SimDevice>),
 }
@@ -96,12 +96,12 @@ pub struct Write {
     pub record: Record,
     /// The start of the write.
     pub began: Instant,
-    /// The end of the write. From then on, the memory holds the record unless the write fails.
+    /// The end of the write. Unless the write fails, the memory holds the record from this time.
     pub done: Instant,
 }
 
 impl Write {
-    /// Starts a record write; `takes` is usually [`write_time`].
+    /// Starts the write of a record. `takes` is usually [`write_time`].
     #[must_use]
     pub fn begin(key: RecordKey, record: Record, now: Instant, takes: Duration) -> Self {
         Self { key, record, began: now, done: after(now, takes) }
@@ -109,7 +109,7 @@ impl Write {
 }
 
 impl Node {
-    /// Returns the next due time of the device, excluding bus events.
+    /// Returns the next time at which the device must be served, excluding bus events.
     pub(super) fn due(&self) -> Instant {
         match &self.power {
             Power::Off => NEVER,
@@ -119,7 +119,7 @@ impl Node {
     }
 }
 
-/// Returns the next due time of a powered device or its write in progress.
+/// Returns the next time at which a powered device or its write must be served.
 pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>, electronics: &electronics::State) -> Instant {
     electronics.cycle_from(device.deadline()).min(write.map_or(NEVER, |write| write.done))
 }

@@ -1,15 +1,16 @@
-//! The oil: cold oil is viscous and slows the spool down.
+//! The effect of the oil temperature: cold oil is viscous and slows the spool down.
 
 use protocol_core::actuator::SpoolTimes;
 
-/// The factor of the spool's times, in percent, by the temperature in °C; interpolated in between, constant outside (A).
+/// The factors for the spool times in percent, by temperature in °C (A). Values between two entries are interpolated;
+/// the first and the last factor apply beyond.
 pub const OIL: [(i16, u32); 5] = [(-40, 400), (-20, 200), (0, 100), (60, 100), (100, 90)];
 
-/// Returns the spool's times at a temperature, within their range.
+/// Returns the spool times at a temperature, limited to their valid range.
 pub(super) fn at_temperature(times: SpoolTimes, temperature_c: i16) -> SpoolTimes {
     let percent = percent(temperature_c);
     let (min, max) = (u32::from(*SpoolTimes::RANGE_MS.start()), u32::from(*SpoolTimes::RANGE_MS.end()));
-    // Within u16 by the range.
+    // The range limits the value to u16.
     let scaled = |ms: u16| (u32::from(ms) * percent / 100).clamp(min, max) as u16;
     SpoolTimes::new(scaled(times.stroke_ms()), scaled(times.return_ms())).unwrap_or(times)
 }
@@ -22,7 +23,7 @@ fn percent(temperature_c: i16) -> u32 {
         Some(place) => {
             let ((from, low), (to, high)) = (OIL[place - 1], OIL[place]);
             let (passed, whole) = (i64::from(temperature_c - from), i64::from(to - from));
-            // Between two factors.
+            // The value is between two factors.
             (i64::from(low) + (i64::from(high) - i64::from(low)) * passed / whole) as u32
         }
     }
@@ -58,7 +59,7 @@ mod tests {
         (world, valve, master)
     }
 
-    /// Returns the position after a full stroke was commanded, at each 50 ms.
+    /// Returns the positions at intervals of 50 ms after a command of full stroke.
     fn stroke(temperature_c: i16) -> Vec<i16> {
         let (mut world, valve, master) = moving();
         world.set_plant(valve, Plant::TemperatureC(temperature_c)).expect("a temperature");

@@ -1,4 +1,4 @@
-//! The plant of a device: all influences except the bus, in the terms and units of the control interface.
+//! The plant of a device: all influences on it except the bus, in the terms and units of the control interface.
 
 use protocol_core::device::Inputs;
 /// A change of a device's plant.
@@ -11,19 +11,19 @@ use super::{NodeId, World, oil};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlantError {
-    /// The word does not exist in this product.
+    /// The product has no such plant word.
     #[error("{0}: not a plant word of this kind of device")]
     OtherProduct(Plant),
     /// The value is out of range.
     #[error("{0}: out of range, {values}", values = .0.word().values)]
     OutOfRange(Plant),
-    /// A link controls the shaft.
+    /// The shaft's angle is controlled by a link.
     #[error("{0}: the shaft is linked to a valve")]
     Linked(Plant),
 }
 
 impl World {
-    /// Changes one plant word of a device now.
+    /// Applies one plant change to a device.
     ///
     /// # Errors
     /// [`PlantError`]; the plant is unchanged.
@@ -31,7 +31,7 @@ impl World {
         self.set_plants(node, &[plant])
     }
 
-    /// Changes several plant words of a device at the same instant.
+    /// Applies several plant changes to a device at the same instant.
     ///
     /// # Errors
     /// [`PlantError`] for the first refused change; the plant is unchanged.
@@ -58,7 +58,7 @@ impl World {
         Ok(())
     }
 
-    /// Makes the times of a valve's spool depend on its temperature, see [`OIL`](super::OIL); the present times are those
+    /// Makes a valve's spool times depend on the temperature, see [`OIL`](super::OIL). The current times become those
     /// in warm oil, from 0 to 60 °C.
     pub fn fill_with_oil(&mut self, node: NodeId) {
         let mut inputs = *self.inputs(node);
@@ -74,7 +74,7 @@ impl World {
         }
     }
 
-    /// Returns the inputs of a device after several changes, without changing them.
+    /// Returns the inputs that a device would have after several plant changes.
     pub(crate) fn check_plants(&self, node: NodeId, plants: &[Plant]) -> Result<Inputs, PlantError> {
         let mut inputs = *self.inputs(node);
         for &plant in plants {
@@ -89,7 +89,7 @@ impl World {
         Ok(inputs)
     }
 
-    /// Returns the plant of a device as one change per supported word.
+    /// Returns the plant of a device as one change for each supported plant word.
     pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Plant> + use<> {
         let mut inputs = *self.inputs(node);
         if let (Some(shaft), Some(angle)) = (inputs.shaft_mut(), self.angle_cdeg(node)) {

@@ -12,7 +12,7 @@ use crate::bus::SlowAnswers;
 pub const SUPPLY_JITTER: Duration = Duration::from_millis(5);
 
 impl World {
-    /// Powers on a device that is off, or cuts its power now: a write in progress is torn.
+    /// Powers on a device that is off, or cuts its power immediately. A power cut tears a write in progress.
     pub fn power(&mut self, node: NodeId, on: bool) {
         if on {
             self.power_with(node, StartCause::PowerOn);
@@ -55,7 +55,7 @@ impl World {
         }
     }
 
-    /// Lets a device start at an instant.
+    /// Schedules the start of a device.
     fn come(&mut self, node: NodeId, start: Instant, cause: StartCause) {
         self.nodes[node.0].power = Power::Coming(start, cause);
         self.agenda.set(node.0, start);
@@ -113,7 +113,7 @@ impl World {
         self.agenda.set(id.0, node.due());
     }
 
-    /// Executes an [`Effect::Restart`](protocol_core::device::Effect::Restart) of a device.
+    /// Executes an [`Effect::Restart`](protocol_core::device::Effect::Restart).
     pub(super) fn restart(&mut self, id: NodeId, scope: Restart) {
         let now = self.now;
         let Node { port, memory, power, .. } = &mut self.nodes[id.0];
@@ -125,7 +125,7 @@ impl World {
         self.set_device_rate(id, rate);
     }
 
-    /// Sets the electronics of a device. A new delay of the start applies to the next one.
+    /// Sets the electronics of a device. A new start delay applies from the next start.
     pub fn set_electronics(&mut self, node: NodeId, electronics: Electronics) {
         let seed = self.random.u64(..);
         let Node { port, electronics: state, .. } = &mut self.nodes[node.0];
@@ -143,7 +143,7 @@ impl World {
         self.nodes[node.0].electronics.electronics
     }
 
-    /// Switches a device off below its undervoltage limit, and on again above.
+    /// Switches a device off when its supply falls below the undervoltage limit, and on again when the supply recovers.
     pub(super) fn watch_supply(&mut self, node: NodeId) {
         let is_low = self.nodes[node.0].is_undervoltage();
         let state = &mut self.nodes[node.0];
@@ -159,7 +159,7 @@ impl World {
 }
 
 impl Node {
-    /// Returns whether the supply is too low for the device.
+    /// Returns whether the supply is below the device's undervoltage limit.
     pub(super) fn is_undervoltage(&self) -> bool {
         let supply = self.inputs.valve().map(|valve| valve.supply_mv);
         self.electronics.electronics.brown_out_mv.zip(supply).is_some_and(|(limit, supply)| supply < limit)

@@ -1,4 +1,4 @@
-//! A small device for the tests: a heartbeat, an echo, and commands that request each effect.
+//! A simple device for tests: a heartbeat, an echo, and commands that request each effect.
 
 use protocol_core::controller::{BitRate, Filter, Filters};
 use protocol_core::device::{Device, Effect, Inputs, Outputs, Restart, StartCause, View, Viewable};
@@ -8,12 +8,12 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::SimDevice;
 
-/// The identifier of echo requests, plus the node ID; the answer is [`ECHO_ANSWER`] plus the node ID.
+/// The identifier of echo requests, plus the node ID. The identifier of the answer is [`ECHO_ANSWER`] plus the node ID.
 pub(crate) const ECHO: u16 = 0x600;
 pub(crate) const ECHO_ANSWER: u16 = 0x580;
-/// A command for the node ID in byte 1: see [`Command`].
+/// The identifier of a [`Command`] for the node ID in byte 1.
 pub(crate) const COMMAND: u16 = 0x000;
-/// The identifier of the report that a command was carried out, with its outcome.
+/// The identifier of the report about the outcome of a command, plus the node ID.
 pub(crate) const DONE: u16 = 0x080;
 pub(crate) const HEARTBEAT: u16 = 0x700;
 
@@ -25,13 +25,13 @@ pub(crate) enum Command {
     Store = 1,
     /// Stores bytes 2… as the fault log.
     Log = 2,
-    /// Sets the bit rate of table index byte 2.
+    /// Sets the bit rate with the table index in byte 2.
     Rate = 3,
-    /// Restarts.
+    /// Restarts the device.
     Restart = 4,
     /// Stores bytes 2… when flushed.
     Later = 5,
-    /// Drops as many frames as byte 2 says.
+    /// Drops the number of frames in byte 2.
     Drop = 6,
 }
 
@@ -188,7 +188,7 @@ impl Device for Probe {
         !self.out.is_empty()
     }
 
-    /// Hands out effects in order, once all frames are sent.
+    /// Returns the requested effects in order, once all frames are sent.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
         (all_sent && !self.effects.is_empty()).then(|| self.effects.remove(0))
     }

@@ -12,7 +12,7 @@ use crate::bus::DeviceCan;
 use super::node::{Node, Power, Write, due, write_time};
 use super::{ClientPortId, NodeId, World};
 
-/// The maximum time in an orderly shutdown for the devices to send their pending frames before they store (A).
+/// The maximum time in an orderly shutdown in which the devices send their pending frames before they store (A).
 pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
 
 const TICK: Duration = Duration::from_ticks(1);
@@ -24,7 +24,7 @@ impl World {
         self.bus.next_event().min(self.agenda.next()).max(self.now)
     }
 
-    /// Advances to the next event and processes everything due at that time; no effect without a next event.
+    /// Advances to the next event and processes everything due at that time. No effect if no event is scheduled.
     pub fn step(&mut self) {
         self.take_from_clients();
         let next = self.next_event();
@@ -53,7 +53,7 @@ impl World {
         self.give_to_clients();
     }
 
-    /// Advances to `end` and processes all events before it. Frames [sent](Self::send) afterwards participate in the
+    /// Advances to `end` and processes all events before `end`. Frames [sent](Self::send) afterwards take part in the
     /// arbitration at `end`.
     pub fn run_before(&mut self, end: Instant) {
         while self.next_event() < end {
@@ -62,7 +62,7 @@ impl World {
         self.now = self.now.max(end);
     }
 
-    /// Runs until all devices have stored their pending records: for an orderly shutdown.
+    /// Performs an orderly shutdown: runs until all devices have stored their pending records.
     ///
     /// A device stores only after all its frames are sent. Frames still pending after [`FLUSH_PATIENCE`] are dropped.
     pub fn flush_all(&mut self) {
@@ -101,7 +101,7 @@ impl World {
         self.service_touched();
     }
 
-    /// Hands over delayed frames and sends inserted frames. Each inserting fault has its own controller.
+    /// Hands over delayed frames and sends inserted frames. Each fault that inserts frames has its own controller.
     #[cold]
     fn serve_faults(&mut self) {
         let is_busy = |(_, port): &&(Arc<str>, ClientPortId)| self.pending(*port) > 0;
@@ -165,7 +165,7 @@ impl World {
         if let Some(Write { key, record, .. }) = write.take_if(|write| write.done <= by) {
             let result = memory.store(key, &record);
             if memory.flash().is_dead() {
-                // A power cut was planned for this word of the memory.
+                // A power cut was planned for the memory word just written.
                 self.cut_power(id);
             } else if let Power::On(device) = power {
                 device.stored(key, result, now);
@@ -173,7 +173,7 @@ impl World {
         }
     }
 
-    /// Serves a device: pumps its frames, executes its effects, updates its due time.
+    /// Serves a device: pumps its frames, executes its effects and updates its due time.
     pub(super) fn service(&mut self, id: NodeId) {
         if self.defer(id) {
             return;
@@ -184,7 +184,7 @@ impl World {
         }
     }
 
-    /// Defers the service of a device with a slow cycle to its next cycle; returns false at once for any other device.
+    /// Defers the service of a device with a slow cycle to its next cycle. Returns false if the device need not wait.
     fn defer(&mut self, id: NodeId) -> bool {
         let Node { power, electronics, write, .. } = &self.nodes[id.0];
         let cycle = electronics.cycle_from(self.now);
@@ -195,7 +195,7 @@ impl World {
         true
     }
 
-    /// Pumps a device. Without a pending effect, the service ends with a record of the outcome.
+    /// Pumps a device and returns its pending effect. Without an effect, schedules the next service.
     fn pump(&mut self, id: NodeId) -> Option<Effect> {
         let Self { nodes, bus, agenda, now, .. } = self;
         let now = *now;
@@ -238,12 +238,12 @@ impl World {
     }
 
     fn begin_write(&mut self, id: NodeId, key: RecordKey, record: Record) {
-        // The core requests one write at a time. If it ever requested a second one, the first must not be lost.
+        // The core requests one write at a time. If it ever requested a second write, the first must not be lost.
         self.finish_write(id, NEVER);
         self.nodes[id.0].write = Some(Write::begin(key, record, self.now, write_time(key)));
     }
 
-    /// Returns whether a device has sent and stored everything.
+    /// Returns whether a device has sent all frames and stored all records.
     fn is_settled(&self, id: NodeId) -> bool {
         let node = &self.nodes[id.0];
         !matches!(node.power, Power::On(_)) || (node.write.is_none() && self.bus.port(node.port).pending() == 0)

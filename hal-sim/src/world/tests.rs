@@ -1,4 +1,4 @@
-//! The world from the outside: time, power, plant, effects, trace.
+//! The public interface of the world: time, power, plant, effects, trace.
 
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::{Inputs, StartCause};
@@ -27,7 +27,7 @@ fn bits(count: u32) -> Duration {
     Duration::from_ticks(u64::from(count * 4))
 }
 
-/// A world with devices 1, 2 …, powered since instant 0, and a client; run to 10 ms.
+/// A world with devices 1, 2 …, powered since time 0, and a client; the world has run to 10 ms.
 struct Rig {
     world: World,
     client: ClientPortId,
@@ -119,14 +119,14 @@ fn clients_hear_each_other_but_not_themselves() {
     let mut rig = Rig::of(0);
     let other = rig.world.add_client_port("other");
     for byte in 0..10 {
-        // Clients keep their order, regardless of the identifiers.
+        // Clients send in FIFO order, regardless of the identifiers.
         rig.world.send(rig.client, std_frame(0x700 - u16::from(byte), &[byte]));
     }
     rig.run_for(100);
     assert_eq!(rig.received(), []);
     let heard: Vec<_> = rig.world.take_received(other).map(|(_, frame)| frame.data()[0]).collect();
     assert_eq!(heard, (0..10).collect::<Vec<_>>());
-    // Alone on the bus again, without acknowledgement; a client that leaves takes its frames along.
+    // The client is alone on the bus again and not acknowledged; a removed client loses its frames.
     rig.world.remove_client_port(other);
     rig.world.send(rig.client, std_frame(1, &[]));
     rig.run_for(100);
@@ -147,7 +147,7 @@ fn clients_come_and_go_without_a_trace() {
         rig.run_for(1);
         let heard: Vec<_> = rig.world.take_received(visitor).map(|(_, frame)| frame).collect();
         assert_eq!(heard, [std_frame(ECHO_ANSWER + 1, &round.to_le_bytes())]);
-        // Removed in the middle of a frame of its own.
+        // Removed while its own frame is on the wire.
         rig.world.send(visitor, std_frame(0x123, &[]));
         rig.world.step();
         rig.world.remove_client_port(visitor);
@@ -181,7 +181,7 @@ fn a_step_is_one_instant() {
         instants.push(rig.world.now());
     }
     assert!(instants.is_sorted_by(|a, b| a < b), "{instants:?}");
-    // start and end of the question, start and end of the answer
+    // Start and end of the request, start and end of the response.
     assert_eq!(instants.len(), 4);
 }
 
@@ -194,7 +194,7 @@ fn a_write_takes_its_time_and_is_answered_once_the_memory_holds_it() {
         rig.command(what, 1, b"abc");
         rig.run_for(100);
         let (at, _) = rig.world.take_received(rig.client).next_back().unwrap();
-        // The write begins when the answer is on the bus.
+        // The write begins when the response has been sent.
         let stored = *rig.probe(0).stored.last().unwrap();
         assert_eq!(stored, (key, Ok(()), after(at, time)));
     }
@@ -230,7 +230,7 @@ fn a_power_cut_at_any_moment_of_a_write_leaves_the_old_or_the_new_record() {
         rig.run_for(100);
         let _ = rig.received();
         rig.command(Command::Store, 1, b"after");
-        // The answer goes out, then the write begins.
+        // The response is sent, then the write begins.
         while rig.world.take_received(rig.client).count() == 0 {
             rig.world.step();
         }
@@ -245,7 +245,7 @@ fn a_power_cut_at_any_moment_of_a_write_leaves_the_old_or_the_new_record() {
             Some(b"after") => new += 1,
             other => panic!("cut after {cut} us: {other:?}"),
         }
-        // And the memory can be written again.
+        // The memory can be written again.
         rig.command(Command::Store, 1, b"again");
         rig.run_for(100);
         assert_eq!(rig.probe(0).stored.last().unwrap().1, Ok(()));
@@ -296,7 +296,7 @@ fn a_restart_reads_the_memory_again() {
     rig.run_for(100);
     let probe = rig.probe(0);
     assert_eq!((probe.restarts, probe.parameters.as_deref()), (1, Some(&b"abc"[..])));
-    // The answer to the command was not lost.
+    // The response to the command was not lost.
     assert_eq!(rig.received().last(), Some(&std_frame(DONE + 1, &[4])));
 }
 
@@ -334,7 +334,7 @@ fn bus_off_is_sensed_and_so_is_the_recovery() {
     rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
     rig.run_for(100);
     assert_eq!(rig.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
-    // The forced bus-off outlasts the power.
+    // Forced bus-off persists without power.
     rig.world.force_bus_off(node, true);
     rig.world.power(node, false);
     rig.world.power(node, true);
@@ -389,7 +389,7 @@ fn a_device_at_another_bit_rate_is_not_heard() {
     rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
     rig.run_for(100);
     assert_eq!((rig.received(), rig.probe(0).heard), (vec![], 0));
-    // It has destroyed 15 attempts, then it is error-passive.
+    // The port has destroyed 15 attempts and is then error-passive.
     let errors = rig.trace().iter().filter(|event| event.is_error_frame()).count();
     assert_eq!((errors, rig.probe(0).inputs.bus), (15, BusErrorMode::ErrorPassive));
     assert_eq!(rig.probe(1).heard, 1);

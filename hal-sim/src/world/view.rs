@@ -10,8 +10,8 @@ use protocol_core::wire::pdo_mapping::MappingEntry;
 use super::node::Power;
 use super::{NodeId, World};
 
-/// The maximum time between two samples of a linked shaft. A spool that passes neutral reverses the shaft, but within
-/// this time the shaft cannot reach another position and return.
+/// The maximum time between two samples of a linked shaft. A spool that passes neutral reverses the shaft; within this
+/// time, the shaft cannot leave its position and return to it.
 const LINKED_STEP: Duration = Duration::from_micros(64);
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -19,7 +19,7 @@ const SECOND: Duration = Duration::from_secs(1);
 const MINUTE: Duration = Duration::from_secs(60);
 
 impl World {
-    /// Returns the current view of a device; `None` without power.
+    /// Returns the current view of a device; `None` while it is unpowered.
     pub fn view(&mut self, node: NodeId) -> Option<View> {
         self.follow_links(node);
         match &self.nodes[node.0].power {
@@ -29,7 +29,7 @@ impl World {
     }
 
     /// Returns the [key](protocol_core::frame::Frame::key) and the mapped objects of TPDO 1 of a device; `None` while
-    /// the TPDO is disabled, and without power.
+    /// the device is unpowered or the TPDO is disabled.
     #[must_use]
     pub fn tpdo(&self, node: NodeId) -> Option<(u32, &[MappingEntry])> {
         match &self.nodes[node.0].power {
@@ -38,7 +38,8 @@ impl World {
         }
     }
 
-    /// Returns whether the spool of a valve floats: its objects then report float instead of a position (SPEC 2).
+    /// Returns whether the spool of a valve floats. Its objects then contain the value for float instead of a position
+    /// (SPEC 2).
     #[must_use]
     pub fn floats(&self, node: NodeId) -> bool {
         self.valve(node).is_some_and(|valve| valve.float_reached(self.now))
@@ -50,7 +51,7 @@ impl World {
     pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
         let now = self.now;
         let linked = self.coupling_of(node).is_some();
-        // Between two bends, the spool moves in one direction and passes each position once.
+        // Between two bends of its path, the spool moves in one direction and passes each position once.
         let limit = self.valve(node).map_or(limit, |valve| valve.bends(now).min(limit));
         let here = self.position_at(node, now);
         let (mut same, mut step) = (now, Duration::from_ticks(1));
@@ -69,9 +70,9 @@ impl World {
         limit
     }
 
-    /// Returns a time until which the position of a device, now outside a range, stays outside without further events.
-    /// For an unlinked rotating shaft, it is close to the latest such time; for a linked shaft, it assumes the fastest
-    /// valve; for a spool, it is now.
+    /// Returns a time until which the position of a device, now outside a range, stays outside unless an event occurs.
+    /// The result is close to the latest such time for an unlinked rotating shaft, assumes the fastest valve for a
+    /// linked shaft, and is the current time for a spool.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
         let Some(shaft) = self.inputs(node).shaft() else { return self.now };
@@ -81,7 +82,7 @@ impl World {
         if min > max {
             return NEVER;
         }
-        // The shorter way round. The last step takes no time if the shaft is at the edge of that step.
+        // The shorter way round the circle. The last step takes no time if the shaft is at the edge of that step.
         let turn = i64::from(STEPS);
         let steps = (min - position).rem_euclid(turn).min((position - max).rem_euclid(turn));
         let whole_steps = u64::try_from(steps - 1).unwrap_or(0);
@@ -98,7 +99,8 @@ impl World {
         micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
-    /// Finds the first time of another position by bisection: later than `same`, no later than `other`.
+    /// Finds the first time at which the position differs from `here`, by bisection between `same` and `other`, at
+    /// which the position is still equal and already different.
     fn first_other(&self, node: NodeId, here: i64, mut same: Instant, mut other: Instant) -> Instant {
         while since(other, same) > Duration::from_ticks(1) {
             let middle = after(same, Duration::from_ticks(since(other, same).as_ticks() / 2));
@@ -111,8 +113,8 @@ impl World {
         other
     }
 
-    /// Returns the position of a spool, or the raw position of a shaft, at a time not before now, without further
-    /// events.
+    /// Returns the position of a spool, or the raw position of a shaft, at a time not before now, if no event occurs
+    /// until then.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
         let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
         match (self.coupling_of(node), self.inputs(node).shaft(), self.valve(node)) {

@@ -1,4 +1,4 @@
-//! Changed frames of a recording: exactly the change is reported.
+//! Changed frames in a recording: exactly the change is reported.
 
 use proptest::prelude::*;
 
@@ -25,7 +25,7 @@ fn changes() -> impl Strategy<Value = Change> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(5)))]
 
-    /// A change of any frame of the valve but the first is reported exactly.
+    /// A change of any frame of the valve except the first is reported exactly.
     #[test]
     fn exactly_what_is_changed_is_told(at in any::<prop::sample::Index>(), change in changes()) {
         let mut records = at_rest().records;
@@ -62,7 +62,7 @@ proptest! {
                 What::Early(Duration::from_millis(20))
             }
         };
-        // Frames with the same identifier right before and after cannot be distinguished from a swap.
+        // Frames with the same identifier immediately before or after cannot be distinguished from a swap.
         let near = |other: &usize| *other != place && {
             let Some(Record { at: other_at, entry: Entry::Frame(other) }) = at_rest().records.get(*other).copied() else {
                 return false;

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A log has no power-up: the first frame of each device determines it, or the device was on before. The report says
-/// so, because another time of that frame makes no difference.
+/// A log has no power-up: the first frame of each device determines it, or the device was powered up before the log.
+/// The report says so, because a different time of that frame is not detected.
 #[test]
 fn what_gives_the_power_up_is_said() {
     let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k";
@@ -30,7 +30,7 @@ fn what_gives_the_power_up_is_said() {
     assert_eq!(said(&session.records), " not compared: pvea-canopen aligned with line 1, hat1000 on before the log\n");
 }
 
-/// The logger ran before: frames of an earlier life have the identifier of the boot-up.
+/// The logger started earlier: frames before the power-up have the identifier of the boot-up message.
 #[test]
 fn a_log_may_begin_with_an_earlier_life() {
     let session = at_rest();
@@ -48,7 +48,7 @@ fn a_log_may_begin_with_an_earlier_life() {
     assert!(error.ends_with(": no boot-up or address claim from pvea-canopen in the log"), "{error}");
 }
 
-/// The logger started later: the valve has booted before.
+/// The logger started later: the valve had already booted.
 #[test]
 fn a_log_may_begin_after_the_boot_up() {
     let records = at_rest().records;
@@ -74,7 +74,7 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
 
-/// A blank device without requests sends nothing: a log without it does not match.
+/// A blank device sends nothing without a request: a log without its frames does not match.
 #[test]
 fn a_device_of_which_nothing_is_compared_is_told() {
     let file = at_rest().log();
@@ -88,7 +88,7 @@ fn a_device_of_which_nothing_is_compared_is_told() {
     }
 }
 
-/// A clock that was set must not make the stand-in run for years.
+/// A clock adjustment in the log must not make the replay run for years.
 #[test]
 fn a_time_that_is_wrong_is_told() {
     let mut records = at_rest().records;
@@ -100,7 +100,7 @@ fn a_time_that_is_wrong_is_told() {
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
 }
 
-/// Decreasing times come from two logs, or count from the previous entry: they define no order.
+/// Decreasing times come from two merged logs, or are relative to the previous entry: they define no order.
 #[test]
 fn a_time_that_goes_back_is_told() {
     let records = at_rest().records;
@@ -109,7 +109,7 @@ fn a_time_that_goes_back_is_told() {
     assert!(!outcome.is_as_logged());
     let named = format!(":{}: time earlier than that of the previous entry", records.len() + 1);
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread[0]);
-    // The lines of two loggers in one file differ by less than the tolerance.
+    // The lines of two loggers in one file, whose times differ by less than the tolerance.
     let mut records = records;
     let place = records.iter().position(is_of_valve).unwrap() + 4;
     records[place].at = Timestamp::from_micros(records[place - 1].at.as_micros() - 1000);
@@ -119,7 +119,7 @@ fn a_time_that_goes_back_is_told() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(4)))]
 
-    /// Any frames in any order of time.
+    /// Any frames with times in any order.
     #[test]
     fn any_log_comes_to_its_end(
         frames in prop::collection::vec((0..2_000_000_u64, 0..0x800_u16, any::<[u8; 8]>(), 0..=8_u8, any::<u32>()), 0..60),

@@ -1,15 +1,16 @@
-//! Recordings of every kind with one changed frame of the device: a change that breaks a promise is reported.
+//! Recordings of every kind of device with one changed frame: a change that breaks a promise is reported.
 //!
-//! `REPLAY_MUTATIONS=10000 cargo test --release -p hal-sim --lib mutations -- --nocapture` makes this many changes of each
-//! kind, and prints how many were reported. Changes that may pass, with the reasons:
+//! `REPLAY_MUTATIONS=10000 cargo test --release -p hal-sim --lib mutations -- --nocapture` makes this many changes of
+//! each kind, and prints how many were reported. The following changes may pass:
 //!
-//! - The first frame is dropped, or has another time or identifier: a log has no power-up, which the first frame
-//!   determines, or the device was on before the log. The summary says so.
+//! - The first frame is dropped, or has another time or identifier. A log has no power-up: the first frame determines
+//!   it, or the device was powered up before the log. The summary reports this.
 //! - A time changes within the tolerance: loggers are late. A frame moved before the boot-up is reported, because the
-//!   device then counts as on before.
-//! - Equal frames swap their places within the tolerance: each may be the other one, late.
-//! - A position changes to one that the device reaches within the tolerance: the spool moves while a frame is late.
-//! - A frame is missing within the tolerance of the end: it may have come afterwards.
+//!   device then counts as powered up before the log.
+//! - Equal frames within the tolerance are swapped: each may be the other frame, logged late.
+//! - A position changes to another one that the device reaches within the tolerance: the spool moves while a frame is
+//!   late.
+//! - A frame is missing within the tolerance of the end: it may have been sent after the log.
 
 use super::*;
 
@@ -19,7 +20,7 @@ const TOLERANCE: u64 = 5_000;
 /// The number of changes of each kind, unless the environment sets another.
 const FEW: u64 = 25;
 
-/// A position field in the data of a frame: its first byte, its length, and its encoding.
+/// A position field in the data of a frame: index of the first byte, length, and encoding.
 type Carried = (usize, usize, fn(i32, bool) -> i32);
 
 /// A recording of a device.
@@ -51,9 +52,9 @@ impl Recording {
         (at.as_micros(), frame)
     }
 
-    /// Returns whether a frame in the place of another one is equivalent, within a time around both.
+    /// Returns whether a frame is equivalent to another one that it replaces, within a time around both.
     fn alike(&self, (at, frame): (u64, Frame), (other_at, other): (u64, Frame)) -> bool {
-        // The tolerance, and the longest wait of a frame for the bus.
+        // The tolerance, plus the maximum time for which a frame waits for the bus.
         const AROUND: u64 = TOLERANCE + 2_500;
         if frame == other {
             return true;
@@ -72,7 +73,7 @@ impl Recording {
             other.refilled(data) == frame
         };
         let way: Vec<i32> = near().map(|(_, position, _)| *position).collect();
-        // Between two samples the position moves by at most the fastest step.
+        // Between two samples, the position changes by at most the fastest step.
         let step = way.windows(2).map(|pair| around_turn(pair[1] - pair[0], self.is_hat)).max_by_key(|step| step.abs());
         let step = step.unwrap_or_default().abs();
         way.iter().any(|at| (at - step..=at + step).any(|at| told(if self.is_hat { at & 0x3FFF } else { at }, false)))
@@ -100,12 +101,12 @@ impl Recording {
     }
 }
 
-/// Returns the distance of a shaft the shorter way round; that of a spool unchanged.
+/// Returns the distance of a shaft the shorter way round; the distance of a spool is unchanged.
 fn around_turn(way: i32, is_hat: bool) -> i32 {
     if is_hat { (way + 8192).rem_euclid(16_384) - 8192 } else { way }
 }
 
-/// Returns the position fields of a frame, in the mappings of these recordings.
+/// Returns the position fields of a frame, according to the mappings in these recordings.
 fn carried(frame: &Frame) -> Vec<Carried> {
     fn on(position: i32, full: i32) -> i32 {
         (position.abs() * full * 2 + 16_384) / 32_768 * position.signum()
@@ -169,7 +170,7 @@ impl Mutation {
         }
     }
 
-    /// Returns the recording with a changed frame.
+    /// Returns the recording with the frame at index `place` changed.
     fn apply(self, records: &[Record], place: usize) -> Vec<Record> {
         let mut records = records.to_vec();
         let Record { at, entry: Entry::Frame(frame) } = records[place] else { unreachable!() };
@@ -196,13 +197,13 @@ impl Mutation {
             Self::Dropped => drop(records.remove(place)),
             Self::Duplicated(later) => records.push(Record { at: shifted(later as i64), ..records[place] }),
         }
-        // In the order of a logger.
+        // Sorted by time, as a logger would write them.
         records.sort_by_key(|record| record.at);
         records
     }
 }
 
-/// Fails unless a recording has this many different frames with this beginning and continuation.
+/// Asserts that a recording contains this many different frames with a given beginning and continuation.
 fn has(recording: &Recording, frames: &[(&str, &str, usize)]) {
     let own: BTreeSet<String> = recording.own.iter().map(|place| recording.frame(*place).1.to_string()).collect();
     for (start, rest, least) in frames {
@@ -211,7 +212,7 @@ fn has(recording: &Recording, frames: &[(&str, &str, usize)]) {
     }
 }
 
-/// Changes a recording in many ways, and fails unless exactly the changes that break a promise are reported.
+/// Changes a recording in many ways. Asserts that exactly the changes that break a promise are reported.
 fn mutate(recording: &Recording) {
     let told_of = |records: &[Record]| {
         let file = log(records, Format::Candump);
@@ -246,7 +247,7 @@ fn mutate(recording: &Recording) {
             "not told: REPLAY_SEED={seed}, turn {turn}: {line}: {mutation:?} of {frame}, line {}\n{report}",
             place + 1
         );
-        // A frame before the boot-up means that the device was on before.
+        // A frame before the boot-up means that the device was powered up before the log.
         let is_before = matches!(mutation, Mutation::WithinTolerance(by)
             if recording.frame(place).0.saturating_add_signed(by) <= recording.frame(recording.own[0]).0);
         let is_harmless = matches!(mutation, Mutation::WithinTolerance(_)) && is_kept && !is_power_up && !is_before;
@@ -263,8 +264,8 @@ fn mutate(recording: &Recording) {
     );
 }
 
-/// All kinds of SDO, EMCY, heartbeats, the default mapping and another one under another COB-ID, each while the spool
-/// moves; float; LSS.
+/// All kinds of SDO, EMCY, heartbeats, the default mapping and another mapping under a different COB-ID, each while the
+/// spool moves; float; LSS.
 fn valve_on_canopen(kind: &str) {
     let recording = Recording::new(&format!("--device {kind}@0x20"), kind, |session| {
         session
@@ -291,7 +292,7 @@ fn valve_on_canopen(kind: &str) {
         session.send(3, &remap);
         session.send(6, &["220: 0F 00 00 C0"; 20]);
         session.send(9, &["220: 0F 00 FF 7F"; 50]);
-        // No commands: the time guard.
+        // No commands: time guarding responds.
         session.send(400, &["620: 40 00 20 00 00 00 00 00"]);
         session.send(30, &["000: 80 20", "7E5: 04 01 00 00 00 00 00 00", "7E5: 5E 00 00 00 00 00 00 00"]);
     });
@@ -339,7 +340,8 @@ fn pveo_isobus() {
     valve_on_isobus("pveo-isobus");
 }
 
-/// A shaft moved by a valve across the end of the turn: by SYNC, by a timer under a 29-bit identifier, and in SDO.
+/// A shaft moved by a valve across the end of the turn: reported on SYNC, by a timer under a 29-bit identifier, and by
+/// SDO.
 fn sensor(kind: &str) {
     let both =
         format!("--device {kind}@1,bit-rate=250k --device pvea-canopen@0x20 --link pvea-canopen={kind},rate=9000");

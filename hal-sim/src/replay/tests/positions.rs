@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A log of a real valve has another origin of time, and the delays of its logger.
+/// The log of a real valve has a different time origin, and the delays of its logger.
 #[test]
 fn loggers_are_late() {
     let mut records = moving().records;
@@ -13,7 +13,7 @@ fn loggers_are_late() {
     as_logged(VALVE, &log(&records, Format::Candump));
 }
 
-/// A spool with its own times is replayed with these.
+/// A spool with measured times is replayed with these times.
 #[test]
 fn a_measured_spool_moves_as_it_was_measured() {
     let measured = format!("{VALVE},stroke-ms=500,return-ms=400");
@@ -24,7 +24,7 @@ fn a_measured_spool_moves_as_it_was_measured() {
     assert!(!replayed(VALVE, &session.log()).is_as_logged());
 }
 
-/// The actual value has four scales, and SDO reads it in each.
+/// The actual value exists in four scales; SDO reads each of them.
 #[test]
 fn loggers_are_late_on_every_scale() {
     for object in ["01 63 01", "01 33 00", "02 33 00", "04 33 00"] {
@@ -40,7 +40,7 @@ fn loggers_are_late_on_every_scale() {
     }
 }
 
-/// A position that the spool cannot have reached is reported, also while it moves.
+/// A position that the spool cannot have reached is reported, even while the spool moves.
 #[test]
 fn a_position_beyond_the_tolerance_is_told() {
     let mut records = moving().records;
@@ -59,7 +59,7 @@ fn a_position_beyond_the_tolerance_is_told() {
     assert_eq!((outcome.differences, outcome.told[0].what), (1, What::Different));
 }
 
-/// The position of a moving spool may differ, but no other data.
+/// Only the position of a moving spool may differ, no other data.
 #[test]
 fn only_the_position_of_a_moving_spool_may_differ() {
     let is = |record: &Record, start: &str| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with(start));
@@ -94,7 +94,7 @@ fn only_the_position_of_a_moving_spool_may_differ() {
     }
 }
 
-/// Every bit of an AVEF with a moving spool, and flow out of both ports at once.
+/// Every bit of an AVEF for a moving spool, and flow from both ports at the same time.
 #[test]
 fn every_bit_of_a_moving_flow_is_compared() {
     let device = "--device pvea-isobus@0x83";

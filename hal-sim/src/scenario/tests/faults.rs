@@ -15,7 +15,7 @@ fn a_fault_affects_the_frames_of_the_next_steps() {
     );
 }
 
-/// The scenario goes on while a fault holds back its frame.
+/// The scenario continues while a fault delays its frame.
 #[test]
 fn a_delayed_frame_does_not_hold_back_the_next_one() {
     passes(
@@ -38,7 +38,7 @@ fn a_fault_that_affects_no_frame_fails() {
     assert!(report.contains("x.toml:4: fault lose 7FF: failed at "), "{report}");
     assert!(report.contains("it affected no frame: nothing was tested"), "{report}");
     fails(r#"{ fault = { lose = "7FF" } }, { after_ms = 100, end = "lose-7FF" }"#, 1);
-    // A fault that is over is replaced by one of the same name.
+    // A fault with the same name replaces an expired fault.
     fails(
         r#"{ fault = { lose = "7FF", for_ms = 5, name = "one" } }, { after_ms = 100 },
            { fault = { lose = "7FE", probability = 0, name = "one" } }, { after_ms = 10 }"#,

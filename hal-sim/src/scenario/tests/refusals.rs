@@ -1,8 +1,8 @@
-//! Scenarios refused before anything runs: the line, the key, and the accepted values.
+//! Scenarios refused before they run: the line, the key, and the accepted values.
 
 use super::*;
 
-/// Quoted parts of the file add no lines.
+/// Line breaks in quoted parts of the file do not add lines to a message.
 #[test]
 fn a_refusal_and_a_verdict_are_one_line_whatever_they_quote() {
     let (_, reason) = refusal("devices = [\"pvea-c\\nopen\"]\nsteps = [{}]");
@@ -12,7 +12,7 @@ fn a_refusal_and_a_verdict_are_one_line_whatever_they_quote() {
     assert!(verdict.starts_with("one\\n1 passed, 0 failed; 1 step in "), "{verdict}");
 }
 
-/// A cyclic frame that does not exist cannot be stopped: the intended one would continue.
+/// Stopping a cyclic frame that does not exist is refused, because the intended frame would continue.
 #[test]
 fn only_a_cyclic_frame_is_stopped() {
     let cyclic = r#"{ send = "220#00", every_ms = 10 }, { send = "18EEFF27#", every_ms = 10 }"#;
@@ -30,7 +30,7 @@ fn only_a_cyclic_frame_is_stopped() {
     passes(&format!(r#"{cyclic}, {{ send = "220#01", every_ms = 20 }}, {{ stop = "220" }}, {{ stop = "all" }}"#));
 }
 
-/// Conditions that a device never or always fulfils are refused, with its possible values.
+/// Conditions that a device never or always satisfies are refused with their possible values.
 #[test]
 fn a_state_that_can_never_be_is_refused() {
     let refused = |device: &str, state: &str| {
@@ -38,7 +38,7 @@ fn a_state_that_can_never_be_is_refused() {
             let text = format!("devices = [\"{device},name=boom\"]\nsteps = [\n  {{ {word} = {{ {state} }} }}, {{}} ]");
             let (line, reason) = refusal(&text);
             assert_eq!(line, Some(3), "{text}: {reason}");
-            // The table of the kind refuses values that the schema of all kinds accepts.
+            // The table of the kind refuses values that the common schema accepts.
             let rest = reason.strip_prefix(word).and_then(|rest| rest.strip_prefix([':', '.']));
             rest.unwrap_or_else(|| panic!("{reason}")).trim_start().to_owned()
         });
@@ -255,7 +255,7 @@ fn what_a_step_cannot_be() {
     assert_eq!(refusal(two).1, "device is missing; accepted: pvea-canopen, hat1000");
 }
 
-/// The line is that of the key, not of the step.
+/// The reported line is that of the key, not of the step.
 #[test]
 fn a_refusal_names_the_line_of_the_key() {
     let text =

@@ -1,4 +1,4 @@
-//! Strict scenarios: a step claims each frame of a device, in order, and cyclic frames keep their period.
+//! Strict scenarios: steps claim every frame of a device in order, and cyclic frames keep their period.
 
 use super::*;
 
@@ -7,7 +7,7 @@ fn strictly(steps: &str) -> Outcome {
     Scenario::parse(&text).unwrap_or_else(|error| panic!("{error:?}")).run(1)
 }
 
-/// Runs the steps after the boot and the start, with one failure; returns the report.
+/// Runs the steps after boot and start, with one failure. Returns the report.
 fn differs(steps: &str) -> String {
     let outcome = strictly(&format!("{BOOT}\n{steps}"));
     let text = outcome.failures("x.toml");
@@ -22,9 +22,9 @@ fn agrees(steps: &str) {
 
 const BOOT: &str =
     "{ expect = [\"720#00\", \"0A0#0000 0000 0000 0000\"] },\n{ send = \"000#0100\" },\n{ send = \"220#0000 0000\" },";
-/// The answer to that set-point.
+/// The response to that set-point.
 const ANSWER: &str = "{ expect = \"1A0#0800 0000\" },";
-/// A set-point in a cycle of 100 ms, with its answers.
+/// A set-point sent every 100 ms, with its responses.
 const CYCLE: &str = "{ send = \"220#0000 0000\", every_ms = 100 }, { expect = \"1A0#0800 0000\", every_ms = 100 },";
 
 #[test]
@@ -34,9 +34,9 @@ fn a_frame_that_no_step_expects_fails_at_the_step_in_which_it_comes() {
         ("{ after_ms = 200 }", "x.toml:7: strict: failed at "),
         // Too early for the step that expects the frame.
         ("{ after_ms = 20, expect = \"1A0\" }", "x.toml:7: strict: failed at "),
-        // Another frame is expected before it.
+        // Another frame is expected first.
         ("\n{ expect = [\"720\", \"1A0\"] }", "x.toml:8: expect 2 frames (0 received) within 1000 ms: failed at "),
-        // The state never comes; the frame does.
+        // The state is not reached, but the frame is received.
         ("{ expect = { dsm = \"active\" } }", "x.toml:7: strict: failed at "),
     ] {
         let text = differs(steps);
@@ -46,7 +46,7 @@ fn a_frame_that_no_step_expects_fails_at_the_step_in_which_it_comes() {
     let text = differs("{ expect = \"1A0#0900 0000\" }");
     assert!(text.contains("x.toml:7: expect 1A0: 09 00 00 00 within 1000 ms: failed at "), "{text}");
     assert!(text.contains("    seen      1A0: 08 00 00 00  at ") && !text.contains("no step"), "{text}");
-    // The same scenario is not strict.
+    // The same scenario without the strict option.
     passes("{ send = \"000#0100\" }, { send = \"220#0000 0000\" }, { after_ms = 200 }");
 }
 
@@ -64,7 +64,7 @@ fn frames_come_in_their_order_unless_any_will_do() {
     assert!(strictly(&format!("{{ expect = {swapped}, any_order = true }}")).is_success());
 }
 
-/// A cyclic frame may come at any time within its period, until another expectation of its identifier, or a stop.
+/// A cyclic frame may arrive at any time within its period, until its identifier is expected again or stopped.
 #[test]
 fn a_frame_that_comes_again_keeps_its_cycle() {
     let start = format!("{ANSWER} {CYCLE}");
@@ -80,7 +80,7 @@ fn a_frame_that_comes_again_keeps_its_cycle() {
         "{start} {{ after_ms = 95, send = \"220#0300 0000\", every_ms = 100 }},\n{{ after_ms = 500 }}"
     ));
     assert!(text.contains("no step expects  1A0: "), "other data: {text}");
-    // The cycle ends with another expectation of its identifier.
+    // The cycle ends when its identifier is expected again.
     let text = differs(&format!("{start} {{ expect = \"1A0\" }},\n{{ after_ms = 500 }}"));
     assert!(text.contains("x.toml:8: strict: ") && text.contains("no step expects  1A0: "), "{text}");
     // The cycle ends with a stop.
@@ -90,7 +90,7 @@ fn a_frame_that_comes_again_keeps_its_cycle() {
     assert!(text.contains("not received since "), "{text}");
 }
 
-/// A frame during the wait of the step's own frame for the bus belongs to the step.
+/// A frame received while the step's own frame waits for the bus belongs to the step.
 #[test]
 fn what_comes_while_the_step_sends_is_the_steps() {
     let steps = "{ expect = \"720#00\" }, { send = \"7FF#00\", expect = \"0A0#0000 0000 0000 0000\" }";

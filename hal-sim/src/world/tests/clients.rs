@@ -64,7 +64,7 @@ fn a_client_stays_with_its_world_and_the_clone_has_another_one() {
     let mut clone = rig.world.clone();
     drop(client);
     rig.run_for(10);
-    // The clone has the pending frame, too, whether its client was taken or not.
+    // The clone has the pending frame, whether or not its client was taken.
     clone.run_for(Duration::from_millis(10));
     let mut taken = clone.take_client("controller").unwrap();
     assert_eq!(received(&mut taken), [answer]);

@@ -58,7 +58,7 @@ fn frames_that_a_device_dropped_are_told() {
         rig.run_for(10);
         assert_eq!(changes(&mut rig, "probe-2"), [EventKind::FramesDropped { count: count.into() }]);
     }
-    // A new start resets the count.
+    // A new start resets the counter.
     rig.world.power(rig.nodes[1], false);
     rig.world.power(rig.nodes[1], true);
     rig.run_for(10);
