@@ -36,7 +36,7 @@ pub(super) struct ScenarioFile {
     /// Accepts devices with the same node ID, or the same address.
     #[serde(default)]
     pub(super) allow_clash: bool,
-    /// True: a step has to expect each frame of a device, in this order. By default other frames may come in between.
+    /// True: the steps must expect every frame of the devices, in order. By default, unexpected frames are accepted.
     #[serde(default)]
     pub(super) strict: bool,
     /// The steps, in order.

@@ -20,11 +20,11 @@ pub struct BusState {
     pub load: u8,
     /// The pending disturbance of the bus.
     pub disturb: DisturbState,
-    /// The devices that run at another bit rate than the bus, and those that did so for longer than a change takes.
+    /// The devices whose bit rate differs from that of the bus, or differed for longer than a change takes.
     pub not_heard: Vec<NotHeard>,
 }
 
-/// A device that runs, or ran, at another bit rate than the bus: it cannot communicate.
+/// A device that cannot communicate, now or earlier, because its bit rate differs from that of the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct NotHeard {
     /// The name of the device.

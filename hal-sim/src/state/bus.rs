@@ -23,14 +23,14 @@ pub struct BusChange {
 #[derive(Clone, Copy, Debug)]
 pub struct BitsPerSecond;
 
-/// Frames to be destroyed.
+/// A disturbance of the bus, which destroys frames.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Disturb {
     /// The number of attempts; 0 ends an earlier disturbance.
     #[schema(maximum = 4294967295_i64)]
     pub frames: u32,
-    /// The identifier; without it any.
+    /// The identifier; any by default.
     #[serde(default, deserialize_with = "given")]
     pub id: Option<Identifier>,
     /// Whether the identifier has 29 bits.

@@ -34,7 +34,7 @@ pub struct FaultRequest {
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub delay: Option<Identifier>,
-    /// Frames with this identifier are sent repeatedly: `times` more, at intervals of `after_ms`.
+    /// Frames with this identifier are followed by `times` copies, at intervals of `after_ms`.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub repeat: Option<Identifier>,
@@ -49,7 +49,7 @@ pub struct FaultRequest {
     /// A frame that no device sent, as in "220#0F00 0020"; with `every_ms` cyclically.
     #[serde(default, deserialize_with = "given")]
     pub insert: Option<String>,
-    /// The same with an identifier of a device on the bus: a frame that appears to come from this device.
+    /// As insert, with an identifier of a device on the bus: the frame appears to come from this device.
     #[serde(default, deserialize_with = "given")]
     pub masquerade: Option<String>,
     /// A bit error destroys attempts to send frames with this identifier. The controller retries; 32 errors in a row
@@ -58,7 +58,7 @@ pub struct FaultRequest {
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub destroy: Option<Identifier>,
     /// The receivers see an error in the last but one bit of frames with this identifier and discard them; all others
-    /// accept the frame, and its sender repeats it.
+    /// accept the frame, and its sender retransmits it.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub omit: Option<Identifier>,
@@ -93,14 +93,14 @@ pub struct FaultRequest {
     #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 86400000)]
     pub from_ms: Option<u32>,
-    /// The duration of the fault, in milliseconds; until it is ended by default.
+    /// The duration of the fault, in milliseconds; by default it lasts until it is ended.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub for_ms: Option<u32>,
     /// For delay: the delay in milliseconds, or the smallest and the largest delay.
     #[serde(default, deserialize_with = "given")]
     pub ms: Option<Millis>,
-    /// For delay: frames wait for the next multiple of this period, in milliseconds, and come in bursts.
+    /// For delay: the period of bursts, in milliseconds. Frames wait for its next multiple.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub burst_ms: Option<u32>,
@@ -134,7 +134,7 @@ pub struct FaultRequest {
     pub identifier: Option<IdentifierMasks>,
 }
 
-/// A time in milliseconds, or its bounds.
+/// A time in milliseconds, or its minimum and maximum.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
 pub enum Millis {
@@ -217,7 +217,7 @@ pub struct FaultRecord {
     pub fault: String,
     /// The number of affected frames.
     pub struck: u64,
-    /// Whether its count or its time is over.
+    /// Whether the count or the duration of the fault is exhausted.
     pub is_over: bool,
 }
 

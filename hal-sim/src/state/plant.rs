@@ -24,7 +24,7 @@ pub struct ValvePlant {
     pub supply_mv: u32,
     /// The temperature, in °C.
     pub temperature_c: i16,
-    /// The spool.
+    /// The state of the spool.
     pub spool: Spool,
     /// The position that the lever pushes the spool to; null when released.
     #[schema(required)]
@@ -99,7 +99,7 @@ pub enum Memory {
     Ok,
     /// Every write fails.
     WriteFails,
-    /// The next start cannot read the memory.
+    /// The memory is unreadable at the next start.
     Damaged,
 }
 
@@ -139,7 +139,7 @@ pub struct PlantChange {
     /// Forces the CAN controller bus-off.
     #[serde(default, deserialize_with = "given")]
     pub bus_off: Option<bool>,
-    /// The duration of the change in milliseconds, after which the earlier values come back; for good by default.
+    /// The duration of the change, in milliseconds, after which the earlier values are restored; permanent by default.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub for_ms: Option<u32>,
@@ -156,8 +156,8 @@ pub struct Profile {
     pub word: String,
     /// The points, each a time in milliseconds from now and a value; or the name of a ready profile.
     pub points: Points,
-    /// Each value stays until the next point; by default the values between two points are interpolated, every
-    /// millisecond.
+    /// True: each value is kept until the next point. False, the default: the values between two points are
+    /// interpolated, every millisecond.
     #[serde(default)]
     pub steps: bool,
 }

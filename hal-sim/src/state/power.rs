@@ -23,7 +23,7 @@ pub enum Power {
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PowerChange {
-    /// The power from now on; a device that gets it boots.
+    /// True switches the power on, which boots the device; false cuts it.
     #[serde(default, deserialize_with = "given")]
     pub on: Option<bool>,
     /// A reset of the processor.

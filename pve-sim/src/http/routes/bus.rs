@@ -34,7 +34,7 @@ pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> R
     control.execute(Command::Disturb(disturb.disturbance()?)).await
 }
 
-/// The communication faults, those included whose count or time is over
+/// The communication faults, including exhausted ones
 #[utoipa::path(
     get, path = "/bus/faults", operation_id = "listFaults", tag = "bus",
     responses((status = 200, body = Vec<FaultRecord>))

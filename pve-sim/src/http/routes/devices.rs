@@ -24,7 +24,7 @@ pub(super) async fn show(control: Control, Name(name): Name) -> Result<Json<Devi
     control.ask(|answer| Message::Device(name, answer)).await.map(Json)
 }
 
-/// Changes the plant of a device, now: completely or not at all
+/// Changes the plant of a device immediately; applies all changes or none
 #[utoipa::path(
     patch, path = "/devices/{name}/plant", operation_id = "changePlant", tag = "devices",
     params(("name" = String, Path, description = "The name of the device")),
@@ -43,7 +43,7 @@ pub(super) async fn change_plant(
     control.execute(Command::Plant(name, change)).await
 }
 
-/// Cuts the power, boots a device, or resets its processor, now
+/// Cuts the power of a device, boots it, or resets its processor
 #[utoipa::path(
     post, path = "/devices/{name}/power", operation_id = "switchPower", tag = "devices",
     params(("name" = String, Path, description = "The name of the device")),

@@ -35,7 +35,7 @@ pub(super) struct FrameToSend {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct WhichFrames {
-    /// The identifier in hex, with or without 0x; all without it.
+    /// The identifier in hex, with or without 0x; all identifiers by default.
     #[param(pattern = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$")]
     id: Option<String>,
     /// True for an identifier of 29 bits; the default for eight digits and for values above 0x7FF.
@@ -44,7 +44,7 @@ pub(super) struct WhichFrames {
 
 /// Sends a frame as a client would
 ///
-/// The answer comes when the frame is on the bus: the first one, with `every_ms`. With `--speed step` this lets time
+/// The answer comes when the frame was sent; with `every_ms`, the first frame. With `--speed step` this lets time
 /// pass.
 #[utoipa::path(
     post, path = "/bus/frames", operation_id = "sendFrame", tag = "bus",

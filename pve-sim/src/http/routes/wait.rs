@@ -19,7 +19,7 @@ pub(super) struct Wait {
     /// The name of the device.
     #[serde(default, deserialize_with = "given")]
     device: Option<String>,
-    /// The state of the device: any subset of it.
+    /// The expected state of the device: any subset of its members.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<StateCondition>)]
     state: Option<Map<String, Value>>,
@@ -52,7 +52,7 @@ pub(super) struct FrameToCome {
 #[serde(untagged)]
 #[expect(dead_code, reason = "described, and never made")]
 enum Waited {
-    /// The device, at the first instant.
+    /// The state of the device at the first instant at which the condition holds.
     Device(Box<DeviceState>),
     /// The frame.
     Frame(FrameRecord),
