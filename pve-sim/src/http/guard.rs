@@ -16,7 +16,7 @@ use super::error::Failure;
 
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
-const FOREIGN: &str = "requests from pages of other sites are refused";
+const FOREIGN: &str = "cross-site requests are refused";
 
 /// Passes an allowed request on, and answers any other with 403.
 pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, request: Request, next: Next) -> Response {

@@ -124,7 +124,7 @@ mod tests {
                 panic!("no line")
             };
             assert_eq!(text, "status");
-            assert!(inbox.messages.try_recv().is_err(), "another line before line {line} was obeyed");
+            assert!(inbox.messages.try_recv().is_err(), "a second line arrived before line {line} was executed");
             assert_eq!(reads.load(Ordering::SeqCst), line / 2 + 1);
             drop(obeyed);
         }

@@ -97,9 +97,10 @@ impl Timekeeper {
         }
         let Stalls { count, time, .. } =
             std::mem::replace(&mut self.stalls, Stalls { told: Some(now), ..Stalls::default() });
-        let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
         let seconds = time.as_secs_f64();
-        Some(format!("the host paused for {seconds:.3} s{times}; virtual time was paused"))
+        let stalls =
+            if count == 1 { format!("for {seconds:.3} s") } else { format!("{count} times, {seconds:.3} s in total") };
+        Some(format!("the host stalled {stalls}; virtual time stood still meanwhile"))
     }
 
     /// Records that the world, at `world`, has worked and is still behind; returns a warning for the user, if any.

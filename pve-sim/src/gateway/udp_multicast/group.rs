@@ -119,13 +119,13 @@ impl Intake {
                 Err(reason) => reason.to_string(),
             }
         } else {
-            format!("without --allow-remote, a datagram from another machine, {},", from.ip())
+            format!("a datagram from remote host {}; use --allow-remote to accept it", from.ip())
         };
         if std::mem::replace(&mut self.has_told, true) {
             return Ok(None);
         }
         Err(format!(
-            "udp-multicast://{}: {ignored} was ignored; further ones are ignored without a warning",
+            "udp-multicast://{}: ignored {ignored}. Further datagrams are ignored without a warning",
             self.group
         ))
     }
@@ -209,8 +209,8 @@ mod tests {
         assert_eq!(intake.take(&datagram, from("127.0.0.1:1")), Ok(None));
         assert_eq!(intake.take(&datagram, from("127.0.0.1:2")), Ok(Some(frame)), "another program");
         let told = intake.take(&datagram, from("192.0.2.1:1")).expect_err("it is told");
-        let expected = "udp-multicast://239.74.163.2:43113: without --allow-remote, a datagram from another machine, 192.0.2.1, was \
-                        ignored; further ones are ignored without a warning";
+        let expected = "udp-multicast://239.74.163.2:43113: ignored a datagram from remote host 192.0.2.1; use --allow-remote \
+                        to accept it. Further datagrams are ignored without a warning";
         assert_eq!(told, expected);
         assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
         assert_eq!(intake.take(b"GET / HTTP/1.1", from("127.0.0.1:2")), Ok(None), "told once, of whatever kind");
@@ -278,7 +278,7 @@ mod tests {
         let from: SocketAddr = "127.0.0.1:2".parse().expect("an address");
         let mut intake = intake(false);
         let told = intake.take(b"", from).expect_err("it is told");
-        assert!(told.contains(": a datagram that is not a python-can message was ignored"), "{told}");
+        assert!(told.contains(": ignored a datagram that is not a python-can message."), "{told}");
         assert_eq!(intake.take(b"", from), Ok(None));
     }
 }
