@@ -11,7 +11,7 @@ kind KIND [SERIAL]  becomes a new device: pvea-canopen, pveo-canopen, pvea-isobu
 blank [SERIAL]      becomes a new device without a node ID\r\n\
 power-cycle         restarts\r\n";
 
-/// Writes the help line of a plant word to `put`, part by part, in the columns of [`HELP`].
+/// Writes the help line of a plant word to `put` in parts, aligned with the columns of [`HELP`].
 pub fn tell_help(word: &Word, put: &mut dyn FnMut(&str)) {
     const COLUMN: usize = "kind KIND [SERIAL]  ".len();
     word.tell(COLUMN, put);

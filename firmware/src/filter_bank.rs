@@ -22,7 +22,7 @@ const RTR: u32 = 1 << 1;
 pub struct Bank {
     /// The value to which the identifier register of a frame is compared.
     pub identifier: u32,
-    /// The compared bits.
+    /// The bits of the identifier register that are compared.
     pub mask: u32,
 }
 

@@ -18,7 +18,7 @@ const SERIAL: u8 = 8;
 pub struct Settings {
     /// The kind of device.
     pub kind: Kind,
-    /// Whether a new memory gets no node ID. On ISOBUS it gets an address nevertheless, which is mandatory there.
+    /// Whether a new memory has no node ID. An ISOBUS device has an address even then, because it is mandatory.
     pub blank: bool,
     /// Whether the memory still holds the records of the previous device and must be cleared first.
     pub fresh: bool,
@@ -32,8 +32,8 @@ impl Settings {
     /// The settings of an unconfigured board: the kind for which the image was built.
     pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false, serial: None };
 
-    /// Returns the settings at a start. If the image was built for another kind than the previous one, the board
-    /// becomes a new device, unless the kind was chosen.
+    /// Returns the settings at a start. If the image was built for a kind other than that of the previous image, the
+    /// board becomes a new device, unless the kind was chosen at the console.
     #[must_use]
     pub fn at_start(stored: Option<Self>) -> Self {
         match stored {
@@ -86,7 +86,7 @@ impl Settings {
     }
 }
 
-/// The offset of stored kinds, which count from 0, to their [number](Kind::number), which counts from 1.
+/// The offset between stored kinds, which count from 0, and their [number](Kind::number), which counts from 1.
 const FIRST: u8 = 1;
 
 /// The value of `PVE_KIND` at build time.

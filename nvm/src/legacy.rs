@@ -25,11 +25,12 @@ const DATA_CHECKSUM: Range<usize> = 0..4;
 const LENGTH: Range<usize> = 4..6;
 const LENGTH_CHECKSUM: Range<usize> = 6..8;
 
-/// The space for announcements at the end of a sector: two words each, about the other sector.
+/// The number of announcements for which the end of a sector has space. Each has two words and concerns the other
+/// sector.
 const ANNOUNCEMENTS: usize = 16;
-/// The bytes of the first word of an announcement: an erase of the other sector was begun.
+/// The byte that fills the first word of an announcement: an erase of the other sector has begun.
 const ANNOUNCED: u8 = 0x5A;
-/// The bytes of the word at the end of a full sector.
+/// The byte that fills the word at the end of a full sector.
 const FULL: u8 = 0;
 
 impl<F: NorFlash> Log<'_, F> {
@@ -37,7 +38,8 @@ impl<F: NorFlash> Log<'_, F> {
     const LEGACY_SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * 2 * F::WRITE_SIZE;
     const LEGACY_HEADER: usize = LENGTH_CHECKSUM.end.next_multiple_of(F::WRITE_SIZE);
 
-    /// Visits the items of a sector that may have this layout, from the oldest to the newest: address, key and content.
+    /// Visits the items of a sector that may have this layout, from the oldest to the newest; `visit` receives address,
+    /// key and content.
     pub(crate) fn legacy_items(
         &mut self,
         sector: usize,
@@ -63,8 +65,8 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(())
     }
 
-    /// Reads the content of an item into the buffer, after the space for an entry header. Returns whether it is still
-    /// intact.
+    /// Reads the content of an item into the buffer, after the space for an entry header. Returns whether the item is
+    /// still intact.
     pub(crate) fn read_legacy(&mut self, at: usize, length: usize) -> Result<bool, F::Error> {
         let end = (at / F::ERASE_SIZE) * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE;
         let is_intact = self.legacy_item_at(at, end)? == Some(1 + length);
@@ -82,7 +84,7 @@ impl<F: NorFlash> Log<'_, F> {
         self.is_word_of(sector * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE, FULL)
     }
 
-    /// Returns the length of the intact item at a word, and leaves it in the buffer; `None` if there is none.
+    /// Reads the item at a word into the buffer. Returns its length; `None` if there is no intact item.
     fn legacy_item_at(&mut self, at: usize, end: usize) -> Result<Option<usize>, F::Error> {
         if at + Self::LEGACY_HEADER > end {
             return Ok(None);

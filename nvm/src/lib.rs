@@ -13,8 +13,8 @@
 //! legacy   a reader of the previous layout
 //! ```
 //!
-//! Every call runs to completion: a slow flash blocks the caller, which on the board is the task with the lowest
-//! priority. No operation can be dropped half done.
+//! Every call runs to completion, so no operation is abandoned half-way. A slow flash blocks the caller, which on the
+//! board is the task with the lowest priority.
 //!
 //! # A record in a flash
 //!
@@ -73,7 +73,7 @@ pub use store::{Contents, Records, SETTING_MAX, Setting, Unreadable};
 /// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The sectors of a memory: one holds the contents, the other takes them over when the first is full.
+/// The number of sectors of a memory: one holds the contents, the other takes them over when the first is full.
 const SECTORS: usize = 2;
 
 /// The maximum word size of a flash, in bytes.

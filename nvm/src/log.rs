@@ -30,11 +30,11 @@ pub(crate) const HEADER: usize = 12;
 pub(crate) const MARK: u8 = 0x4E;
 const CHECKSUM: Range<usize> = 8..HEADER;
 
-/// The number of attempts to write an entry. An entry that does not read back, for example because of a flipped bit, is
-/// written again further on.
+/// The maximum number of attempts to write an entry. An entry that does not read back, for example because of a flipped
+/// bit, is written again further on.
 const ATTEMPTS: usize = 3;
 
-/// The log.
+/// A log of entries in a flash.
 pub(crate) struct Log<'buffer, F> {
     flash: F,
     pub(crate) buffer: &'buffer mut [u8; BUFFER],
@@ -43,9 +43,9 @@ pub(crate) struct Log<'buffer, F> {
 /// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A copy of another entry, which is about to be erased or is the older version of a damaged one.
+    /// A copy of an entry that is about to be erased, or that is the older version of a damaged one.
     Copy = 0,
-    /// A new content.
+    /// New content.
     Stored = 1,
     /// New content that invalidates all older entries but the setting.
     Beginning = 2,
@@ -55,7 +55,7 @@ enum Kind {
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Found {
     at: usize,
-    /// 0 for an item of the previous layout: older than every entry.
+    /// The sequence number; 0 for an item of the previous layout, which is older than every entry.
     sequence: u32,
     key: u8,
     length: u8,
@@ -65,7 +65,7 @@ struct Found {
 /// The newest entry of each key.
 type Newest = [Option<Found>; KEYS];
 
-/// The result of walking through a sector.
+/// The result of scanning a sector.
 #[derive(Clone, Copy)]
 struct Walk {
     /// The sequence number of the last entry; 0 if there is none.
@@ -82,7 +82,7 @@ struct Survey {
     /// The newest valid entry of each key.
     newest: Newest,
     walks: [Walk; SECTORS],
-    /// The sector in use.
+    /// The index of the sector in use.
     home: usize,
     /// Whether the sector in use must not be appended to: a move from it was interrupted, or it has the previous
     /// layout.
@@ -133,7 +133,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Appends an entry; the previous one of its key counts until the new one is complete.
+    /// Appends an entry. The previous entry of its key remains valid until the new one is complete.
     pub(crate) fn append(&mut self, key: u8, bytes: &[u8]) -> Result<(), StoreError> {
         let source = Source::New(Kind::Stored, key, bytes);
         let survey = self.gather()?;
@@ -171,8 +171,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
         self.erase(1 - home)?;
         let survey = self.survey().map_err(|_| StoreError)?;
-        // Includes space after a word that does not read as erased: an entry that hits such a word is written again
-        // after it.
+        // Includes the space after a word that does not read as erased: an entry that hits such a word is written again
+        // after the word.
         let mut spot = Spot { end: (2 - home) * F::ERASE_SIZE, ..survey.spot_in(1 - home) };
         let kept = survey.newest.iter().flatten().filter(|found| is_kept(found));
         for source in kept.copied().map(Source::Copy).chain([last]) {
@@ -183,13 +183,14 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Returns whether there is more than the entries of one sector: remains in the other sector, or only damage.
+    /// Returns whether the flash holds more than the entries of one sector: remains in the other sector, or damage
+    /// without any entry.
     pub(crate) fn has_leftovers(&mut self) -> Result<bool, F::Error> {
         let Survey { newest, walks, home, .. } = self.survey()?;
         Ok(!walks[1 - home].is_blank || (newest.iter().all(Option::is_none) && !walks[home].is_blank))
     }
 
-    /// Returns the number of bytes in written words, without the remains of an interrupted erase.
+    /// Returns the number of bytes in written words, excluding the remains of an interrupted erase.
     pub(crate) fn in_use(&mut self) -> Result<usize, F::Error> {
         let mut words = 0;
         for sector in 0..SECTORS {
@@ -368,7 +369,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Walk { last, last_new, room: gap.unwrap_or((free, end)), is_blank })
     }
 
-    /// Returns the entry at a word, and leaves it in the buffer; `None` if there is none.
+    /// Reads the entry at a word into the buffer and returns its description; `None` if there is no intact entry.
     fn entry_at(&mut self, at: usize, end: usize) -> Result<Option<Found>, F::Error> {
         let head = HEADER.next_multiple_of(F::WRITE_SIZE);
         if at + head > end {
@@ -391,7 +392,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
 
-    /// Returns the checksum of the entry in the buffer, whose content has this length.
+    /// Returns the checksum of the entry in the buffer, given the length of its content.
     fn checksum(&self, length: usize) -> [u8; 4] {
         let mut digest = CRC.digest();
         digest.update(&self.buffer[..CHECKSUM.start]);
@@ -416,7 +417,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(None)
     }
 
-    /// Reads into the buffer. Unreadable words are zero there.
+    /// Reads into the buffer, with zeros for unreadable words.
     pub(crate) fn read(&mut self, at: usize, len: usize) -> Result<(), F::Error> {
         let Err(error) = self.flash.read(at as u32, &mut self.buffer[..len]) else { return Ok(()) };
         let mut is_alive = false;

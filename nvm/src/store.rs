@@ -3,10 +3,10 @@
 //! The store adds to the log an inventory of the keys ever stored, which distinguishes a lost record from one never
 //! written.
 //!
-//! No state is kept between operations: each one scans the flash like a start, once, from the oldest entry to the
+//! No state is kept between operations: each one scans the flash like a start does, once, from the oldest entry to the
 //! newest.
 //!
-//! Beside the records of the device there is one setting of the platform, such as its kind of device.
+//! Besides the records of the device, the store holds one setting of the platform, such as its kind of device.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -24,7 +24,7 @@ const NOTHING: u8 = 0;
 /// The version of the setting's encoding.
 const SETTING_VERSION: u8 = 1;
 
-/// Returns the maximum number of used bytes that interrupted first stores can leave behind: those of four inventories.
+/// Returns the maximum number of bytes that interrupted first stores can leave behind: the size of four inventories.
 const fn first_stores<F: NorFlash>() -> usize {
     4 * (HEADER + 1).next_multiple_of(F::WRITE_SIZE)
 }
@@ -37,7 +37,7 @@ pub type Setting = Vec<u8, SETTING_MAX>;
 pub struct Contents {
     /// The records of the device.
     pub image: Image,
-    /// The setting of the platform, if there is an intact one.
+    /// The setting of the platform; `None` if it is missing or damaged.
     pub setting: Option<Setting>,
 }
 
@@ -49,23 +49,23 @@ impl Contents {
     }
 }
 
-/// The contents of the flash make no sense.
+/// The flash holds data, but no valid memory.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Unreadable;
 
-/// A summary of what a start would find.
+/// A summary of the contents that a start would find.
 #[derive(Default)]
 struct Survey {
     /// Whether there is any entry.
     any: bool,
-    /// The bits of the records found.
+    /// A bit mask of the records found.
     stored: u8,
-    /// The bits of the records ever stored; `None` without an intact inventory.
+    /// A bit mask of the records ever stored; `None` if the inventory is missing or damaged.
     inventory: Option<u8>,
 }
 
 impl Survey {
-    /// Adds an entry, which replaces earlier ones with its key. A beginning invalidates all earlier records.
+    /// Adds a scanned entry, which replaces earlier ones with its key. A beginning invalidates all earlier records.
     fn note(&mut self, key: u8, bytes: &[u8], is_beginning: bool) {
         self.any = true;
         if is_beginning {
@@ -82,7 +82,7 @@ impl Survey {
         self.inventory.unwrap_or(NOTHING)
     }
 
-    /// Returns whether a record was stored once but is missing.
+    /// Returns whether a record was stored once but is now missing.
     fn misses(&self, key: RecordKey) -> bool {
         self.inventory() & !self.stored & bit(key) != 0
     }
@@ -99,7 +99,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Self { log: Log::new(flash, buffer) }
     }
 
-    /// Writes a record; the previous one stays until the new one is complete.
+    /// Writes a record. The previous one stays valid until the new one is complete.
     ///
     /// # Errors
     /// [`StoreError`] if the flash fails or is full.
@@ -118,7 +118,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// (A). A record that was stored once but cannot be found is marked unreadable in the image.
     ///
     /// # Errors
-    /// [`Unreadable`] if the entire memory makes no sense; the setting is then still valid, if present.
+    /// [`Unreadable`] if the flash holds data but no valid memory; the setting is then still valid, if present.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         let Contents { image, setting } = contents;
         image.clear();
@@ -137,13 +137,13 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         });
         let lost = |key: &RecordKey| scanned.is_err() || found.misses(*key);
         RecordKey::ALL.into_iter().filter(lost).for_each(|key| image.put_unreadable(key));
-        // There is more data than first stores can leave behind, but no entry: these are not our data.
+        // More data than first stores can leave behind, but no entry: the data are not from this store.
         let is_noise =
             scanned.is_ok() && !found.any && self.log.in_use().is_ok_and(|bytes| bytes > first_stores::<F>());
         if is_noise { Err(Unreadable) } else { Ok(()) }
     }
 
-    /// Writes the setting of the platform; the previous one stays until the new one is complete.
+    /// Writes the setting of the platform. The previous one stays valid until the new one is complete.
     ///
     /// # Errors
     /// [`StoreError`] if the setting is longer than [`SETTING_MAX`], or the flash fails.
@@ -162,8 +162,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         self.write(key, bytes, before.1)
     }
 
-    /// Writes an entry; `held_before` states whether its content was already stored. Returns what a start would then
-    /// find.
+    /// Writes an entry; `held_before` states whether its content was already stored. Returns a summary of the contents
+    /// that a start would then find.
     fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         let stored = self.log.append(key, bytes);
         // The write may have failed after completing the entry, so the result of a scan decides.
@@ -174,7 +174,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         }
     }
 
-    /// Returns what a start would find, and whether the key holds these bytes.
+    /// Returns a summary of the contents that a start would find, and whether the key holds these bytes.
     fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), StoreError> {
         let mut survey = Survey::default();
         let mut holds = false;
@@ -206,7 +206,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         })
     }
 
-    /// Returns whether there are neither records nor remains of them.
+    /// Returns whether the flash holds neither records nor remains of records.
     fn is_clear(&mut self) -> Result<bool, StoreError> {
         let (found, _) = self.survey(INVENTORY, &[])?;
         let has_leftovers = self.log.has_leftovers().map_err(|_| StoreError)?;

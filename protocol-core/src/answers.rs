@@ -1,4 +1,4 @@
-//! The pending answers of a node, CANopen or ISOBUS. Answers do not become outdated, so all are kept in order.
+//! The pending answers of a CANopen or ISOBUS node. Answers do not become outdated, so all are kept in order.
 
 use heapless::Vec;
 
@@ -28,7 +28,7 @@ impl Answers {
         self.waiting.push(frame).is_ok()
     }
 
-    /// Takes back the answer popped last. Returns `false` if this dropped the newest answer.
+    /// Requeues the answer popped last. Returns `false` if this dropped the newest answer.
     #[must_use]
     pub(crate) fn take_back(&mut self, frame: Frame) -> bool {
         self.taken = self.taken.saturating_sub(1);
@@ -55,7 +55,7 @@ impl Answers {
         Some(first)
     }
 
-    // With `pop`: −15 instructions on an SDO answer.
+    // Separate from `pop`: −15 instructions on an SDO answer.
     #[inline(never)]
     fn pop_first(&mut self) -> Option<Frame> {
         let waiting = self.waiting.iter().enumerate();
@@ -68,13 +68,13 @@ impl Answers {
         self.waiting.is_empty()
     }
 
-    /// Records that the controller's answers are on the bus.
+    /// Records that the controller has sent all answers handed to it.
     pub(crate) const fn sent(&mut self) {
         self.taken = 0;
     }
 
-    /// Drops all answers, including those in the controller, and returns their number. This is an upper bound, because
-    /// the mailboxes may hold other frames.
+    /// Drops all answers, including those in the controller. Returns their maximum number: some mailboxes may hold
+    /// other frames.
     pub(crate) fn clear(&mut self) -> u32 {
         let in_controller = core::mem::take(&mut self.taken).min(MAILBOXES);
         let all = self.waiting.len().saturating_add(in_controller);

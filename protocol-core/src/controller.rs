@@ -1,6 +1,6 @@
 //! The CAN controller of a device: its trait, its filters and its error mode.
 //!
-//! The simulated controller and the board's share these types, so that host tests run the flashed code.
+//! The simulated controller and that of the board share these types, so that host tests run the flashed code.
 
 use heapless::Vec;
 
@@ -8,19 +8,19 @@ use crate::frame::Frame;
 
 /// A CAN controller, for use with [`pump`](crate::pump::pump).
 pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
-    /// Returns whether no mailbox is pending: all frames taken are on the bus.
+    /// Returns whether no mailbox is pending: the controller has sent all frames handed to it.
     fn is_idle(&self) -> bool;
 
-    /// Drops the pending transmit frames that match `which`. A frame already on the wire continues, but is not repeated
-    /// if that attempt fails.
+    /// Drops the pending transmit frames that match `which`. A frame already on the wire continues, but is not
+    /// retransmitted if the present attempt fails.
     fn abort(&mut self, which: Filter);
 
-    /// Receives from now on the data frames that pass one of these filters, and may reject others. Frames already
-    /// received stay.
+    /// Sets the receive filters. From now on the controller accepts data frames that pass at least one of them, and may
+    /// reject others. Frames already received stay.
     fn set_filters(&mut self, filters: &Filters);
 }
 
-/// The maximum number of frames in a controller: older frames that it took are on the bus.
+/// The maximum number of transmit frames that a controller holds. All earlier frames have been sent.
 pub const MAILBOXES: usize = 3;
 
 /// An identifier filter: passes frames whose key equals `key` in the bits of `mask`.
@@ -59,12 +59,12 @@ pub type Filters = Vec<Filter, FILTERS>;
 /// The error mode of a controller, by its error counters (ISO 11898-1, fault confinement).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusErrorMode {
-    /// Full participation.
+    /// Normal operation, with active error flags.
     #[default]
     ErrorActive,
-    /// An error counter is above 127: participates, but sends passive error flags.
+    /// An error counter is above 127: normal operation, but with passive error flags.
     ErrorPassive,
-    /// The transmit error counter is above 255: no participation until recovery. The platform must drop the
+    /// The transmit error counter is above 255: no communication until recovery. The platform must drop the
     /// controller's pending frames before it reports bus-off to the device, because they would be outdated after
     /// recovery.
     BusOff,
@@ -132,7 +132,7 @@ impl BitRate {
         Self::ALL.into_iter().find(|rate| rate.table_index() == index)
     }
 
-    /// Returns the bit rate of this many bits per second.
+    /// Returns the bit rate with this number of bits per second; `None` if there is none in CiA 301.
     #[must_use]
     pub fn from_bits_per_second(bits: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.bits_per_second() == bits)

@@ -25,7 +25,7 @@ pub struct Shaft {
 /// Microseconds per minute: at one turn per minute the shaft covers 1/60 000 000 turn, a *part*, in each microsecond.
 const MINUTE_US: u64 = 60_000_000;
 
-/// The number of whole turns per microsecond that makes the highest reverse speed positive when added to it.
+/// The whole turns per microsecond whose addition makes even the highest reverse speed positive.
 const TURNS_FORWARDS: u64 = 36;
 const _: () = assert!(TURNS_FORWARDS * MINUTE_US > i32::MIN.unsigned_abs() as u64);
 
@@ -77,7 +77,7 @@ impl Ratio {
         Self { twos, scaled: scaled as u64, shift }
     }
 
-    /// Multiplies, rounding down.
+    /// Multiplies a number by the ratio, rounding down.
     #[inline]
     const fn of(&self, number: u64) -> u64 {
         let product = ((number >> self.twos) as u128).wrapping_mul(self.scaled as u128);
@@ -200,7 +200,7 @@ mod tests {
         assert_eq!(Shaft::at(TURN_CDEG).position_at(Instant::MIN), 0, "a whole turn is none");
     }
 
-    /// Position and angle by the direct formula.
+    /// Returns position and angle according to the direct formula.
     fn formula(shaft: &Shaft, elapsed: u64) -> (i128, i128) {
         let turn = 36_000 * 60_000_000;
         let angle = i128::from(shaft.angle_cdeg) * 60_000_000;

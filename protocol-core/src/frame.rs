@@ -10,7 +10,7 @@ pub const MAX_LEN: usize = 8;
 /// The bit that marks an extended identifier in a key, as in a COB-ID object.
 const EXTENDED: u32 = 1 << 29;
 
-/// The masks of the first n bytes; a 64-bit shift would be a function call on the board.
+/// The masks of the first n bytes, tabulated because a 64-bit shift is a function call on the board.
 const KEPT: [u64; MAX_LEN] =
     [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
 
@@ -80,7 +80,7 @@ impl Frame {
         Some(Self { key: key(id), remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
     }
 
-    /// Returns a data frame of the same identifier and length with other data; bytes beyond the length are dropped.
+    /// Returns a data frame with the same identifier and length but other data; bytes beyond the length are dropped.
     #[inline(always)]
     #[must_use]
     pub fn refilled(&self, data: [u8; MAX_LEN]) -> Self {

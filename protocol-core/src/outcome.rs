@@ -1,12 +1,12 @@
-//! The outcome of a request: the result of a service, or an action that the device must take first.
+//! The outcome of a request: the result of a service, or a demand on the device.
 
 /// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome<R, D> {
-    /// Nothing: the request has no effect, or none in this state or on this device.
+    /// No effect, at least in this state or on this device.
     Nothing,
-    /// The service has acted, with this result.
+    /// The service has executed the request, with this result.
     Done(R),
-    /// The device must act first; the result follows.
+    /// The device must act first, and then report the result.
     Demand(D),
 }

@@ -4,8 +4,8 @@ use crate::controller::Controller;
 use crate::device::{Device, Effect};
 use crate::time::Instant;
 
-/// Passes the received frames to the device. Returns whether any belongs to the device; if not, [pump] need not be
-/// called.
+/// Passes the received frames to the device. Returns whether any of them belongs to the device; otherwise [pump] need
+/// not be called.
 pub fn receive<D, C>(device: &mut D, can: &mut C, now: Instant) -> bool
 where
     D: Device + ?Sized,
@@ -21,8 +21,8 @@ where
 
 /// Passes the received frames and the time to the device, and the frames of the device to the controller.
 ///
-/// Returns an effect that the platform must carry out. To be called when a frame was received or sent, at
-/// [`Device::deadline`], and again after every effect until none is returned.
+/// Returns an effect that the platform must carry out. Must be called when a frame was received or sent, at
+/// [`Device::deadline`], and again after every effect until it returns `None`.
 ///
 /// A frame that the controller cannot take returns to the device and is offered again, after any more urgent frame.
 pub fn pump<D, C>(device: &mut D, can: &mut C, now: Instant) -> Option<Effect>
@@ -32,7 +32,7 @@ where
 {
     receive(device, can, now);
     device.poll(now);
-    // Before the answer to the request that changed the filters, so that the client can rely on them.
+    // Before the client receives the answer to its change of the filters, so that it can rely on them.
     if let Some(filters) = device.take_filters() {
         can.set_filters(&filters);
     }

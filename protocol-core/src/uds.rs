@@ -1,5 +1,5 @@
-//! UDS lite: the identifier server of the CANopen and ISOBUS valves (SPEC 7). The only identifier known here is the
-//! node ID.
+//! UDS lite: the identifier server of the CANopen and ISOBUS valves (SPEC 7). The product defines all identifiers
+//! except the node ID.
 
 use heapless::Vec;
 
@@ -21,7 +21,7 @@ pub trait Identifiers {
     /// Returns the data of an identifier; `None` if the identifier does not exist.
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;
 
-    /// Returns whether the product permits this node ID or address.
+    /// Returns whether the product permits a node ID or address.
     fn accepts_node_id(&self, node_id: u8) -> bool;
 
     /// Returns whether a client's write of the node ID is in progress.

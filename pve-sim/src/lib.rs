@@ -22,7 +22,7 @@
 //! output     stdout of the commands
 //! ```
 //!
-//! This library exists for its tests; a Rust program wants [`hal_sim`].
+//! This library exists for the tests of the program; other Rust programs should use [`hal_sim`].
 //!
 //! ```
 //! use pve_sim::cli::{self, Request};

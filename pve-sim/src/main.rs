@@ -1,4 +1,4 @@
-//! `pve-sim`: executes the commands and maps results to exit codes; all else is in the library.
+//! `pve-sim`: executes the commands and maps their results to exit codes. The library contains everything else.
 
 use std::fmt::{Arguments, Display};
 use std::io::{BufWriter, StdoutLock, Write};
@@ -131,7 +131,7 @@ fn fail(code: u8, error: &dyn Display) -> ExitCode {
     match writer {
         // The channel carries no message: it closes with the end of the thread.
         Ok(_) => drop(ended.recv_timeout(PATIENCE)),
-        // The reported error may itself be that no thread can be started.
+        // The error to report may itself be that no thread can be started.
         Err(_) => drop(tell(line)),
     }
     ExitCode::from(code)

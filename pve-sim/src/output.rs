@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-/// The output of a command: after an error, further writes are dropped, and [`finish`](Self::finish) reports the error.
+/// The output of a command. After an error, further writes are dropped, and [`finish`](Self::finish) reports the error.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     out: W,

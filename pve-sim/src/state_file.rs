@@ -6,9 +6,10 @@
 //! could leave a partial store that the *simulated* flash never saw; at 32 KiB and a few stores a second, the whole
 //! file costs nothing.
 //!
-//! Only one simulator may use the file: a second one would overwrite the changes of the first. A separate lock file is
-//! locked, because each write replaces the state file, which does not exist before the first. The lock ends with the
-//! process; the lock file stays, because removing it would let two other processes lock two different files.
+//! Only one simulator may use the file: a second one would overwrite the changes of the first. The lock is on a
+//! separate file, because each write replaces the state file, which does not exist before the first write. The lock
+//! ends with the process; the lock file stays, because removing it would let two other processes lock two different
+//! files.
 
 use std::ffi::OsString;
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
@@ -100,7 +101,7 @@ impl Opened {
 pub struct StateFile {
     path: PathBuf,
     kind: u32,
-    /// `None` on a file system without locks.
+    /// The lock; `None` on a file system without locks.
     _lock: Option<File>,
 }
 
@@ -147,7 +148,7 @@ impl StateFile {
         Ok(bytes)
     }
 
-    /// Returns the name of the file with a further extension.
+    /// Returns the path of the file with a further extension.
     fn beside(&self, ending: &str) -> PathBuf {
         let mut name = OsString::from(&self.path);
         name.push(".");
@@ -172,7 +173,7 @@ impl StateFile {
         Ok(Flash::from_image(image.to_vec()).map_or(Content::Damaged, Content::Image))
     }
 
-    /// Returns the beginning of unfinished files' names; [`UNFINISHED_SUFFIX`] letters and digits follow.
+    /// Returns the prefix of the names of unfinished files; [`UNFINISHED_SUFFIX`] letters and digits follow it.
     fn unfinished_prefix(&self) -> OsString {
         let mut prefix = OsString::from(".");
         prefix.push(self.path.file_name().unwrap_or_default());
@@ -268,7 +269,7 @@ impl MemoryFile for StateFile {
     }
 }
 
-/// Renames a finished file over the one at the path; removes it if that fails.
+/// Renames a finished file over the one at the path; removes the finished file if that fails.
 fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     for pause in RENAME_PAUSES {
         match file.persist(path) {
@@ -281,7 +282,7 @@ fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Gives a file to the owner of another one, if permitted: root may run a simulator on a user's files.
+/// Gives a file to the owner of the present one, if permitted: root may run a simulator on a user's files.
 #[cfg(unix)]
 fn give_to_owner_of(present: &fs::Metadata, file: &File) {
     use std::os::unix::fs::{MetadataExt as _, fchown};

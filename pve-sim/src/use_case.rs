@@ -1,6 +1,6 @@
 //! The use cases of the manuals, as built-in strict scenarios.
 
-/// A use case.
+/// A use case of a manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UseCase {
     /// The name on the command line.

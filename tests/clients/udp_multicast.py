@@ -87,7 +87,7 @@ def group():
             while (frame := bus.recv(0.5)) is not None:
                 seen.append(frame)
             equal("frames", [hex(frame.arbitration_id) for frame in seen], ["0x7f0"])
-            take(said, lambda line: line == f"pve-sim: {url}: a datagram that is not a python-can message was ignored; further ones are ignored without a warning")
+            take(said, lambda line: line == f"pve-sim: {url}: ignored a datagram that is not a python-can message. Further datagrams are ignored without a warning")
     told = []
     with contextlib.suppress(Exception):
         while True:

@@ -13,7 +13,7 @@ pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
 
 /// The polling period of the button.
 const LOOK: Duration = Duration::from_millis(10);
-/// The number of consecutive polls with a new level after which the button counts as pressed or released.
+/// The number of consecutive polls with a new level after which a press or release takes effect.
 const STEADY: u8 = 3;
 
 #[embassy_executor::task]

@@ -8,7 +8,7 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 
-/// 2.93 V falling, 3.03 V rising (DS9405 table 22; DS10693 has the same).
+/// The threshold of the supply detector: 2.93 V falling, 3.03 V rising (DS9405 table 22; DS10693 has the same).
 const SUPPLY_LIMIT: u8 = 6;
 
 /// Returns the clock configuration.

@@ -21,8 +21,8 @@ const STATUS: usize = 352;
 /// The lines of `status`, or one line of `help`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A received line, with room for the lines of `status`. There is one exchange: the console's task hands it to the
-/// device's task, and gets it back with the answer.
+/// A received line, with a buffer for the lines of `status`. There is only one exchange: the console's task hands it to
+/// the device's task, and gets it back with the answer.
 pub(super) struct Exchange {
     /// The received line.
     pub(super) line: Line,
@@ -30,9 +30,9 @@ pub(super) struct Exchange {
     pub(super) status: Text,
 }
 
-/// The signal with a line for the device's task.
+/// The signal that passes a line to the device's task.
 pub(super) type Lines = Signal<CriticalSectionRawMutex, &'static mut Exchange>;
-/// The signal with an answer of the device's task.
+/// The signal that returns an answer from the device's task.
 pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange, Answer)>;
 
 /// The answer of the device's task to a line.
@@ -49,7 +49,7 @@ pub(super) enum Answer {
     Usage,
     /// Characters of the line were lost or altered.
     Damaged,
-    /// The command is refused for this reason.
+    /// The command is refused for the given reason.
     Refused(&'static str),
 }
 

@@ -22,8 +22,8 @@ use super::storage::{Client, Done, Request};
 use super::wake_up::{Event, Events, WakeUp, notify};
 use super::watchdog::{FEED, Watchdog};
 
-/// The polling period of the controller while it is not error-active or a frame is blocked: no interrupt signals the
-/// recovery.
+/// The polling period of the controller while it is not error-active or a frame is blocked, because no interrupt
+/// signals the recovery.
 const LOOK: Duration = Duration::from_millis(1);
 
 #[embassy_executor::task]
@@ -55,7 +55,7 @@ pub(super) async fn run(
         .await
 }
 
-/// The device's trait object, which another executor may run.
+/// A device as a trait object that can move to another executor.
 type SendDevice = dyn Device + Send;
 
 /// Creates and starts the device.
@@ -98,14 +98,14 @@ impl Board {
             let events = self.wake_up.wait(due, now).await;
             now = Instant::now();
             self.watchdog.feed(&self.memory, now);
-            // Most frames that pass the filters are not for the device, which then needs no pumping.
+            // Most frames that pass the filters are not for the device and need no pumping.
             let only_received = events.are_only(Event::Received) && self.restarting.is_none() && now < due;
             if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
             let answer = self.look(events, device);
             if self.link.settle(&mut self.wake_up).await {
-                // Received frames take effect now, because waiting took time.
+                // Received frames take effect at the present time, because waiting took time.
                 now = Instant::now();
             }
             if let Some(answer) = answer {
@@ -190,8 +190,8 @@ impl Board {
         }
     }
 
-    /// Makes the board a new device at the next start; `None` is an impossible device. Returns an answer only on
-    /// refusal; otherwise the result of the memory is the answer.
+    /// Requests that the board become a new device at the next start; `None` stands for an impossible device. Returns
+    /// an answer only for a refusal; otherwise the result of the memory is the answer.
     fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
         let Some(settings) = settings else {
             return Some(Answer::Refused("on ISOBUS a valve always has an address"));
@@ -231,7 +231,7 @@ impl Board {
             }
             Effect::SetBitRate(bit_rate) => self.link.set_bit_rate(bit_rate),
             Effect::Restart(scope) => {
-                // There is room: a restarting device makes no other request.
+                // There is room, because a restarting device makes no other request.
                 if let Some(contents) = self.contents.take() {
                     let _ = self.memory.ask(Request::Read(contents));
                 }

@@ -73,7 +73,7 @@ fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
         if let Poll::Ready(result) = operation.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
             return result;
         }
-        // An interrupt since the poll has set the event, so that this returns at once.
+        // An interrupt since the poll has set the event, so `wfe` then returns immediately.
         cortex_m::asm::wfe();
     }
 }
@@ -87,7 +87,7 @@ fn erase_by_words() {
     FLASH.cr().modify(|control| control.set_psize(Psize::PSIZE32));
 }
 
-/// Disables the data cache until dropped, and then leaves it empty.
+/// Disables the data cache until dropped, and leaves it empty.
 ///
 /// Data cached before an erase or a write are outdated (RM0090 3.6.4, RM0390 3.5.4). With two banks, reading one while
 /// the other is written can also corrupt the cache (ES0206). The driver has a workaround, but treats the STM32F429 as a

@@ -35,7 +35,7 @@ pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     }
 }
 
-/// The state shown by the LEDs; initially none, with the LEDs off.
+/// The state shown by the LEDs; initially `None`, with the LEDs off.
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {
@@ -63,7 +63,7 @@ pub(super) const fn is_on(led: Led, step: u8) -> bool {
 pub(super) async fn run(mut leds: Leds, lights: &'static Lights) -> ! {
     let mut step = 0;
     loop {
-        // The device's task has a higher priority and has updated the lights when this returns.
+        // The device's task has a higher priority and has already updated the lights when this returns.
         notify(Event::Leds);
         if let Some(led) = lights.shown() {
             leds.show(led, step);

@@ -9,7 +9,7 @@ use super::wake_up::WakeUp;
 /// The polling period while the controller leaves the bus at the end of a frame.
 const LEAVING: Duration = Duration::from_micros(50);
 
-/// The duration of the longest frame: 160 bits at 10 kbit/s, and a following error frame.
+/// The maximum duration of a frame: 160 bits at 10 kbit/s, and a following error frame.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
 /// The number of polls in [`LONGEST_FRAME`].
@@ -62,7 +62,7 @@ impl Link {
     }
 
     /// Updates the link from the plant, which may cut it, and from the controller's error mode. Returns the resulting
-    /// error mode; on entering bus-off the pending frames are dropped.
+    /// error mode. On entering bus-off the pending frames are dropped.
     pub(super) fn follow(&mut self, is_cut: bool) -> BusErrorMode {
         match self.state {
             State::Up if is_cut => {
@@ -97,11 +97,11 @@ impl Link {
         self.leaving = Some(0);
     }
 
-    /// Waits until a leaving controller has left the bus, then lets it join again, unless the plant cuts the link. To
+    /// Waits until a leaving controller has left the bus, then lets it join again, unless the plant cuts the link. Must
     /// be called before the controller is used again. Returns whether the controller was leaving, so that time has
     /// passed.
     ///
-    /// While a bus is held dominant the controller cannot leave; each further call then polls it once.
+    /// While the bus is held dominant the controller cannot leave; each further call then polls the controller once.
     pub(super) async fn settle(&mut self, wake_up: &mut WakeUp) -> bool {
         let Some(polls) = &mut self.leaving else { return false };
         while !self.can.has_left() {

@@ -20,7 +20,7 @@ pub(super) struct LocalControls {
     lines: &'static Lines,
     answers: &'static Answers,
     presses: &'static Presses,
-    /// The line that is not answered yet.
+    /// The exchange of a line that is not answered yet.
     exchange: Option<&'static mut Exchange>,
     /// The fault injected by the last press.
     injection: Injection,
@@ -32,14 +32,14 @@ impl LocalControls {
         Self { lines, answers, presses, exchange: None, injection: Injection::None }
     }
 
-    /// Returns the plant after the last press of the button, if there was one.
+    /// Returns the plant after a press of the button; `None` without a press.
     pub(super) fn pressed(&mut self, plant: &Plant) -> Option<Plant> {
         self.presses.try_take()?;
         self.injection = self.injection.next(&plant.inputs.product);
         Some(self.injection.applied_to(*plant))
     }
 
-    /// Returns the command of a typed line; answers a line that cannot be parsed.
+    /// Returns the command of a console line; answers a line that cannot be parsed.
     pub(super) fn command(&mut self) -> Option<Command> {
         let exchange = self.exchange.insert(self.lines.try_take()?);
         let command = Command::parse(exchange.line.text());

@@ -54,7 +54,8 @@ fn UART5() {
     unsafe { DEVICE.on_interrupt() }
 }
 
-/// Runs console, LEDs and button likewise, above the memory's task, which blocks while the flash is busy.
+/// Runs the tasks of console, LEDs and button in the interrupt of an unused peripheral, above the memory's task, which
+/// blocks while the flash is busy.
 static SERVICES: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
@@ -74,7 +75,7 @@ struct Nucleo {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    // The channels and signals of the device with the memory, the console, the button and the LEDs.
+    // The channels and signals between the device's task and the memory, the console, the button and the LEDs.
     static REQUESTS: storage::Requests = Channel::new();
     static RESULTS: storage::Results = Channel::new();
     static LINES: console::Lines = Signal::new();

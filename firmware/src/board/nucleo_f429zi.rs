@@ -15,7 +15,7 @@ use super::led::is_on;
 use super::serial::{self, Port};
 use super::{CAN_PRIORITY, Nucleo};
 
-/// The UART of the console, its interrupt, and those of its DMA streams.
+/// The UART of the console, with its interrupt and the interrupts of its DMA streams.
 pub(super) const UART: pac::usart::Usart = pac::USART3;
 pub(super) const SERIAL: Interrupt = Interrupt::USART3;
 pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM1;
@@ -69,7 +69,7 @@ pub(super) struct Leds {
 }
 
 impl Leds {
-    /// Shows a step of the valve's LED.
+    /// Shows the valve's LED in a step of its pattern.
     pub(super) fn show(&mut self, led: Led, step: u8) {
         let on = is_on(led, step);
         self.red.set_level(Level::from(on && led.color != Color::Green));

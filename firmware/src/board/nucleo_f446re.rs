@@ -17,7 +17,7 @@ use super::led::{STEPS, is_on};
 use super::serial::{self, Port};
 use super::{CAN_PRIORITY, Nucleo};
 
-/// The UART of the console, its interrupt, and those of its DMA streams.
+/// The UART of the console, with its interrupt and the interrupts of its DMA streams.
 pub(super) const UART: pac::usart::Usart = pac::USART2;
 pub(super) const SERIAL: Interrupt = Interrupt::USART2;
 pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM5;
@@ -61,18 +61,18 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     }
 }
 
-/// LD2 is green and indicates the colours by rhythm.
+/// LD2, which is green and indicates the colours by rhythm.
 pub(super) struct Leds(Output<'static>);
 
-/// A pair of short flashes per second.
+/// The rhythm with a pair of short flashes per second.
 const PAIRS: u32 = 0b000000101_000000101;
-/// Alternately dark and lit.
+/// The rhythm that is alternately dark and lit.
 const FLICKER: u32 = 0b010101010_101010101;
 const _: () = assert!(STEPS == 18);
 
 impl Leds {
-    /// Shows a step of the valve's LED: green unchanged, yellow as one short flash every two seconds, flashing red as
-    /// pairs of short flashes, red as a flicker.
+    /// Shows the valve's LED in a step of its pattern: green unchanged, yellow as one short flash every two seconds,
+    /// flashing red as pairs of short flashes, red as a flicker.
     pub(super) fn show(&mut self, led: Led, step: u8) {
         let on = match led.color {
             Color::Green => is_on(led, step),

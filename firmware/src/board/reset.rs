@@ -11,15 +11,15 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_stm32::pac::RCC;
 use protocol_core::device::StartCause;
 
-/// The marker of a panic for the next start. Any other software reset, by the console or a debugger, counts as
+/// The marker that tells the next start of a panic. Any other software reset, by the console or a debugger, counts as
 /// power-up.
 const PANIC: u32 = 0x5041_4E49;
 
-/// Survives a reset; undefined after power-up.
+/// The marker, which survives a reset and is undefined after power-up.
 #[unsafe(link_section = ".uninit.MARKER")]
 static mut MARKER: MaybeUninit<u32> = MaybeUninit::uninit();
 
-/// Returns the cause of the start. To be called once.
+/// Returns the cause of the start. Must be called only once.
 pub(super) fn cause() -> StartCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -49,7 +49,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     fail(|| defmt::error!("hard fault at {:#x}", frame.pc()))
 }
 
-/// Resets the processor. If logging fails it calls this function again, which then does not log.
+/// Resets the processor. If logging fails, the panic handler calls this function again, which then does not log.
 fn fail(log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
     if mark(PANIC) != PANIC {

@@ -23,9 +23,9 @@ use super::nucleo::UART;
 /// The number of bytes per DMA transfer: a line and the beginning of the next one.
 pub(super) const BUFFER: usize = 64;
 
-/// The line became idle after a character, or a character arrived damaged.
+/// Signals that the line is idle after a character, or that a character was damaged.
 static ARRIVED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
-/// Characters were damaged or lost.
+/// Whether characters were damaged or lost.
 static DAMAGED: AtomicBool = AtomicBool::new(false);
 
 /// Handles the UART interrupt. It must preempt the console's task, which checks for damage after taking the characters.
@@ -75,7 +75,7 @@ impl Port {
     }
 }
 
-/// The receiving half.
+/// The receiving half of the serial port.
 pub(super) struct Receiver {
     channel: Channel<'static>,
     request: Request,
@@ -91,8 +91,8 @@ impl Receiver {
     }
 }
 
-/// Waits for characters and stops the transfer. Returns their number, and whether any were damaged or lost. A loss
-/// detected before the next characters is reported with those.
+/// Waits for characters and stops the transfer. Returns the number of characters, and whether any were damaged or lost.
+/// A loss detected before the next characters is reported with those characters.
 pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     select(&mut transfer, ARRIVED.wait()).await;
     transfer.request_pause();
@@ -104,17 +104,17 @@ pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     (count, count > 0 && DAMAGED.swap(false, Ordering::Relaxed))
 }
 
-/// The sending half.
+/// The sending half of the serial port.
 pub(super) struct Transmitter {
     channel: Channel<'static>,
     request: Request,
-    /// A copy of the bytes to send: during an erase the DMA could not read them from the flash, and would not receive
-    /// either.
+    /// A copy of the bytes to send. Without it the DMA would read from the flash, which during an erase would block its
+    /// receiving side as well.
     buffer: &'static mut [u8; BUFFER],
 }
 
 impl Transmitter {
-    /// Sends bytes; returns when the last two are in the transmitter.
+    /// Sends bytes; returns when only the last two are still in the transmitter.
     pub(super) async fn send(&mut self, bytes: &[u8]) {
         let data = UART.dr().as_ptr().cast::<u8>();
         for chunk in bytes.chunks(BUFFER) {

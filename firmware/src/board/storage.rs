@@ -34,7 +34,7 @@ pub(super) enum Done {
     Started(Settings, &'static mut Contents),
     /// The result of writing a record.
     Stored(RecordKey, Result<(), StoreError>),
-    /// All contents.
+    /// The result of reading all contents.
     Read(&'static mut Contents),
     /// The result of making the board a different device.
     Became(Result<(), StoreError>),
@@ -144,7 +144,7 @@ impl Memory {
         contents.setting.as_deref().and_then(Settings::decode)
     }
 
-    /// Erases a memory that makes no sense, except for the settings, and logs this.
+    /// Erases a memory without valid contents, except for the settings, and logs this.
     fn begin_anew(&mut self, contents: &mut Contents) {
         let erased = self.sectors.erase_all().is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);

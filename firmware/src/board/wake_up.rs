@@ -23,7 +23,7 @@ pub(super) enum Event {
     Sent = 1 << 1,
     /// CAN controller: the error mode has changed.
     Errors = 1 << 2,
-    /// The memory has a result.
+    /// The result of a request to the memory is available.
     Memory = 1 << 3,
     /// A line was received, or the button was pressed.
     Controls = 1 << 4,
@@ -32,7 +32,7 @@ pub(super) enum Event {
 }
 
 static PENDING: AtomicU8 = AtomicU8::new(0);
-/// The device's task. Waking by a waker would cost twice as much.
+/// The device's task, woken directly: a waker would cost twice as much.
 static TASK: Mutex<Cell<Option<TaskRef>>> = Mutex::new(Cell::new(None));
 
 /// Wakes the device's task with an event.
@@ -52,7 +52,7 @@ impl Events {
         self.0 & event as u8 != 0
     }
 
-    /// Returns whether this is the only event.
+    /// Returns whether `event` is the only event.
     pub(super) const fn are_only(self, event: Event) -> bool {
         self.0 == event as u8
     }
@@ -65,7 +65,7 @@ pub(super) struct WakeUp {
 }
 
 impl WakeUp {
-    /// Creates the wake-up of the calling task.
+    /// Creates the wake-up of the calling task, the device's task.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
             let task = task_from_waker(context.waker());
@@ -76,7 +76,8 @@ impl WakeUp {
         Self { armed: Instant::MIN }
     }
 
-    /// Waits for an event, at most until `due`; may return earlier without an event. `now` must be recent.
+    /// Waits for an event, at most until `due`; may return earlier without an event. `now` must be close to the present
+    /// time.
     pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Events {
         let mut waited = false;
         poll_fn(|context| {
@@ -91,7 +92,7 @@ impl WakeUp {
         .await
     }
 
-    /// Waits for a time; events are kept for the next [`wait`](Self::wait).
+    /// Waits for a duration; events are kept for the next [`wait`](Self::wait).
     pub(super) async fn pause(&mut self, time: Duration) {
         let end = Instant::now() + time;
         poll_fn(|context| {

@@ -21,11 +21,11 @@ const FASTEST_LSI_KHZ: u64 = 47;
 const SHORTEST: Duration = Duration::from_micros(WATCHDOG_US as u64 * TYPICAL_LSI_KHZ / FASTEST_LSI_KHZ);
 const _: () = assert!(SHORTEST.as_micros() > FEED.as_micros() + LONGEST_SETTLE.as_micros() + STANDSTILL.as_micros());
 
-/// The running watchdog.
+/// The watchdog, already running.
 pub(super) struct Watchdog(IndependentWatchdog<'static, IWDG>);
 
 impl Watchdog {
-    /// Starts the watchdog. To be called once, before anything that can wait indefinitely for the clock or the CAN
+    /// Starts the watchdog. Must be called once, before any code that can wait indefinitely for the clock or the CAN
     /// controller.
     pub(super) fn start() -> Self {
         // Otherwise the watchdog would reset the processor at a breakpoint.

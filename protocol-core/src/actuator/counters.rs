@@ -2,7 +2,7 @@
 
 use super::fault::{Fault, FaultSet};
 
-/// The highest value of a counter.
+/// The maximum value of a counter.
 pub const COUNTER_MAX: u8 = 127;
 
 /// The occurrence counters of all faults, each 0–127.
@@ -25,20 +25,20 @@ impl Counters {
         self.0
     }
 
-    /// Returns the number of occurrences, including a present activation (R: the manual says "previously").
+    /// Returns how often a fault has occurred, including its present activation (R: the manual says "previously").
     #[must_use]
     pub fn get(&self, fault: Fault) -> u8 {
         self.0.get(fault.index()).copied().unwrap_or(0)
     }
 
-    /// Returns the counters with those of `faults` at 0.
+    /// Returns a copy in which the counters of `faults` are 0.
     #[must_use]
     pub fn without(mut self, faults: FaultSet) -> Self {
         self.clear(faults);
         self
     }
 
-    /// Adds other counters.
+    /// Returns the sums of both sets of counters, each at most 127.
     #[must_use]
     pub fn plus(mut self, other: Self) -> Self {
         for (count, more) in self.0.iter_mut().zip(other.0) {
@@ -47,14 +47,14 @@ impl Counters {
         self
     }
 
-    /// Sets the counters of these faults to 0.
+    /// Sets the counters of `faults` to 0.
     pub(super) fn clear(&mut self, faults: FaultSet) {
         for fault in faults {
             self.set(fault, 0);
         }
     }
 
-    /// Increments a counter. Returns whether it changed: counters stop at 127.
+    /// Increments the counter of a fault, up to 127. Returns whether it changed.
     pub(super) fn count(&mut self, fault: Fault) -> bool {
         self.set(fault, self.get(fault).saturating_add(1).min(COUNTER_MAX))
     }

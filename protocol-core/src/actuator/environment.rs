@@ -7,18 +7,18 @@ use super::monitor::{Monitor, Reading};
 use super::register::FaultRegister;
 use crate::time::{Duration, Instant, NEVER};
 
-/// The time for which the temperature may exceed its limits.
+/// The time for which the temperature must be out of range before its fault activates.
 pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
-/// The time for which the supply voltage may exceed its limits.
+/// The time for which the supply voltage must be out of range before its fault activates.
 pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
-/// Highest temperature, °C.
+/// The maximum temperature, °C.
 const TEMPERATURE_MAX: i32 = 120;
-/// Lowest temperature, °C, for the kinds that monitor it.
+/// The minimum temperature, °C, for the kinds that monitor it.
 const TEMPERATURE_MIN: i32 = -40;
-/// The hysteresis of the temperature inside its limits, K (A).
+/// The temperature hysteresis, K: the fault clears only this far inside the limits (A).
 const TEMPERATURE_HYSTERESIS: i32 = 5;
 
-/// The limits of a value: the allowed range, and the range that clears the fault.
+/// The limits of a monitored value: the allowed range, and the range that clears the fault.
 #[derive(Clone, Debug)]
 struct Limits {
     allowed: RangeInclusive<i32>,
@@ -30,10 +30,10 @@ impl Limits {
     const SUPPLY_HIGH: Self = Self { allowed: i32::MIN..=36_000, safe: i32::MIN..=31_999 };
     /// Supply, mV: trips below 9 V, clears above 11 V (R), not at exactly 11 V (A).
     const SUPPLY_LOW: Self = Self { allowed: 9_000..=i32::MAX, safe: 11_001..=i32::MAX };
-    /// °C, upper limit only.
+    /// Temperature, °C: upper limit only.
     const TEMPERATURE_HIGH: Self =
         Self { allowed: i32::MIN..=TEMPERATURE_MAX, safe: i32::MIN..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS };
-    /// °C, both limits, for the CANopen kinds (R).
+    /// Temperature, °C: both limits, for the CANopen kinds (R).
     const TEMPERATURE_BOTH: Self = Self {
         allowed: TEMPERATURE_MIN..=TEMPERATURE_MAX,
         safe: TEMPERATURE_MIN + TEMPERATURE_HYSTERESIS..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS,
@@ -74,7 +74,7 @@ impl Environment {
         self.due = self.temperature.due().min(self.supply_high.due()).min(self.supply_low.due());
     }
 
-    /// Returns the time at which a fault activates if the inputs do not change.
+    /// Returns the next time at which a fault activates if the inputs do not change.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }

@@ -42,7 +42,7 @@ impl Fault {
         self as u8
     }
 
-    /// Returns the name of the fault in every interface.
+    /// Returns the fault's name, the same in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -63,7 +63,7 @@ impl Fault {
         matches!(self, Self::SpoolNotAtSetPoint | Self::FloatNotReached)
     }
 
-    /// Returns the index in [`ALL`](Self::ALL).
+    /// Returns the position of the fault in [`ALL`](Self::ALL).
     pub(crate) const fn index(self) -> usize {
         (self as usize).wrapping_sub(1)
     }
@@ -145,7 +145,7 @@ impl FaultSet {
         *self = self.difference(Self::of(fault));
     }
 
-    /// Returns the fault of highest priority.
+    /// Returns the fault of highest priority; `None` if the set is empty.
     #[must_use]
     pub fn highest(self) -> Option<Fault> {
         self.into_iter().next()
@@ -189,10 +189,10 @@ pub enum InternalCause {
     Injected,
     /// The watchdog reset the processor. The caller clears the cause once it has been reported.
     Watchdog,
-    /// The entire memory was found damaged. Lasts until the next start.
+    /// The entire memory is damaged. The cause lasts until the next start.
     Memory,
-    /// The record with this number, 0–7, is corrupt or could not be written; higher numbers count as 7. Lasts until the
-    /// record is written.
+    /// The record with this number, 0–7, is corrupt or could not be written; higher numbers count as 7. The cause lasts
+    /// until the record is written.
     Record(u8),
 }
 

@@ -27,29 +27,29 @@ pub struct Led {
 pub struct Condition {
     /// The active faults.
     pub faults: FaultSet,
-    /// Whether the device waits to be released from a shutdown.
+    /// Whether the device stays shut down until it is released.
     pub fault_hold: bool,
-    /// Whether the device does not regulate: no node ID, not enabled, hand operation, emergency stop, no address.
+    /// Whether regulation is disabled: no node ID, not enabled, hand operation, emergency stop, no address.
     pub disabled: bool,
     /// Whether the solenoids are off to save power.
     pub power_save: bool,
 }
 
 impl Led {
-    /// Healthy and active.
+    /// The valve is healthy and active.
     pub const GREEN: Self = Self { color: Color::Green, flashing: false };
     /// Power save.
     pub const GREEN_FLASHING: Self = Self { color: Color::Green, flashing: true };
     /// Disabled; hold, hand operation and emergency stop count as disabled (A).
     pub const YELLOW: Self = Self { color: Color::Yellow, flashing: false };
-    /// Bus-off (R), or an internal error.
+    /// Bus-off (R), or an internal error is active.
     pub const RED: Self = Self { color: Color::Red, flashing: false };
-    /// Any other fault.
+    /// Any fault other than bus-off and the internal error is active.
     pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };
-    /// A shutdown whose cause has cleared (A).
+    /// A shutdown persists although its cause has cleared (A).
     pub const FAULT_HOLD: Self = Self::RED_FLASHING;
 
-    /// Returns the indication of a condition: the first that applies.
+    /// Returns the indication of a condition. If several apply, the one of highest precedence is shown.
     #[must_use]
     pub fn of(condition: Condition) -> Self {
         let Condition { faults, fault_hold, disabled, power_save } = condition;
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     fn with(faults: &[Fault]) -> Condition {
-        // Also sets every condition of lower precedence: none may show.
+        // Also sets every condition of lower precedence; none of them may show.
         Condition { faults: faults.iter().copied().collect(), fault_hold: true, disabled: true, power_save: true }
     }
 

@@ -1,4 +1,5 @@
-//! Monitors, which delay a fault, and the time guard of the set-points (SPEC 2, table of the monitors).
+//! Monitors, which activate a fault after a delay, and the time guard of the set-points (SPEC 2, table of the
+//! monitors).
 
 use super::fault::{Fault, FaultSet};
 use super::register::FaultRegister;
@@ -7,11 +8,11 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 
 /// The tolerance of the spool position around its set-point, in percent of the full stroke (A).
 pub const SET_POINT_PERCENT: i32 = 15;
-/// The time for which the spool may be outside that tolerance (A).
+/// The time for which the spool may be outside the tolerance around its set-point (A).
 pub const SET_POINT_DELAY: Duration = Duration::from_millis(500);
-/// The time within which the spool must reach float (A).
+/// The time within which the spool must reach the float position (A).
 pub const FLOAT_DELAY: Duration = Duration::from_millis(1000);
-/// The time for which valid set-points may be absent.
+/// The maximum time between two valid set-points.
 pub const GUARD_TIME: Duration = Duration::from_millis(250);
 
 /// Returns the band that monitor 1 allows: within [`SET_POINT_PERCENT`] of the target.
@@ -29,7 +30,7 @@ pub(super) struct Reading {
     pub(super) clears: bool,
 }
 
-/// The monitor of one fault: activates it after the cause has lasted for the delay, clears it without delay.
+/// The monitor of one fault. The fault activates after its cause has lasted for the delay, and clears immediately.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Monitor {
     due: Instant,
@@ -46,7 +47,7 @@ impl Monitor {
 
     /// Evaluates the monitored value.
     ///
-    /// A fault that clears as soon as it activates, while its cause lasts, activates again after another delay.
+    /// A fault that activates and clears at once, while its cause lasts, activates again after another delay.
     pub(super) fn observe(&mut self, reading: Reading, faults: &mut FaultRegister, now: Instant) {
         if !faults.active.contains(self.fault) {
             if !reading.trips {
@@ -70,7 +71,7 @@ impl Monitor {
         }
     }
 
-    /// Like [`observe`](Self::observe), for a fault that is not active and cannot activate now.
+    /// Like [`observe`](Self::observe), for an inactive fault that cannot activate now.
     #[inline]
     pub(super) fn watch(&mut self, trips: bool, now: Instant) {
         if !trips {
@@ -104,7 +105,7 @@ impl Monitor {
     }
 }
 
-/// The guard that monitors the arrival of set-points (fault 8).
+/// The time guard: monitors the arrival of set-points (fault 8).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimeGuard {
     running: bool,
@@ -132,7 +133,7 @@ impl TimeGuard {
         }
     }
 
-    /// Activates fault 8 if the guard time is over. The guard then waits for the next set-point.
+    /// Activates fault 8 if the guard time has expired. The guard then stops until the next set-point.
     pub(super) fn observe(&mut self, faults: &mut FaultRegister, now: Instant) {
         if now >= self.due {
             self.due = NEVER;

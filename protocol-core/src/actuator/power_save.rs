@@ -10,9 +10,9 @@ pub const POWER_SAVE_DELAY: Duration = Duration::from_millis(200);
 pub(super) enum PowerSave {
     /// The set-point is not neutral.
     Off,
-    /// The set-point is neutral, the spool is not; undisturbed, it returns to neutral at this time.
+    /// The set-point is neutral, the spool is not. If undisturbed, the spool reaches neutral at this time.
     Returning(Instant),
-    /// The valve is blocked. Power save begins at this time, or later when the spool is at rest.
+    /// The valve is blocked. Power save begins at this time, or later, once the spool is at rest.
     Waiting(Instant),
     /// The solenoids are off.
     On,
@@ -20,14 +20,14 @@ pub(super) enum PowerSave {
 
 impl PowerSave {
     /// Updates the state. `set_point` and `spool` state whether each is neutral, `rests` is the time at which the spool
-    /// is at rest. The delay starts when both are neutral, which is *blocked* in the manual's introduction (R).
+    /// comes to rest. The delay starts when both are neutral, which is *blocked* in the manual's introduction (R).
     pub(super) fn update(&mut self, set_point: bool, spool: bool, rests: Instant, now: Instant) {
         let wait = |due: Instant| if due.max(rests) <= now { Self::On } else { Self::Waiting(due) };
         *self = match *self {
             _ if !set_point => Self::Off,
             _ if !spool => Self::Returning(NEVER),
             Self::Off => Self::Waiting(delayed(now, POWER_SAVE_DELAY)),
-            // At a late call the spool may have been in neutral for some time.
+            // At a late call the spool may have reached neutral some time ago.
             Self::Returning(back) => wait(delayed(back.min(now), POWER_SAVE_DELAY)),
             Self::Waiting(due) => wait(due),
             Self::On => Self::On,
@@ -41,7 +41,7 @@ impl PowerSave {
         }
     }
 
-    /// Returns the time of the next state change, if the spool is at rest from `rests`.
+    /// Returns the time of the next state change; `rests` is the time at which the spool comes to rest.
     pub(super) fn due(self, rests: Instant) -> Instant {
         match self {
             Self::Returning(back) => back,

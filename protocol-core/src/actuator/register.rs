@@ -3,7 +3,7 @@
 use super::counters::Counters;
 use super::fault::{Fault, FaultSet, SPOOL_FAULTS};
 
-/// The changes of the faults since the last [`Valve::take_changes`](super::Valve::take_changes).
+/// The fault changes since the last [`Valve::take_changes`](super::Valve::take_changes).
 ///
 /// Changes are reported by priority, activations first. A fault in both sets was activated, then cleared; a fault whose
 /// last change was an activation is not in `cleared`.

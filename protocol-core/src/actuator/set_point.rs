@@ -52,13 +52,13 @@ impl Position {
 /// The scale of a position in a protocol: ±N for ±100 % (SPEC 2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// ±127, the 8-bit objects.
+    /// ±127: the 8-bit objects.
     Per127,
-    /// ±1000, the 16-bit objects.
+    /// ±1000: the 16-bit objects.
     Per1000,
-    /// ±250, the port flow command, 0.4 % per bit.
+    /// ±250: the port flow command, 0.4 % per bit.
     Per250,
-    /// ±100, percent.
+    /// ±100: percent.
     Percent,
 }
 
@@ -96,7 +96,7 @@ impl Scale {
 pub enum SetPoint {
     /// Move the spool to this position.
     Position(Position),
-    /// Move the spool fully to the B-port side, which connects both ports to tank. Not a position.
+    /// Move the spool fully to the B-port side, which connects both ports to tank. Float is not a [`Position`].
     Float,
 }
 

@@ -23,7 +23,8 @@ pub const DRIFT_PERCENT: i32 = 20;
 /// The end position of a [`SpoolFault::NoFloat`] spool in float, in percent of the full stroke: short of the float band
 /// (A).
 pub const NO_FLOAT_PERCENT: i32 = 80;
-/// The maximum distance from neutral or float at which the spool counts as there, in percent of the full stroke (A).
+/// The maximum distance from neutral or float at which the spool still counts as in that position, in percent of the
+/// full stroke (A).
 pub const END_BAND_PERCENT: i32 = 5;
 
 const DRIFT: Rate = Rate::of_full_stroke(DRIFT_STROKE);
@@ -59,12 +60,12 @@ pub struct SpoolTimes {
 impl SpoolTimes {
     /// The permitted times, in milliseconds (A).
     pub const RANGE_MS: RangeInclusive<u16> = 10..=5000;
-    /// [`SOLENOID_STROKE`] and [`SPRING_STROKE`].
+    /// The times [`SOLENOID_STROKE`] and [`SPRING_STROKE`].
     pub const DEFAULT: Self =
         Self { stroke_ms: SOLENOID_STROKE.as_millis() as u16, return_ms: SPRING_STROKE.as_millis() as u16 };
 
-    /// Creates times: `stroke_ms` for the solenoids from neutral to full stroke, `return_ms` for the springs back.
-    /// `None` outside [`RANGE_MS`](Self::RANGE_MS). The model is accurate to 0.4 %.
+    /// Creates stroke times: `stroke_ms` for the solenoids from neutral to full stroke, `return_ms` for the springs
+    /// back. `None` outside [`RANGE_MS`](Self::RANGE_MS). The model is accurate to 0.4 %.
     #[must_use]
     pub fn new(stroke_ms: u16, return_ms: u16) -> Option<Self> {
         let are_possible = [stroke_ms, return_ms].iter().all(|ms| Self::RANGE_MS.contains(ms));
@@ -112,7 +113,7 @@ pub struct SpoolSense {
     pub lever: Option<Position>,
     /// The position measured by a sensor, if the board has one; replaces the model.
     pub measured: Option<Position>,
-    /// The times of a stroke.
+    /// The stroke times.
     pub times: SpoolTimes,
 }
 
@@ -121,7 +122,7 @@ impl SpoolSense {
     pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None, times: SpoolTimes::DEFAULT };
 }
 
-/// The action of the device on the spool.
+/// The effect of the device on the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     /// The solenoids are off; the springs move the spool.
@@ -135,7 +136,7 @@ pub(super) enum Action {
 /// The dominant influence on the spool, which determines its travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Influence {
-    /// The device alone.
+    /// The spool follows the device alone.
     Device,
     /// The device, on a faulty spool that can still move.
     Faulty(SpoolFault),
@@ -186,7 +187,7 @@ impl Spool {
         }
     }
 
-    /// Applies an action of the device. `here` is the travel at `now`.
+    /// Applies an action of the device. `here` is the travel of the spool at `now`.
     pub(super) fn act(&mut self, action: Action, here: Travel, now: Instant) {
         if action != self.action {
             self.action = action;
@@ -194,15 +195,14 @@ impl Spool {
         }
     }
 
-    /// Returns whether the spool is healthy and influenced by the device only: it then approaches its destination
-    /// steadily and stays there.
+    /// Returns whether the spool is healthy and influenced by the device only: it then moves steadily to its
+    /// destination and stays there.
     #[inline]
     pub(super) fn is_free(&self) -> bool {
         self.influence == Influence::Device
     }
 
-    /// Like [`act`](Self::act), for a spool that [is free](Self::is_free) and gets a new target: it moves straight
-    /// there.
+    /// Like [`act`](Self::act), for a new target of a [free](Self::is_free) spool: it moves straight to the target.
     #[inline]
     pub(super) fn retarget(&mut self, target: Travel, here: Travel, now: Instant) {
         self.action = Action::Move(target);
@@ -220,7 +220,7 @@ impl Spool {
         self.path.at(now)
     }
 
-    /// Returns the next time after `now` at which the velocity may change.
+    /// Returns the next time after `now` at which the velocity of the spool may change.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         self.path.bends(now)
     }
@@ -235,12 +235,12 @@ impl Spool {
         self.path.rests()
     }
 
-    /// Returns the next time after `now` at which the spool enters or leaves the band.
+    /// Returns the next time after `now` at which the spool enters or leaves a band.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         self.path.crosses(band, now)
     }
 
-    /// Plans the path from `here`.
+    /// Plans the path of the spool, which is now at `here`.
     fn plan(&mut self, here: Travel, now: Instant) {
         self.path = match self.influence {
             Influence::Device => self.action.path(here, SpoolFault::None, self.rates, now),
@@ -252,7 +252,7 @@ impl Spool {
 }
 
 impl Action {
-    /// Returns the path from `here` of a spool that can move.
+    /// Returns the path of a movable spool from `here`.
     fn path(self, here: Travel, fault: SpoolFault, rates: Rates, now: Instant) -> Path {
         let (to, rate) = match self {
             Self::Release => (Travel::NEUTRAL, rates.springs),

@@ -15,7 +15,7 @@ impl Travel {
     /// Steps of the full stroke: the least common multiple of the 16384 units of a [`Position`], 250 000 and 150 000
     /// µs, eight times those, and 100 percent.
     pub(super) const FULL: i32 = 768_000_000;
-    /// Steps of one unit of a [`Position`].
+    /// The number of steps in one unit of a [`Position`].
     const UNIT: i32 = Self::FULL / Position::FULL as i32;
 
     pub(super) const NEUTRAL: Self = Self(0);
@@ -36,12 +36,13 @@ impl Travel {
         Self(steps)
     }
 
-    /// Returns the travel `steps` further towards B, or towards A if negative. The sum of two full strokes fits an i32.
+    /// Returns the travel `steps` further towards B, or towards A for negative `steps`. The sum of two full strokes
+    /// fits an i32.
     pub(super) const fn shifted(self, steps: i32) -> Self {
         Self(self.0.wrapping_add(steps))
     }
 
-    /// Converts the travel to a position, truncated towards neutral: full stroke appears only when it is reached.
+    /// Converts the travel to a position, truncated towards neutral, so that ±100 % means exactly full stroke.
     #[inline]
     pub(super) fn position(self) -> Position {
         Position::clamped(self.0 / Self::UNIT)
@@ -69,7 +70,7 @@ impl Band {
         Self { low: centre.shifted(steps.wrapping_neg()).0, high: centre.shifted(steps).0 }
     }
 
-    /// Returns whether the band contains the travel. One comparison suffices: a travel below the band wraps around to
+    /// Returns whether the band contains the travel. One comparison suffices: travel below the band wraps to a value
     /// far above it.
     pub(super) const fn contains(self, travel: Travel) -> bool {
         let width = self.high.wrapping_sub(self.low) as u32;
@@ -82,8 +83,8 @@ impl Band {
 pub(super) struct Rate(i32);
 
 impl Rate {
-    /// Returns the rate that covers the full stroke in this time. For constants only: an assertion checks that the rate
-    /// is an integer.
+    /// Returns the rate that covers the full stroke in the given time. For constants only: an assertion checks that the
+    /// rate is an integer.
     pub(super) const fn of_full_stroke(full_stroke: Duration) -> Self {
         let micros = full_stroke.as_micros();
         assert!(micros <= Travel::FULL as u64);
@@ -101,7 +102,7 @@ impl Rate {
     }
 }
 
-/// Returns a rounded quotient, at least 1: a rate of 0 would never arrive.
+/// Returns a rounded quotient, at least 1: with rate 0 the spool would never arrive.
 const fn rounded(dividend: i32, divisor: i32) -> i32 {
     let halved = match divisor.checked_div(2) {
         Some(half) => dividend.saturating_add(half),
@@ -113,7 +114,7 @@ const fn rounded(dividend: i32, divisor: i32) -> i32 {
     }
 }
 
-/// Returns a quotient that must be exact.
+/// Returns the quotient; asserts that it is positive and exact.
 const fn divide(dividend: i32, divisor: i32) -> i32 {
     let quotient = match dividend.checked_div(divisor) {
         Some(quotient) => quotient,
@@ -129,9 +130,9 @@ struct Leg {
     from: Travel,
     to: Travel,
     start: Instant,
-    /// The first microsecond at `to`.
+    /// The first microsecond at the travel `to`.
     end: Instant,
-    /// In steps per microsecond, negative towards A.
+    /// The velocity in steps per microsecond, negative towards A.
     velocity: i32,
 }
 
@@ -152,7 +153,7 @@ impl Leg {
         self.from.shifted(micros.wrapping_mul(self.velocity))
     }
 
-    /// Returns the first microsecond at which the line has reached `level`, which must be on it.
+    /// Returns the first microsecond at which the line has reached `level`, which must lie on the line.
     #[inline]
     fn reaches(&self, level: i32) -> Instant {
         let way = level.abs_diff(self.from.0);
@@ -215,7 +216,7 @@ impl Path {
     }
 
     /// Returns the next time after `now` at which the velocity may change; [`NEVER`] once the spool is at rest. The
-    /// last microsecond of a line can be shorter, so it counts as a line of its own.
+    /// last microsecond of a line can cover a shorter distance, so it counts as a separate line.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         let ends = |leg: &Leg| {
             let last = Instant::from_ticks(leg.end.as_ticks().saturating_sub(1));
@@ -224,7 +225,7 @@ impl Path {
         ends(&self.approach).or_else(|| self.creep.as_ref().and_then(ends)).unwrap_or(NEVER)
     }
 
-    /// Returns the end of the approach, where a spool without creep stays.
+    /// Returns the end of the approach, at which a spool without creep stays.
     pub(super) const fn destination(&self) -> Travel {
         self.approach.to
     }
@@ -237,8 +238,7 @@ impl Path {
         }
     }
 
-    /// Returns the first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does
-    /// not.
+    /// Returns the first microsecond after `now` at which the spool enters or leaves a band; [`NEVER`] if it does not.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));
         self.approach.crosses(band, now).min(creeps)

@@ -30,18 +30,19 @@ pub enum ActuatorType {
 /// The states in which the two spool-position monitors run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpoolMonitors {
-    /// Only in [`Drive::Regulate`].
+    /// The monitors run in [`Drive::Regulate`] only.
     WhileRegulating,
-    /// All but [`Drive::Hand`] and [`Drive::EmergencyStop`]; with the drive off the spool must be in neutral.
+    /// The monitors run in every drive but [`Drive::Hand`] and [`Drive::EmergencyStop`]; with the drive off the spool
+    /// must be in neutral.
     ExceptHandAndStop,
 }
 
-/// The differences between valves.
+/// The properties in which valves differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveConfig {
     /// Proportional or on/off.
     pub actuator_type: ActuatorType,
-    /// Whether the temperature has a lower limit too.
+    /// Whether the temperature monitor also has a lower limit.
     pub low_temperature: bool,
     /// Whether both spool faults share an occurrence counter: each activation counts for both.
     pub shared_spool_counter: bool,
@@ -87,13 +88,14 @@ pub enum Drive {
 /// A protocol-independent valve.
 ///
 /// The protocol supplies the inputs ([`sense`](Self::sense)), the permitted drive ([`drive`](Self::drive)) and each
-/// valid set-point ([`feed_guard`](Self::feed_guard)), and after every call reports
+/// valid set-point ([`feed_guard`](Self::feed_guard)). After every call it reports the changes from
 /// [`take_changes`](Self::take_changes) on the bus. **A fault does not change the drive**: the protocol must stop
 /// regulation with `drive(Drive::Off, now)`.
 ///
 /// A call first handles the timers due up to its time, so the number of [`poll`](Self::poll)s and their order among
-/// frames of the same time do not matter. A time earlier than that of the last call counts as the last. A late call
-/// handles timers as if on time up to the first change of a fault, and the others at its own time.
+/// frames of the same time do not matter. A time earlier than that of the last call counts as the time of that call. A
+/// late call handles its timers at their due times up to the first change of a fault, and the remaining ones at its own
+/// time.
 #[derive(Clone, Debug)]
 pub struct Valve {
     /// The earliest deadline.
@@ -143,8 +145,8 @@ impl Valve {
     }
 
     /// Restarts without loss of supply: like [`new`](Self::new), but the spool position and the inputs stay. Faults are
-    /// cleared and activate again after their delay if their causes last; the caller must set those without delay
-    /// again.
+    /// cleared, and activate again after their delay if their causes last. The caller must set internal causes and
+    /// bus-off again.
     pub fn restart(&mut self, counters: Counters, now: Instant) {
         let now = self.catch_up(now);
         let Self { inputs, spool, .. } = *self;
@@ -165,7 +167,7 @@ impl Valve {
         }
     }
 
-    /// Handles the timers that are due; costs one comparison if none is.
+    /// Handles the timers that are due; costs one comparison if there are none.
     #[inline]
     pub fn poll(&mut self, now: Instant) {
         self.catch_up(now);
@@ -173,7 +175,7 @@ impl Valve {
 
     /// Changes the permitted drive.
     ///
-    /// The same drive has no effect and restarts no timer. With a new set-point the spool moves, and the delay of
+    /// An unchanged drive has no effect and restarts no timer. With a new set-point the spool moves, and the delay of
     /// monitor 1 continues while the spool is outside the tolerance. When regulation begins after another drive,
     /// monitors 1 and 2 restart.
     pub fn drive(&mut self, drive: Drive, now: Instant) {
@@ -196,7 +198,8 @@ impl Valve {
         self.schedule();
     }
 
-    /// Restarts monitor 1 if the spool has reached the tolerance since the last step. Called before a change.
+    /// Restarts monitor 1 if the spool has reached the tolerance since the last step. Must precede every change of the
+    /// movement.
     fn note_arrival(&mut self, now: Instant) {
         if self.wanted().is_some_and(|band| band.contains(self.spool.at(now))) {
             self.at_set_point.restart();
@@ -217,15 +220,15 @@ impl Valve {
         self.schedule();
     }
 
-    /// Handles a valid set-point, whether applied or not: restarts a running guard, and clears fault 8.
+    /// Handles a valid set-point, even one that is not applied: restarts a running guard, and clears fault 8.
     pub fn feed_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);
         self.schedule();
     }
 
-    /// Applies a set-point: combines [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive). For a valve that
-    /// already follows, with no deadline reached, this saves 570 instructions per new set-point.
+    /// Applies a set-point: combines [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive). For a valve that is
+    /// already regulating, with no timer due, this saves 570 instructions per new set-point.
     #[inline(always)]
     pub fn command(&mut self, drive: Drive, now: Instant) {
         let now = now.max(self.now);
@@ -249,7 +252,7 @@ impl Valve {
         self.drive(drive, now);
     }
 
-    /// Returns whether a healthy spool follows a non-neutral position without an active fault. Float, springs and power
+    /// Returns whether a healthy spool follows a non-neutral position and no fault is active. Float, springs and power
     /// save are then not involved, and the only spool deadline is that of monitor 1.
     #[inline]
     fn follows(&self) -> bool {
@@ -289,26 +292,27 @@ impl Valve {
         self.faults.set(Fault::CanBus, bus_off);
     }
 
-    /// Sets the occurrence counters of these faults to 0, without marking them for storage: the memory already holds
-    /// the zeros.
+    /// Sets the occurrence counters of these faults to 0 without marking them for storage, because the memory already
+    /// holds the zeros.
     pub fn clear_counters(&mut self, faults: FaultSet) {
         self.faults.counters.clear(faults);
     }
 
-    /// Sets all occurrence counters to 0 and returns the previous ones, without marking them for storage: the caller
-    /// has the zeros written.
+    /// Sets all occurrence counters to 0 and returns the previous ones. Does not mark the counters for storage: the
+    /// caller stores the zeros.
     pub fn take_counters(&mut self) -> Counters {
         self.faults.counters_changed = false;
         core::mem::take(&mut self.faults.counters)
     }
 
-    /// Adds counters back that were cleared, if the clearing could not be stored.
+    /// Adds cleared counters back after their clearing could not be stored.
     pub fn add_counters(&mut self, counters: Counters) {
         self.faults.counters = self.faults.counters.plus(counters);
         self.faults.counters_changed = true;
     }
 
-    /// Returns the fault changes since the last call of this function; to be called after every call with a time.
+    /// Returns the fault changes since the previous call of this function. Must be called after every call that takes a
+    /// time.
     #[inline]
     pub fn take_changes(&mut self) -> Changes {
         core::mem::take(&mut self.faults.changes)
@@ -367,8 +371,8 @@ impl Valve {
         self.travel(now).steps()
     }
 
-    /// Returns the time at which the velocity of the spool next changes, if no call intervenes; [`NEVER`] for a spool
-    /// at rest.
+    /// Returns the time at which the velocity of the spool next changes, if no other call intervenes; [`NEVER`] for a
+    /// spool at rest.
     #[must_use]
     pub fn bends(&self, now: Instant) -> Instant {
         self.spool.bends(now)
@@ -380,7 +384,7 @@ impl Valve {
         IN_NEUTRAL.contains(self.travel(now))
     }
 
-    /// Returns whether float is commanded and the spool is within 5 % of it (A).
+    /// Returns whether float is commanded and the spool is within 5 % of the float position (A).
     #[must_use]
     pub fn float_reached(&self, now: Instant) -> bool {
         self.floats() && IN_FLOAT.contains(self.travel(now))

@@ -49,7 +49,7 @@ pub enum Mappable {
     Tpdo,
 }
 
-/// The value of a stored object while the memory holds none.
+/// The default of a stored object, in force while the memory holds no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DefaultValue {
     /// A number, in the raw bits of its type.
@@ -68,7 +68,7 @@ pub enum Initial<'a> {
     Fixed(Value<'a>),
     /// A number plus the node ID, `$NODEID+…` of an EDS.
     NodeIdPlus(u32),
-    /// Not the same in every new device: a serial number, or an entry that does not exist yet.
+    /// No common value: different in each new device (a serial number), or not existing yet (an error entry).
     Individual,
 }
 
@@ -77,9 +77,9 @@ pub enum Initial<'a> {
 pub enum Group {
     /// All stored objects.
     All,
-    /// 0x1000–0x1FFF
+    /// The objects 0x1000–0x1FFF.
     Communication,
-    /// 0x6000–0x9FFF
+    /// The objects 0x6000–0x9FFF.
     Application,
 }
 
@@ -104,7 +104,7 @@ pub struct Entry {
     /// the sub-index ("Identity object: highest sub-index").
     #[cfg(feature = "names")]
     pub name: &'static str,
-    /// The lowest and highest value; `None` for the full range of the type, or when a range does not apply.
+    /// The minimum and maximum; `None` for the full range of the type, or if a range does not apply.
     #[cfg(feature = "names")]
     pub limits: Option<(i32, i32)>,
 }
@@ -121,9 +121,9 @@ mod flags {
     pub(super) const I16: u32 = 0b101;
     pub(super) const I32: u32 = 0b110;
     pub(super) const TEXT: u32 = 0b111;
-    /// The access.
+    /// Set for an object that SDO can write.
     pub(super) const WRITABLE: u32 = 1 << 3;
-    /// The PDO direction.
+    /// The PDO direction that the object can be mapped into.
     pub(super) const MAPPABLE: u32 = 0b11 << 4;
     pub(super) const RPDO: u32 = 0b01 << 4;
     pub(super) const TPDO: u32 = 0b10 << 4;
@@ -135,7 +135,7 @@ mod flags {
 }
 
 impl Entry {
-    /// Without the feature `names` the name is dropped.
+    /// Creates an entry. Without the feature `names` the name is dropped.
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     const fn new(object: Multiplexer, data_type: DataType, access: Access, name: &'static str) -> Self {
         let (data_type, number) = match data_type {
@@ -301,8 +301,8 @@ impl<B: Copy> Row<B> {
         })
     }
 
-    /// Sets the lowest and highest value for the EDS; the code behind the row enforces them. Without the feature
-    /// `names` the limits are dropped.
+    /// Sets the minimum and maximum for the EDS; the code behind the row enforces them. Without the feature `names` the
+    /// limits are dropped.
     #[must_use]
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     pub const fn within(self, low: i32, high: i32) -> Self {
@@ -325,7 +325,7 @@ impl<B: Copy> Row<B> {
         }
     }
 
-    /// Sets the number of the row, such as the value of a constant.
+    /// Sets the number of the entry, such as the value of a constant.
     ///
     /// # Panics
     /// If the object is a text; in a const this is a compile error.
@@ -386,11 +386,11 @@ impl<B: Copy, const N: usize> Table<B, N> {
 pub struct Place {
     /// The entry.
     pub entry: &'static Entry,
-    /// The position of the row.
+    /// The position of the object in the dictionary.
     pub position: u8,
 }
 
-/// The descriptions of an object dictionary, sorted by index and sub-index.
+/// The entries of an object dictionary, sorted by index and sub-index.
 #[derive(Clone, Copy, Debug)]
 pub struct Entries(&'static [Entry]);
 
@@ -433,7 +433,7 @@ pub struct Dictionary<B: 'static> {
 }
 
 impl<B: Copy> Dictionary<B> {
-    /// Creates the dictionary of a table.
+    /// Creates the dictionary from a table.
     #[must_use]
     pub const fn new<const N: usize>(table: &'static Table<B, N>) -> Self {
         Self { entries: &table.entries, behind: &table.behind }

@@ -12,13 +12,13 @@ use crate::wire::sdo::AbortCode;
 /// The number of errors in the history (SPEC 4.1).
 pub(crate) const HISTORY: usize = 8;
 
-/// The capacity of the queue (A): every fault of a device, and its end.
+/// The capacity of the queue (A): the beginning and the end of every fault of a device.
 const QUEUE: usize = 16;
 
 /// The error history, object 0x1003. It is volatile (A).
 #[derive(Clone, Debug)]
 pub(crate) struct ErrorHistory {
-    /// Newest first.
+    /// The errors, newest first.
     fields: [u32; HISTORY],
     count: u8,
 }
@@ -41,8 +41,8 @@ impl ErrorHistory {
         *self = Self::new();
     }
 
-    /// Adds an error: the EMCY code, with the manufacturer's number in the upper half. A ninth error displaces the
-    /// oldest.
+    /// Adds an error to the history: the EMCY code, with the manufacturer's number in the upper half. A ninth error
+    /// displaces the oldest.
     pub(crate) fn enter(&mut self, code: u16, manufacturer: u16) {
         let newest = u32::from(manufacturer) << 16 | u32::from(code);
         let [a, b, c, d, e, f, g, _] = self.fields;
@@ -50,7 +50,7 @@ impl ErrorHistory {
         self.count = self.count.saturating_add(1).min(HISTORY as u8);
     }
 
-    /// Removes the newest error with this code.
+    /// Removes the newest error with this code from the history.
     pub(crate) fn withdraw(&mut self, code: u16) {
         let entered = self.fields.iter().take(self.count.into());
         let Some(position) = entered.map(|field| *field as u16).position(|entered| entered == code) else { return };
@@ -68,7 +68,7 @@ impl ErrorHistory {
         entered.filter(|entered| **entered == field).fold(0, |times, _| times.saturating_add(1))
     }
 
-    /// Returns an error; sub-index 1 is the newest.
+    /// Returns an error of the history; sub-index 1 is the newest.
     ///
     /// # Errors
     /// [`AbortCode::NO_DATA`] beyond the number of errors.
@@ -77,7 +77,7 @@ impl ErrorHistory {
         self.fields.get(usize::from(age)).copied().ok_or(AbortCode::NO_DATA)
     }
 
-    /// Writes sub-index 0.
+    /// Writes sub-index 0 of the history.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for any value but 0, which clears the history.
@@ -94,17 +94,17 @@ impl ErrorHistory {
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     message: Emcy,
-    /// Whether the history has an entry for it. An EMCY repeated after reset communication has none.
+    /// Whether the error history has an entry for the message. An EMCY repeated after reset communication has none.
     entered: bool,
 }
 
-/// The pending EMCYs in order. When full, the oldest is dropped, so that the last one is always sent.
+/// The pending EMCYs in order. A full queue drops its oldest message, so that the last one is always sent.
 ///
-/// A message handed to the controller stays queued until it is known to be on the bus.
+/// A message handed to the controller stays queued until it is known to be sent.
 #[derive(Clone, Debug)]
 pub(crate) struct EmcyQueue {
     messages: Vec<Waiting, QUEUE>,
-    /// The number of messages at the front that the controller holds.
+    /// The number of messages, from the front, that the controller holds.
     taken: usize,
 }
 
@@ -115,8 +115,8 @@ impl EmcyQueue {
         Self { messages: Vec::new(), taken: 0 }
     }
 
-    /// Appends a message; `entered` states whether the history has an entry for it. Returns `false` if this dropped the
-    /// oldest message unsent.
+    /// Appends a message; `entered` states whether the error history has an entry for it. Returns `false` if a full
+    /// queue dropped its oldest message unsent.
     #[must_use]
     pub(crate) fn push(&mut self, message: Emcy, entered: bool) -> bool {
         let mut kept = true;
@@ -143,7 +143,7 @@ impl EmcyQueue {
         self.taken > 0
     }
 
-    /// Returns whether every message is known to be on the bus.
+    /// Returns whether every message is known to be sent.
     #[must_use]
     pub(crate) fn is_empty(&self) -> bool {
         self.messages.is_empty()
@@ -160,7 +160,7 @@ impl EmcyQueue {
         Some(message)
     }
 
-    /// Takes a message back from the controller and queues it again, before those not handed out. Returns `false` if
+    /// Requeues a message that the controller returned, before the messages not yet handed out. Returns `false` if
     /// newer messages have displaced it.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
@@ -174,11 +174,12 @@ impl EmcyQueue {
         true
     }
 
-    /// Removes the messages of an error whose sending is not confirmed; the controller must hold none. Returns the
-    /// number of their entries in the history.
+    /// Removes the messages of an error that are not known to be sent; the controller must hold none of them. Returns
+    /// the number of their history entries.
     ///
-    /// The end of an error is removed with its beginning: the first 0000 whose register lacks a bit of the error. An
-    /// end whose beginning was displaced stays, because its register is correct.
+    /// The message for the end of an error is removed together with that for its beginning: it is the first 0000 whose
+    /// error register lacks a bit of the error. If the beginning was displaced, the end stays, because its register is
+    /// correct.
     pub(crate) fn withdraw(&mut self, code: u16, register: u8) -> u8 {
         let mut entries: u8 = 0;
         let mut lasts = false;
@@ -192,12 +193,12 @@ impl EmcyQueue {
         entries
     }
 
-    /// Makes the messages pending again that the controller has dropped.
+    /// Requeues the messages that the controller has dropped.
     pub(crate) const fn take_back(&mut self) {
         self.taken = 0;
     }
 
-    /// Removes the messages that the controller held: all are on the bus.
+    /// Removes the messages that the controller held, all of which have been sent.
     #[inline(always)]
     pub(crate) fn sent(&mut self) {
         if self.taken > 0 {
@@ -232,7 +233,7 @@ impl EmcyProducer {
         Self { cob_id: CobId::new(CobId::OFF) }
     }
 
-    /// Returns the COB-ID as written.
+    /// Returns object 0x1014 as written.
     #[must_use]
     pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
@@ -295,7 +296,7 @@ impl EmcyConsumer {
         Self { cob_id: CobId::new(Self::DEFAULT) }
     }
 
-    /// Returns the COB-ID as written.
+    /// Returns object 0x1028:1 as written.
     #[must_use]
     pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id

@@ -2,13 +2,13 @@
 
 use crate::wire::lss::{Address, FastScan, Part};
 
-/// The bit check that every unconfigured slave answers; it starts a scan.
+/// The bit check that every unconfigured slave answers. It starts a scan.
 const WHO_IS_THERE: u8 = 0x80;
 
 /// The progress of a scan: the part of the LSS address expected next.
 ///
-/// After the serial number a standard master sends 0 as the next part, the manual's sequence sends 4, which is no part:
-/// either way the next scan begins with part 0.
+/// After the serial number a standard master sends 0 as the next part; the sequence in the manual sends 4, which is not
+/// a valid part. In both cases the next scan begins with part 0.
 #[derive(Clone, Debug)]
 pub(super) struct ScanPosition {
     part: Part,

@@ -6,15 +6,15 @@ use crate::wire::sdo::AbortCode;
 /// The unit of object 0x1017 (R): the manual's example implies 10 ms, three other sentences and CiA 301 say 1 ms.
 pub(crate) const UNIT: Duration = Duration::from_millis(1);
 
-/// The unit in clock ticks.
+/// The unit of object 0x1017 in clock ticks.
 const TICKS: u32 = UNIT.as_ticks() as u32;
 
 /// A product's rules for its heartbeat.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// The resolution of the period, in units: periods are rounded up to a multiple. Not 0.
+    /// The resolution of the period, in units; must not be 0. Periods are rounded up to a multiple.
     pub(crate) resolution: u32,
-    /// The longest time that can be written, in units.
+    /// The maximum heartbeat time, in units.
     pub(crate) max: u16,
 }
 
@@ -22,7 +22,7 @@ pub(crate) struct Rules {
 #[derive(Clone, Debug)]
 pub(crate) struct HeartbeatProducer {
     rules: &'static Rules,
-    /// As written, in units; 0 is off.
+    /// The time as written, in units; 0 switches the heartbeat off.
     time: u16,
     next: Instant,
 }
@@ -34,7 +34,7 @@ impl HeartbeatProducer {
         Self { rules, time: 0, next: NEVER }
     }
 
-    /// Returns the time as written, in units.
+    /// Returns the heartbeat time as written, in units.
     #[must_use]
     pub(crate) const fn time(&self) -> u16 {
         self.time
@@ -69,7 +69,7 @@ impl HeartbeatProducer {
         self.next = self.following(now);
     }
 
-    /// Returns whether a heartbeat is due, and schedules the next one a period after that due time.
+    /// Returns whether a heartbeat is due, and schedules the next one a period after the due time.
     pub(crate) fn poll(&mut self, now: Instant) -> bool {
         let due = now >= self.next;
         if due {

@@ -20,13 +20,13 @@ pub(crate) enum State {
     Configuration,
 }
 
-/// The effect of switching to LSS waiting on a pending node ID.
+/// The effect on a pending node ID of switching to LSS waiting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// A device without node ID boots with a stored one (CiA 305); in any other case the pending node ID waits for
-    /// reset communication.
+    /// A device without node ID boots with its stored one (CiA 305); in any other case the pending node ID takes effect
+    /// on reset communication.
     Boot,
 }
 
@@ -45,7 +45,7 @@ pub(crate) struct Rules {
     pub(crate) fast_scan_selects: bool,
     /// Whether node ID 255 removes the node ID.
     pub(crate) takes_node_id_away: bool,
-    /// The effect of switching to waiting on a pending node ID.
+    /// The effect on a pending node ID of switching to LSS waiting.
     pub(crate) on_waiting: OnWaiting,
     /// Whether NMT start drops the pending configuration.
     pub(crate) start_drops_pending: bool,
@@ -57,7 +57,7 @@ pub(crate) struct Rules {
     pub(crate) store_error: u8,
 }
 
-/// The identity of the device, for an answer.
+/// The identity of the device, for answers to LSS requests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Identity<'a> {
     /// The LSS address.
@@ -79,7 +79,7 @@ pub(crate) enum Demand {
     Boot,
 }
 
-/// The node ID and bit rate configured by LSS; `None` where LSS configured nothing.
+/// The node ID and bit rate configured by LSS; `None` for a value not configured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Configuration {
     /// The node ID.
@@ -92,7 +92,7 @@ impl Configuration {
     /// Nothing configured.
     pub(crate) const NONE: Self = Self { node_id: None, bit_rate: None };
 
-    /// Fills the missing parts from another configuration.
+    /// Fills missing values from another configuration.
     #[must_use]
     pub(crate) fn or(self, other: Self) -> Self {
         Self { node_id: self.node_id.or(other.node_id), bit_rate: self.bit_rate.or(other.bit_rate) }
@@ -109,7 +109,7 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
-    /// Applies a change.
+    /// Returns the layer after a change.
     #[must_use]
     pub(crate) fn with(self, change: Configuration) -> Self {
         Self { node_id: change.node_id.unwrap_or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
@@ -135,21 +135,22 @@ impl Layer {
     }
 }
 
-/// An activation of the bit rate: one delay before the switch, one after it.
+/// The activation of a bit rate: one delay before the switch, one after it.
 #[derive(Clone, Copy, Debug)]
 struct Activation {
     switch_at: Instant,
     end_at: Instant,
-    /// The new bit rate until it is in force.
+    /// The new bit rate; `None` once it is in force.
     switch_to: Option<Switch>,
 }
 
-/// The bit rate of an activation.
+/// The bit rate that an activation puts in force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Switch {
     /// The bit rate.
     pub(crate) bit_rate: BitRate,
-    /// Whether LSS configured the bit rate and has not stored it. Without a configured one, the present bit rate stays.
+    /// Whether LSS configured the bit rate but has not stored it. False if LSS configured none: the present bit rate
+    /// then stays.
     pub(crate) unstored: bool,
 }
 
@@ -157,14 +158,14 @@ pub(crate) struct Switch {
 #[derive(Clone, Debug)]
 pub(crate) struct LssSlave {
     state: State,
-    /// The number of matching switch-selective numbers so far; 0 on entering waiting.
+    /// The number of switch-selective numbers matched so far; 0 on entering waiting.
     matched: Part,
     /// The number of identify-remote-slave bounds satisfied so far.
     bounds: u8,
     scan: ScanPosition,
-    /// Configured, not yet in force.
+    /// The configuration that is not yet in force.
     pending: Configuration,
-    /// Configured, not yet stored.
+    /// The configuration that is not yet stored.
     unstored: Configuration,
     activation: Option<Activation>,
 }
@@ -216,7 +217,7 @@ impl LssSlave {
         }
     }
 
-    /// Leaves configuration on NMT start.
+    /// Leaves LSS configuration on NMT start.
     pub(crate) fn start(&mut self, rules: &Rules) {
         if rules.start_drops_pending {
             self.end_configuration();
@@ -233,8 +234,8 @@ impl LssSlave {
         *self = Self { activation, ..Self::new() };
     }
 
-    /// Resets the slave on reset application. A running activation keeps the node silent but no longer changes the bit
-    /// rate.
+    /// Resets the slave on reset application. During a bit-rate activation the node stays silent, but the bit rate no
+    /// longer changes.
     pub(crate) fn restart(&mut self) {
         self.end_configuration();
         if let Some(activation) = &mut self.activation {
@@ -254,8 +255,8 @@ impl LssSlave {
         self.unstored
     }
 
-    /// Records the configuration that the memory now holds. A pending value that another service has overwritten there
-    /// counts as unstored again.
+    /// Records the configuration that the memory now holds. A pending value that another service has overwritten in the
+    /// memory counts as unstored again.
     pub(crate) fn stored(&mut self, stored: Configuration) {
         let Self { pending, unstored, .. } = self;
         if let Some(stored) = stored.node_id {
@@ -317,7 +318,8 @@ impl LssSlave {
         }
     }
 
-    /// Handles one number of switch selective. The four come in order; a mismatch restarts the sequence.
+    /// Handles one of the four numbers of LSS switch state selective. The numbers must arrive in order; a mismatched or
+    /// out-of-order number resets the sequence.
     fn select(&mut self, part: Part, number: u32, address: &Address) -> Outcome<Answer, Demand> {
         let expected = part == 0 || part == self.matched;
         self.matched = if expected && address.part(part) == Some(number) { part.saturating_add(1) } else { 0 };
@@ -328,7 +330,8 @@ impl LssSlave {
         Outcome::Done(Answer::Selected)
     }
 
-    /// Handles one bound of identify remote slave. The six come in order; an unsatisfied bound restarts the sequence.
+    /// Handles one of the six bounds of LSS identify remote slave. The bounds must arrive in order; an unsatisfied or
+    /// out-of-order bound resets the sequence.
     fn identify_remote(&mut self, bound: Bound, limit: u32, address: &Address) -> Outcome<Answer, Demand> {
         let [first, .., last] = Bound::ALL;
         let expected = bound == first || Bound::ALL.get(usize::from(self.bounds)) == Some(&bound);

@@ -3,7 +3,7 @@
 use crate::outcome::Outcome;
 use crate::wire::nmt::{Command, State};
 
-/// A product's rules for entering a state without a command.
+/// A product's rules for entering an NMT state without a command.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
     /// The valid values of 0x1F80.
@@ -21,12 +21,12 @@ impl Rules {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ErrorBehaviour {
-    /// Operational becomes pre-operational.
+    /// A node in operational enters pre-operational.
     #[default]
     PreOperational = 0,
-    /// No change.
+    /// The NMT state does not change.
     NoChange = 1,
-    /// Operational becomes stopped.
+    /// A node in operational enters stopped.
     Stopped = 2,
 }
 
@@ -74,7 +74,7 @@ impl Reset {
     }
 }
 
-/// The NMT state of a node.
+/// The NMT slave: the NMT state of a node.
 #[derive(Clone, Debug)]
 pub(crate) struct NmtSlave {
     state: State,
@@ -104,7 +104,8 @@ impl NmtSlave {
         core::mem::replace(&mut self.state, state) != state
     }
 
-    /// Executes a command; [`Outcome::Done`] is the state entered. A node in initialisation ignores commands.
+    /// Executes a command. Returns the state entered, or the reset requested. A node in initialisation ignores
+    /// commands.
     pub(crate) fn execute(&mut self, command: Command) -> Outcome<State, Reset> {
         let entered = match command {
             _ if self.state == State::Initialising => return Outcome::Nothing,
@@ -124,7 +125,7 @@ impl NmtSlave {
         matches!(self.state, State::PreOperational | State::Operational)
     }
 
-    /// Returns whether PDOs are exchanged.
+    /// Returns whether the node is in operational, where PDOs are exchanged.
     #[inline]
     #[must_use]
     pub(crate) const fn is_operational(&self) -> bool {

@@ -38,7 +38,7 @@ pub(crate) struct Rules {
     pub(crate) entries_while_counted: bool,
     /// Whether the PDO has an inhibit time and an event timer.
     pub(crate) timers: bool,
-    /// Whether a pending TPDO carries the values of its due time, rather than those of its sending.
+    /// Whether the TPDO is sampled when it becomes due rather than when it is sent.
     pub(crate) sampled_when_due: bool,
 }
 
@@ -76,11 +76,11 @@ pub(crate) struct Pdo {
 pub(crate) struct Sample(u64);
 
 impl Sample {
-    /// All zeros.
+    /// Data whose bits are all zero.
     pub(crate) const NOTHING: Self = Self(0);
 }
 
-/// The position of an object in the frame; dummies leave gaps without a slot.
+/// A mapped object in the frame; dummies leave gaps without a slot.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     /// The position of the object in the dictionary.
@@ -136,7 +136,8 @@ impl Pdo {
     }
 
     /// Writes the COB-ID. Bit 31 switches the PDO off; the other bits are then stored unchecked and read back as
-    /// written (A). While the PDO is on, only bits 30 and 31 may change; a change of bit 30 alone does not restart it.
+    /// written (A). While the PDO is on, only bits 30 and 31 can change; a change of bit 30 alone does not restart the
+    /// PDO.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for an unusable identifier, or on switching on without mapped objects;
@@ -275,7 +276,7 @@ impl Pdo {
         self.put_entry(sub, MappingEntry::parse(raw));
     }
 
-    /// Switches the PDO on or off as loaded. If its stored parameters are invalid, the PDO stays off.
+    /// Switches the PDO on or off according to the loaded COB-ID. A PDO with invalid stored parameters stays off.
     pub(crate) fn start(&mut self, rules: &Rules, objects: Entries) {
         self.blank = Frame::EMPTY;
         if self.cob_id.is_off() || self.switch_on(self.cob_id.id(), rules, objects).is_err() {
@@ -341,7 +342,7 @@ impl Pdo {
         self.last = Some(sample);
     }
 
-    /// Records the loss of a frame: its sample does not count as sent.
+    /// Records the loss of a sent frame: its sample does not count as sent.
     pub(crate) const fn lost(&mut self) {
         self.last = None;
     }
@@ -352,7 +353,7 @@ impl Pdo {
         self.transmission.restart(now, self.sends());
     }
 
-    /// Returns the time at which the event timer made the PDO due; `None` if it did not.
+    /// Returns the time at which the event timer made the PDO due; `None` if it is not due.
     #[inline]
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         self.transmission.poll(now)
@@ -371,7 +372,7 @@ impl Pdo {
         self.sends() && self.transmission.kind() == EVENT_DRIVEN
     }
 
-    /// Returns whether the PDO is on and maps at least one object; an empty PDO is not sent.
+    /// Returns whether the PDO is on and maps at least one object. An empty PDO is not sent.
     const fn sends(&self) -> bool {
         !self.blank.is_empty()
     }

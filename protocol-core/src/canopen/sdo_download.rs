@@ -15,7 +15,7 @@ pub(super) struct Download {
 }
 
 impl Download {
-    /// Begins a download. An announced size must fit the object.
+    /// Begins a segmented download. An announced size must fit the object.
     pub(super) fn new(place: Place, announced: Option<u32>) -> Result<Self, AbortCode> {
         if let Some(size) = announced {
             place.entry.check_length(usize::try_from(size).unwrap_or(usize::MAX))?;

@@ -1,6 +1,7 @@
 //! SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented transfers, both ways.
 //!
-//! The server uses the dictionary entries but no objects: it delegates reads and writes, and receives their results.
+//! The server uses only the entries of the dictionary. The caller reads and writes the objects, and reports the
+//! results.
 
 use super::dictionary::{Access, Entries, Entry, Place, Value, number};
 use super::sdo_download::Download;
@@ -54,7 +55,7 @@ enum Transfer {
     Upload(Upload),
     /// The client sends segments.
     Download(Download),
-    /// The client waits for the action that its write demanded; the answer follows.
+    /// The client waits for an action that its write demanded; the answer follows.
     Waiting(Place, Bytes),
 }
 
@@ -130,7 +131,7 @@ impl SdoServer {
         }
     }
 
-    /// Ends a download; `done` is the answer to a successful write.
+    /// Ends a download. `done` is the answer to a successful write.
     pub(crate) fn written(&mut self, place: Place, done: Bytes, written: Result<(), AbortCode>) -> Bytes {
         self.cancel();
         match written {
@@ -139,13 +140,13 @@ impl SdoServer {
         }
     }
 
-    /// Defers the answer to a write until the action it demanded has ended.
+    /// Defers the answer to a write until the end of the action that the write demanded.
     pub(crate) fn wait(&mut self, place: Place, done: Bytes) {
         self.cancel();
         self.transfer = Transfer::Waiting(place, done);
     }
 
-    /// Returns the object whose write awaits the end of an action.
+    /// Returns the object whose written value demanded an action that has not ended.
     pub(crate) const fn waits_for(&self) -> Option<Place> {
         match self.transfer {
             Transfer::Waiting(place, _) => Some(place),
@@ -153,13 +154,13 @@ impl SdoServer {
         }
     }
 
-    /// Ends the write that [waits](Self::waits_for), and returns its answer.
+    /// Ends a write whose answer was [deferred](Self::wait), and returns the answer.
     pub(crate) fn end(&mut self, result: Result<(), AbortCode>) -> Option<Bytes> {
         let Transfer::Waiting(place, done) = self.transfer else { return None };
         Some(self.written(place, done, result))
     }
 
-    /// Returns the abort of a transfer whose next segment is overdue.
+    /// Returns the abort of a transfer whose next segment is overdue; `None` if there is none.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Bytes> {
         (now >= self.deadline()).then(|| self.break_off(AbortCode::TIMEOUT))
     }
@@ -228,8 +229,8 @@ impl SdoServer {
         }
     }
 
-    /// Aborts the transfer in progress, naming its object. A write that waits is not aborted: its client has already
-    /// sent all data.
+    /// Aborts the transfer in progress, naming its object. A write with a deferred answer is not aborted, because its
+    /// client has already sent all data.
     fn break_off(&mut self, code: AbortCode) -> Bytes {
         let object = match &self.transfer {
             Transfer::Upload(upload) => upload.object(),

@@ -19,7 +19,7 @@ impl SyncConsumer {
         Self { cob_id: CobId::new(Self::DEFAULT) }
     }
 
-    /// Returns the COB-ID as written.
+    /// Returns object 0x1005 as written.
     #[must_use]
     pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id

@@ -2,13 +2,14 @@
 
 use crate::time::{Duration, Instant, NEVER, delayed, since};
 
-/// The transmission type of the device profile: sends, or acts, at once, and on every expiry of the event timer.
+/// The event-driven transmission type of the device profile: an RPDO takes effect immediately; a TPDO is sent
+/// immediately on an event, and on every expiry of the event timer.
 pub(crate) const EVENT_DRIVEN: u8 = 0xFF;
 
-/// The manufacturer-specific transmission type: event timer only.
+/// The manufacturer-specific transmission type: sent on expiry of the event timer only.
 pub(crate) const MANUFACTURER: u8 = 0xFE;
 
-/// The transmission type that sends at a SYNC if the data have changed.
+/// The transmission type for sending at a SYNC if the data have changed.
 pub(crate) const ON_CHANGE: u8 = 0;
 
 /// The unit of the inhibit time.
@@ -17,7 +18,7 @@ const INHIBIT_UNIT_US: u64 = 100;
 /// The effect of a SYNC on a TPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtSync {
-    /// None: the TPDO is off, its type is not synchronous, or this is not the n-th SYNC of a type 1–240.
+    /// No effect: the TPDO is off, its type is not synchronous, or this is not the n-th SYNC of a type 1–240.
     Nothing,
     /// The TPDO is due.
     Due,
@@ -29,15 +30,15 @@ pub(crate) enum AtSync {
 #[derive(Clone, Debug)]
 pub(crate) struct Transmission {
     kind: u8,
-    /// In units of 100 µs; 0 is off.
+    /// The inhibit time in units of 100 µs; 0 is off.
     inhibit: u16,
-    /// In ms; 0 is off.
+    /// The event timer in ms; 0 is off.
     event_timer: u16,
-    /// SYNCs since the last transmission.
+    /// The number of SYNCs since the last transmission.
     syncs: u8,
     /// The next expiry of the event timer.
     due: Instant,
-    /// The due time of a transmission that waits for the end of the inhibit time.
+    /// The due time of a transmission delayed by the inhibit time.
     requested: Option<Instant>,
     inhibited_until: Instant,
 }
@@ -124,7 +125,7 @@ impl Transmission {
     }
 
     /// Returns the due time of a TPDO triggered by the event timer, once the inhibit time is over. Missed periods merge
-    /// into the last one, and the timer keeps its grid.
+    /// into the last one, and later periods keep their phase.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;
@@ -160,7 +161,7 @@ impl Transmission {
         Duration::from_millis(self.event_timer as u64)
     }
 
-    /// Returns the last expiry of the grid up to `now`.
+    /// Returns the last scheduled expiry up to `now`.
     #[cold]
     fn last_period(&self, now: Instant) -> Instant {
         let over = since(now, self.due).as_ticks().checked_rem(self.period().as_ticks()).unwrap_or(0);

@@ -27,7 +27,7 @@ impl AnyDevice {
         device
     }
 
-    /// Creates a device without power, to be moved to its final place and [started](Self::start_up) there.
+    /// Creates a device without power. Move it to its final place before the [start](Self::start_up).
     #[must_use]
     // Inlined like `Runtime::new`, so that the device is built in its final place.
     #[inline(always)]

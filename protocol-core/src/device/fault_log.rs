@@ -1,10 +1,9 @@
 //! The schedule of the fault log (SPEC 6): written within a second of the first change, then at most every ten seconds.
-//! The first change after a clearing is again written within a second.
+//! After a clearing, the next change is again written within a second.
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The time for which a change of the fault log waits for further changes (A), so that the log is written within one
-/// second.
+/// The time for which a changed fault log waits for further changes (A), so that it is written within one second.
 pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
 
 /// The minimum time between two writes of the fault log (A).
@@ -13,14 +12,15 @@ pub const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
 /// The schedule of fault log writes.
 #[derive(Clone, Debug)]
 pub struct FaultLogClock {
-    /// [`NEVER`] while the memory holds the present counters, or a write of them is in progress.
+    /// The due time of the next write; [`NEVER`] while the memory holds the present counters, or while they are being
+    /// written.
     due: Instant,
     /// The earliest time of the next write.
     earliest: Instant,
 }
 
 impl FaultLogClock {
-    /// Creates the schedule of a log that is already stored.
+    /// Creates the schedule of a fault log that is already stored.
     #[must_use]
     pub const fn new() -> Self {
         Self { due: NEVER, earliest: Instant::MIN }
@@ -51,12 +51,12 @@ impl FaultLogClock {
         self.due = NEVER;
     }
 
-    /// Records the beginning of a write with cleared counters: the next change counts as a first one.
+    /// Records the beginning of a write with cleared counters. The next change counts as the first one.
     pub const fn clearing(&mut self) {
         *self = Self::new();
     }
 
-    /// Records the end of a write; a failed one is due again. Not to be called for a successful clearing.
+    /// Records the end of a write; a failed one is due again. Must not be called after a successful clearing.
     pub fn ended(&mut self, stored: bool, now: Instant) {
         self.earliest = delayed(now, FAULT_LOG_INTERVAL);
         if self.is_dirty() || !stored {

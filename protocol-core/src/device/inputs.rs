@@ -5,7 +5,7 @@ use crate::actuator::{Led, ValveInputs};
 use crate::controller::BusErrorMode;
 use crate::encoder::Shaft;
 
-/// The inputs of a device: everything that it senses.
+/// The inputs of a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Inputs {
     /// Whether an internal fault is injected.

@@ -77,11 +77,11 @@ pub trait Device {
     /// Handles a received frame. Returns whether it was for the device; other frames have no effect.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
-    /// Returns the filters of the device: after the start, and whenever they have changed. They pass every frame for
-    /// the device, and many others.
+    /// Returns the receive filters of the device after its start and after every change; `None` otherwise. The filters
+    /// pass every frame for the device, and possibly others.
     fn take_filters(&mut self) -> Option<Filters>;
 
-    /// Updates the inputs. To be called after every change of them, and once after the start.
+    /// Updates the inputs. Must be called after the start and after every change of the inputs.
     fn sense(&mut self, inputs: &Inputs, now: Instant);
 
     /// Handles the timers that are due; cheap before [`deadline`](Self::deadline).
@@ -97,11 +97,10 @@ pub trait Device {
     /// controller then holds the frame, unless it is [given back](Self::give_back).
     fn next_frame(&mut self, now: Instant) -> Option<Frame>;
 
-    /// Takes back a frame that the controller rejected, or returned in favour of a more urgent one, and queues it
-    /// again.
+    /// Requeues a frame that the controller rejected, or returned in favour of a more urgent one.
     fn give_back(&mut self, frame: Frame);
 
-    /// Records that all frames taken by the controller are on the bus by `now`. Returns whether a further frame can now
+    /// Records that by `now` the controller has sent all frames handed to it. Returns whether a further frame can now
     /// be sent.
     fn all_sent(&mut self, now: Instant) -> bool;
 
@@ -115,7 +114,7 @@ pub trait Device {
     /// Carries out [`Effect::Restart`] with the present contents of the memory.
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant);
 
-    /// Requests all pending writes at once, before the platform is switched off.
+    /// Requests all delayed writes immediately, before the platform is switched off.
     fn flush(&mut self, now: Instant);
 
     /// Returns the time at which [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) if only a frame or new

@@ -5,7 +5,7 @@ use crate::memory::{Memory, RecordKey, open};
 /// A memory, and the corrupt records found in it.
 pub struct Reading<'a> {
     memory: &'a dyn Memory,
-    /// One bit per record, by its position.
+    /// A bit mask of the corrupt records, by position.
     corrupt: u8,
 }
 

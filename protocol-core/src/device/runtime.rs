@@ -1,7 +1,7 @@
 //! The runtime: the common part of all devices, with the one implementation of [`Device`].
 //!
-//! An [`Application`] combines the node of a protocol with a product. The runtime gives it a time that never runs
-//! backwards, wakes it at its deadlines, hands out its writes one at a time, and handles restarts.
+//! An [`Application`] combines the node of a protocol with a product. The runtime supplies monotonic time, polls the
+//! application at its deadlines, hands out its writes one at a time, and handles restarts.
 
 use heapless::VecView;
 
@@ -51,19 +51,20 @@ pub trait Application: Storing + Sized {
     /// Creates an application without power.
     fn new(setup: Self::Setup) -> Self;
 
-    /// Returns the service that a frame belongs to, examining as little of it as possible: most frames belong to none.
+    /// Returns the service that a frame belongs to; `None` for most frames. Examines as little of the frame as
+    /// possible.
     fn service(&self, frame: &Frame) -> Option<Self::Service>;
 
     /// Handles a frame of a service.
     fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
-    /// Handles a frame of a service while a restart is pending. Most are ignored then.
+    /// Handles a frame of a service while a restart is pending; most frames are then ignored.
     fn handle_restarting(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
     /// Handles the timers that are due.
     fn poll(&mut self, base: &mut Base);
 
-    /// Applies the changes of the preceding call; called after every other call, before the deadline is read.
+    /// Applies the changes of the preceding call. Called after every other call, before the deadline is read.
     fn apply_changes(&mut self, base: &mut Base);
 
     /// Returns the time at which [`poll`](Self::poll) is next due.
@@ -84,14 +85,14 @@ pub trait Application: Storing + Sized {
     /// See [`Device::give_back`].
     fn give_back(&mut self, frame: Frame);
 
-    /// Records that all frames taken by the controller are on the bus. Returns whether this may have changed more than
+    /// Records that the controller has sent all frames handed to it. Returns whether this may have changed more than
     /// the pending frames, such as the deadline.
     fn all_sent(&mut self, base: &mut Base) -> bool;
 
     /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
 
-    /// Returns the bit rate if it must now come into force.
+    /// Returns the bit rate to apply now; `None` if it is unchanged.
     fn take_bit_rate(&mut self) -> Option<BitRate>;
 
     /// Starts with the contents of the memory, on power-up or on a restart of this scope. On power-up and reset
@@ -128,11 +129,11 @@ pub struct Base {
 /// The state of pending restarts.
 #[derive(Clone, Debug, Default)]
 struct PendingRestart {
-    /// The restart that waits until all writes have ended and all frames are sent.
+    /// The pending restart, which waits until all writes have ended and all frames are sent.
     wanted: Option<Restart>,
     /// Whether the platform is carrying out a restart.
     handed_out: bool,
-    /// Whether the fault log write in flight was begun for the restart.
+    /// Whether the fault log write in progress was begun for the restart.
     log_begun: bool,
     /// Whether the write begun for the restart has failed; it is not repeated.
     log_failed: bool,
@@ -160,9 +161,8 @@ impl Base {
         self.now = latest(self.now, now);
     }
 
-    /// Requests a restart. Until it is carried out, the device ignores all frames but those of
-    /// [`Application::handle_restarting`]; its timers keep running, including the time guard (A). Of two restarts the
-    /// wider scope wins.
+    /// Requests a restart. Until it is carried out, the device handles frames by [`Application::handle_restarting`]
+    /// only; its timers keep running, including the time guard (A). Of two requested restarts the wider scope wins.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_begun = false;
@@ -219,7 +219,7 @@ impl Base {
         self.begin_restart(all_sent).map(Effect::Restart)
     }
 
-    /// Ends the write in flight with its result; a result for another record is ignored.
+    /// Ends the write in progress with its result; a result for a different record is ignored.
     fn end_write(&mut self, application: &mut dyn Storing, record: RecordKey, stored: bool) {
         let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {
@@ -231,7 +231,7 @@ impl Base {
         application.written(write, stored, self);
     }
 
-    /// Hands out the pending restart if nothing delays it any more.
+    /// Hands out the pending restart once no write or unsent frame delays it.
     fn begin_restart(&mut self, all_sent: bool) -> Option<Restart> {
         let scope = self.restart.wanted.filter(|_| self.restart.is_due() && all_sent && self.writes.is_idle())?;
         self.restart = PendingRestart { handed_out: true, ..PendingRestart::default() };
@@ -307,7 +307,7 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Advances the time and handles the timers that are due by then. Called for every frame for the device.
+    /// Advances the time and handles the timers due by then. Called for every frame for the device.
     fn advance(&mut self, now: Instant) {
         self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {
@@ -329,13 +329,13 @@ impl<A: Application> Runtime<A> {
     fn finish(&mut self) {
         self.application.apply_changes(&mut self.base);
         self.schedule();
-        // A timer started by this call can be due at once.
+        // A timer started by this call may be due immediately.
         if self.base.now >= self.deadline {
             self.run_timers();
         }
     }
 
-    /// Returns whether the queue has a place for this kind of write.
+    /// Returns whether the queue reserves a place for this kind of write.
     fn is_listed(write: Write) -> bool {
         OWN_WRITES.iter().chain(A::WRITES).any(|listed| listed.is_like(write))
     }

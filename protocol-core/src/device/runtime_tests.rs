@@ -208,7 +208,7 @@ fn what_a_frame_makes_due_at_once_acts_at_once() {
     assert_eq!(runtime.deadline(), after(START, Duration::from_millis(100)));
 }
 
-/// An earlier deadline sees the old inputs, a deadline at the time of the new inputs the new ones.
+/// A deadline before `now` sees the old inputs, a deadline at `now` the new ones.
 #[test]
 fn what_was_due_before_new_senses_acts_on_the_old_ones() {
     for (at, on_new) in [(100, true), (101, false)] {
@@ -343,7 +343,7 @@ fn a_failed_log_is_tried_again_after_the_interval() {
     assert_eq!(runtime.base.fault_log.due(), after(failed, FAULT_LOG_INTERVAL));
 }
 
-/// Otherwise the queue might have no place for it.
+/// The queue reserves places for the listed kinds only.
 #[test]
 #[should_panic(expected = "`Application::WRITES`")]
 fn a_write_that_is_not_listed_is_found_by_every_test_that_asks_for_it() {

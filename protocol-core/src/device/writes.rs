@@ -4,11 +4,11 @@ use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The maximum number of kinds of write of a device: that of a valve on CANopen. [`Runtime`](super::runtime::Runtime)
-/// does not compile for a device with more.
+/// The maximum number of kinds of write in a device, reached by a valve on CANopen.
+/// [`Runtime`](super::runtime::Runtime) does not compile for a device with more.
 pub(super) const KINDS: usize = 10;
 
-/// The capacity of the queue: one waiting write per kind, one in flight, and one [requested
+/// The capacity of the queue: one waiting write per kind, one in progress, and one [requested
 /// first](Writes::request_first).
 const PLACES: usize = KINDS + 2;
 
@@ -19,7 +19,7 @@ pub struct Write {
     pub record: RecordKey,
     /// The service that requested the write.
     pub requester: Requester,
-    /// A value of the requester, see [`Requester`]; 0 for none.
+    /// A value defined by the [`Requester`]; 0 for none.
     pub value: u8,
 }
 
@@ -53,17 +53,17 @@ impl Write {
         Self { value, ..self }
     }
 
-    /// Returns whether both writes are of one kind: same record, same requester.
+    /// Returns whether both writes are of the same kind: same record, same requester.
     pub(super) fn is_like(self, other: Self) -> bool {
         self.with(0) == other.with(0)
     }
 }
 
-/// The waiting writes, and the one in flight.
+/// The waiting writes, and the one in progress.
 #[derive(Clone, Debug)]
 pub struct Writes {
     queue: Vec<Write, PLACES, u8>,
-    /// Whether the first write is in flight.
+    /// Whether the first write is in progress.
     in_flight: bool,
 }
 
@@ -74,8 +74,8 @@ impl Writes {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into a waiting one of the same kind: the newer value replaces the older, for DM3
-    /// they are combined. The write in flight is not changed, because its record is already encoded.
+    /// Appends a write, or merges it into a waiting one of the same kind: the newer value replaces the older; for DM3
+    /// the values are combined. The write in progress is not changed, because its record is already encoded.
     pub fn request(&mut self, write: Write) {
         let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
@@ -87,19 +87,19 @@ impl Writes {
         }
     }
 
-    /// Inserts a write before all others: the second half of a write that has just ended.
+    /// Inserts a write before all others, for the second half of a write that has just ended.
     pub fn request_first(&mut self, write: Write) {
         let _ = self.queue.insert(0, write);
     }
 
-    /// Returns the next write and marks it as in flight; `None` while another is in flight.
+    /// Returns the next write and marks it as in progress; `None` while a write is in progress.
     pub fn begin(&mut self) -> Option<Write> {
         let next = self.queue.first().filter(|_| !self.in_flight)?;
         self.in_flight = true;
         Some(*next)
     }
 
-    /// Ends the write in flight and returns it; `None` if none is in flight or it writes another record.
+    /// Ends the write in progress and returns it; `None` if there is none or it writes a different record.
     pub fn end(&mut self, record: RecordKey) -> Option<Write> {
         let first = self.queue.first()?;
         if !self.in_flight || first.record != record {
@@ -109,18 +109,18 @@ impl Writes {
         Some(self.queue.remove(0))
     }
 
-    /// Returns whether exactly this write is waiting or in flight.
+    /// Returns whether a write equal to this one is waiting or in progress.
     #[must_use]
     pub fn contains(&self, write: Write) -> bool {
         self.queue.contains(&write)
     }
 
-    /// Iterates over the waiting writes and the one in flight.
+    /// Iterates over the waiting writes and the one in progress.
     pub fn iter(&self) -> impl Iterator<Item = &Write> {
         self.queue.iter()
     }
 
-    /// Returns whether no write is waiting or in flight.
+    /// Returns whether no write is waiting or in progress.
     #[inline]
     #[must_use]
     pub fn is_idle(&self) -> bool {
@@ -152,7 +152,7 @@ mod tests {
         assert_eq!(writes.begin(), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), None, "one at a time");
         assert_eq!(writes.end(RecordKey::FaultLog), None, "not in flight");
-        // The record in flight is older than this request.
+        // The record in progress is older than this request.
         writes.request(SAVE.with(100));
         assert_eq!(writes.end(RecordKey::Parameters), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), Some(LOG));

@@ -13,7 +13,7 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{CommandedAddress, Name};
 
-/// The time to wait for contending claims after the first claim, before sending anything else.
+/// The time to wait for contending claims after the first claim, before any other message is sent.
 pub const CLAIM_WAIT: Duration = Duration::from_millis(250);
 
 /// The unit of the random cannot-claim delay, 0–255 times this long. All cannot-claims have the same identifier; the
@@ -25,7 +25,7 @@ pub const OBJECTION_INTERVAL: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// The first claim is not on the bus yet.
+    /// The first claim has not been sent yet.
     Begun,
     Waiting {
         until: Instant,
@@ -54,17 +54,17 @@ impl AddressClaim {
         Self { name, address, state: State::Begun, next_objection: Instant::MIN }
     }
 
-    /// Records that the claim is on the bus. The first one starts the wait.
+    /// Records that the claim was sent. The first claim starts the wait.
     ///
-    /// Another controller may have chosen an address of 128–247 itself, and can contend during the wait. Other
-    /// addresses need no wait.
+    /// In the range 128–247 another controller may choose its own address, and contend during the wait. Addresses
+    /// outside the range need no wait.
     pub const fn sent(&mut self, now: Instant) {
         if self.is_begun() {
             self.state = State::Waiting { until: delayed(now, self.wait()) };
         }
     }
 
-    /// Returns whether the first claim is not on the bus yet.
+    /// Returns whether the first claim has not been sent yet.
     #[inline]
     #[must_use]
     pub const fn is_begun(&self) -> bool {
@@ -119,8 +119,8 @@ impl AddressClaim {
         Outcome::Lost
     }
 
-    /// Handles a foreign frame with the own source address that is not a claim. The objection is a claim, at most one
-    /// per [`OBJECTION_INTERVAL`], without a DTC (R). There is no objection before the end of the wait.
+    /// Handles a foreign frame, other than a claim, that uses the own source address. The objection is a claim, at most
+    /// one per [`OBJECTION_INTERVAL`], without a DTC (R). Before the end of the wait there is no objection.
     #[must_use]
     pub fn object(&mut self, now: Instant) -> Outcome {
         if !self.may_send() || now < self.next_objection {
@@ -157,7 +157,7 @@ impl AddressClaim {
         CommandedAddress::parse(payload).filter(|command| command.name == self.name).map(|command| command.address)
     }
 
-    /// Ends the wait, or queues a cannot-claim, if due.
+    /// Ends the wait or queues a cannot-claim when due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match self.state {
@@ -191,8 +191,8 @@ impl AddressClaim {
         }
     }
 
-    /// Returns a pseudo-random time. The steps are the top byte of a product with an odd number, which depends on every
-    /// bit of NAME and time.
+    /// Returns the time of the next cannot-claim, after a pseudo-random number of steps. The number is the top byte of
+    /// a product with an odd number, which depends on every bit of NAME and time.
     fn cannot_claim_at(&self, now: Instant) -> Instant {
         let mixed = (self.name.raw() ^ now.as_ticks()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let steps = mixed >> 56;

@@ -13,27 +13,27 @@ pub const PERIOD: Duration = Duration::from_millis(1000);
 #[derive(Clone, Debug)]
 pub struct Dm1 {
     active: Option<Trouble>,
-    /// The time of the last change not yet in a DM1. The next DM1 then restarts the period.
+    /// The time of the last change not yet reported by a DM1. The next DM1 then restarts the period.
     changed: Option<Instant>,
-    /// A trouble code that was active only at the time of that change.
+    /// A trouble code that was active only at the time of the last change.
     passing: Option<Trouble>,
-    /// The time of the next repetition.
+    /// The time of the next periodic DM1.
     next: Instant,
     /// The trouble code in the last encoded DM1.
     rendered: Option<Trouble>,
 }
 
 impl Dm1 {
-    /// Creates a DM1 without an active code, which is not sent.
+    /// Creates a DM1 without an active code; it is not sent.
     #[must_use]
     pub const fn new() -> Self {
         Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Sets the active code. Any change, even of the occurrence count only, is reported at once.
+    /// Sets the active code. Every change is reported immediately, even of the occurrence count only.
     ///
-    /// `at` is the time at which a frame can be sent, [`NEVER`] in bus-off. A code that appears and disappears at the
-    /// same time is reported if its frame can be encoded at that time; a later DM1 carries only the present state.
+    /// `at` is the time at which a frame can be sent, [`NEVER`] in bus-off. A code that is set and cleared at the same
+    /// time is reported only if its frame can be encoded at that time; a later DM1 carries only the present state.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {
@@ -46,7 +46,7 @@ impl Dm1 {
         Outcome::Pending
     }
 
-    /// Queues the repetition if due.
+    /// Queues the periodic DM1 if due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         if now < self.next {
@@ -56,7 +56,7 @@ impl Dm1 {
         Outcome::Pending
     }
 
-    /// Encodes the present state, preceded by a code that was active for that moment only.
+    /// Encodes the momentary code if it was set at `now`, otherwise the present state.
     #[must_use]
     pub fn render(&mut self, source: Address, now: Instant) -> Frame {
         if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
@@ -72,7 +72,7 @@ impl Dm1 {
         single(Pgn::DM1, self.rendered, source)
     }
 
-    /// Records that the message is on the bus. After a momentary code, the present state is pending.
+    /// Records that the message was sent. After a momentary code, the present state is pending.
     #[must_use]
     pub const fn sent(&self) -> Outcome {
         if self.changed.is_some() { Outcome::Pending } else { Outcome::Nothing }
@@ -99,7 +99,7 @@ impl Default for Dm1 {
 }
 
 /// Returns the next time of a cycle after `due`. After a pause longer than a period the cycle restarts at `now`, so
-/// missed messages are not sent in a burst.
+/// that missed messages are not sent in a burst.
 pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
     let planned = delayed(due, period);
     if planned > now { planned } else { delayed(now, period) }

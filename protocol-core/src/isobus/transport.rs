@@ -17,8 +17,8 @@ pub const PACKET_SPACING: Duration = Duration::from_millis(100);
 /// The maximum time between two packets that a receiver tolerates (T1).
 pub const MAX_GAP: Duration = Duration::from_millis(750);
 
-/// The maximum time between two frames of a message, and from its start to its announcement (J1939-21 5.13.3). A sender
-/// delayed longer by the bus abandons the message.
+/// The maximum time between two sent frames of a message, and from its start to its announcement (J1939-21 5.13.3). A
+/// sender that the bus delays longer abandons the message.
 pub const SEND_GAP: Duration = Duration::from_millis(200);
 
 /// The reason of a connection abort (A): the resources are needed for another task.
@@ -49,9 +49,9 @@ struct Sending<const SIZE: usize> {
     /// The sequence number of the next frame, or of the one in the controller; 0 is the announcement.
     sequence: u8,
     in_controller: bool,
-    /// The time to queue that frame; [`NEVER`] once queued.
+    /// The time to queue the next frame; [`NEVER`] once queued.
     due: Instant,
-    /// The time by which that frame must be on the bus.
+    /// The time by which the next frame must be sent.
     give_up: Instant,
 }
 
@@ -134,15 +134,15 @@ impl<const SIZE: usize> BamSender<SIZE> {
         })
     }
 
-    /// Records that the controller returned the frame: it stays pending.
+    /// Makes a frame that the controller returned pending again.
     pub const fn take_back(&mut self) {
         if let Some(sending) = &mut self.sending {
             sending.in_controller = false;
         }
     }
 
-    /// Records that the frame in the controller is on the bus. The next one is due [`PACKET_SPACING`] later, counted
-    /// from the actual sending: even on a busy bus packets must keep their distance.
+    /// Records that the frame in the controller was sent. The next one is due [`PACKET_SPACING`] after the actual
+    /// sending, because packets must keep their distance even on a busy bus.
     pub fn sent(&mut self, now: Instant) {
         let Some(sending) = self.sending.as_mut().filter(|sending| sending.in_controller) else { return };
         if sending.sequence == sending.announcement.packets {
@@ -271,7 +271,8 @@ impl<const SIZE: usize> Receiving<SIZE> {
         since(now, self.heard) > MAX_GAP
     }
 
-    /// Appends a packet. Returns whether it completes the message; `None` if it is invalid, which ends the message.
+    /// Appends a packet. Returns whether the message is now complete; `None` for an invalid packet, which ends the
+    /// message.
     fn take(&mut self, packet: Option<Packet>, now: Instant) -> Option<bool> {
         let packet = packet.filter(|packet| packet.sequence == self.sequence && !self.is_late(now))?;
         let payload = &mut self.message.payload;

@@ -41,7 +41,7 @@ impl RecordKey {
     pub const ALL: [Self; 6] =
         [Self::Factory, Self::LocalLayer, Self::Parameters, Self::RestoreFlag, Self::FaultLog, Self::Application];
 
-    /// Returns the position in [`ALL`](Self::ALL).
+    /// Returns the position of the key in [`ALL`](Self::ALL).
     #[must_use]
     pub const fn position(self) -> usize {
         (self as usize).saturating_sub(1)

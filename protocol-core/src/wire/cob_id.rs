@@ -28,7 +28,7 @@ impl NodeId {
         standard(self.raw_id(function))
     }
 
-    /// Returns that identifier as a number.
+    /// Returns the identifier of a function of this node as a number.
     #[inline]
     #[must_use]
     pub const fn raw_id(self, function: Function) -> u16 {

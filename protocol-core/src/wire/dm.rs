@@ -30,7 +30,7 @@ impl Lamp {
     }
 }
 
-/// The highest occurrence count.
+/// The maximum occurrence count.
 pub const MAX_COUNT: u8 = 127;
 
 /// The second byte, which marks flashing lamps: always the same.

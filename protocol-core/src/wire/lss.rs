@@ -33,7 +33,7 @@ impl Address {
 /// A part of the LSS address: 0 vendor, 1 product, 2 revision, 3 serial.
 pub type Part = u8;
 
-/// A condition of identify remote slave on a part of the LSS address; limits are inclusive.
+/// A bound that identify remote slave sets on a part of the LSS address; limits are inclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// Equal to the limit.
@@ -81,7 +81,7 @@ impl LssNodeId {
 /// A fast scan request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FastScan {
-    /// The number to compare with.
+    /// The number to compare with the part of the LSS address.
     pub number: u32,
     /// The lowest compared bit, 0–31; 0x80 starts a scan, and every unconfigured slave answers.
     pub bit_check: u8,
@@ -92,7 +92,8 @@ pub struct FastScan {
 }
 
 impl FastScan {
-    /// Returns whether this request ends the scan: all bits of the last part, and `next` is another part.
+    /// Returns whether this request ends the scan: it compares all bits of the last part, and `next` is a different
+    /// part.
     #[must_use]
     pub const fn is_last(&self) -> bool {
         self.bit_check == 0 && self.sub == 3 && self.next != 3
@@ -189,7 +190,7 @@ pub enum Answer {
 /// The error code of a successful configuration or store; the product defines the others.
 pub const SUCCESS: u8 = 0;
 
-/// The node ID answered to an inquiry if there is none.
+/// The number that answers an inquiry of the node ID if the slave has none.
 pub const NO_NODE_ID: u8 = 255;
 
 impl Answer {

@@ -16,21 +16,21 @@ pub const IDENTITY_NUMBER: u32 = 0x1F_FFFF;
 pub struct Fields {
     /// Whether the controller can choose another address on its own.
     pub arbitrary_address_capable: bool,
-    /// 3 bits; 2 is agriculture and forestry.
+    /// The industry group, 3 bits; 2 is agriculture and forestry.
     pub industry_group: u8,
-    /// 4 bits.
+    /// The vehicle system instance, 4 bits.
     pub vehicle_system_instance: u8,
-    /// 7 bits.
+    /// The vehicle system, 7 bits.
     pub vehicle_system: u8,
-    /// 8 bits.
+    /// The function, 8 bits.
     pub function: u8,
-    /// 5 bits.
+    /// The function instance, 5 bits.
     pub function_instance: u8,
-    /// 3 bits.
+    /// The ECU instance, 3 bits.
     pub ecu_instance: u8,
-    /// 11 bits.
+    /// The manufacturer code, 11 bits.
     pub manufacturer_code: u16,
-    /// 21 bits.
+    /// The identity number, 21 bits.
     pub identity_number: u32,
 }
 

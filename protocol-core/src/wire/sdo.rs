@@ -101,7 +101,7 @@ pub enum Request {
     DownloadSegment(Segment),
     /// The client aborts the transfer.
     Abort(Multiplexer, u32),
-    /// Block transfer, network indication or a reserved command, with the multiplexer in the bytes, if any.
+    /// A block transfer, network indication or reserved command; the multiplexer is that in the bytes, if any.
     Unknown(Multiplexer),
 }
 
@@ -164,7 +164,7 @@ pub enum Answer {
     DownloadDone(Multiplexer),
     /// A download segment was accepted.
     DownloadSegmentDone {
-        /// The toggle bit of that segment.
+        /// The toggle bit of the accepted segment.
         toggle: bool,
     },
     /// The server aborts the transfer.

@@ -44,7 +44,7 @@ impl Announcement {
         (size >= MIN_SIZE).then_some(Self { size, packets, pgn })
     }
 
-    /// Returns whether the number of packets matches a permitted size.
+    /// Returns whether the size is permitted and the number of packets matches it.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         Self::new(self.pgn, self.size) == Some(*self)

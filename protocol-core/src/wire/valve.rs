@@ -73,7 +73,7 @@ pub enum Command {
 pub enum Ignored {
     /// The length is not eight bytes.
     Length,
-    /// The fail-safe mode (bits 8–7 of the third byte) is neither "blocked" nor "not available" but this value, 1 or 2.
+    /// The fail-safe mode (bits 8–7 of the third byte) has this value, 1 or 2, instead of "blocked" or "not available".
     FailSafeMode(u8),
     /// The state is unknown.
     State(u8),
@@ -158,7 +158,7 @@ pub const MAX_PERCENT: u8 = 100;
 pub struct EstimatedFlow {
     /// Flow from the extend port, in percent; above [`MAX_PERCENT`] it counts as [`MAX_PERCENT`].
     pub extend: u8,
-    /// Flow from the retract port, likewise.
+    /// Flow from the retract port, in percent; above [`MAX_PERCENT`] it counts as [`MAX_PERCENT`].
     pub retract: u8,
     /// The state of the valve.
     pub state: State,

@@ -20,7 +20,8 @@ pub(super) fn report(files: &[String], outcomes: &[Outcome]) -> String {
     report.to_string().unwrap_or_default()
 }
 
-/// Returns all failures of a scenario as a single one, because a test case has room for only one.
+/// Returns the status of a scenario. All failures are combined into one, because a JUnit test case has room for only
+/// one.
 fn status(file: &str, outcome: &Outcome) -> TestCaseStatus {
     if outcome.is_success() {
         return TestCaseStatus::success();

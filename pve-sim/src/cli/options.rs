@@ -187,7 +187,7 @@ impl TryFrom<RunArgs> for RunOptions {
     }
 }
 
-/// Returns the devices of one bus with unique names and serial numbers, and with unique node IDs unless `may_clash`.
+/// Assigns unique names and serial numbers to the devices of one bus; requires unique node IDs unless `may_clash`.
 pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<NamedDevice>, UsageError> {
     let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
     if !may_clash {

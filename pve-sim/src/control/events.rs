@@ -1,4 +1,4 @@
-//! The event stream of the control interface: sends frames, errors and device changes to followers, its clients.
+//! The event stream of the control interface: sends frames, errors and device changes to its clients, the followers.
 
 use std::sync::{Arc, OnceLock};
 
@@ -64,10 +64,10 @@ pub(crate) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// A subscription to the events after an instant.
+/// A subscription to all events after its own instant.
 #[derive(Debug)]
 pub struct Subscription {
-    /// The device states at that instant.
+    /// The device states at the instant of the subscription.
     pub(crate) states: Vec<DeviceState>,
     pub(crate) events: broadcast::Receiver<Arc<ControlEvent>>,
     /// The follower counts as connected until this handle is dropped.
@@ -82,7 +82,7 @@ pub(crate) struct Follower(Arc<()>);
 #[derive(Debug)]
 pub(crate) struct Events {
     channel: broadcast::Sender<Arc<ControlEvent>>,
-    /// The handle of the sender, from which the handles of followers are cloned.
+    /// The handle from which the handles of followers are cloned.
     follower: Follower,
     /// The last reported state of each device.
     told: Vec<(NodeId, Kind, Told)>,
@@ -142,7 +142,7 @@ impl Events {
         Arc::strong_count(&self.follower.0) - 1
     }
 
-    /// Sends a bus event with the meaning that `explainer` returns.
+    /// Sends a bus event together with its meaning from `explainer`.
     pub(crate) fn show(&self, happened: &Happened, explainer: &Explainer) {
         if !self.is_followed() {
             return;
@@ -192,7 +192,7 @@ impl Told {
         Self { view: world.view(node), plant: PlantState::of(node, world) }
     }
 
-    /// Returns the state without the values that change continuously, such as the position.
+    /// Returns the state without continuously changing values, such as the position.
     fn at_rest(&self) -> Self {
         let view = self.view.clone().map(|view| View { position: 0, ..view });
         Self { view, plant: self.plant.at_rest() }

@@ -33,7 +33,7 @@ pub enum Message {
     Subscribe(Answer<Subscription>),
 }
 
-/// The return path of an answer to its client.
+/// The sender of an answer to a client.
 #[derive(Debug)]
 pub struct Answer<T>(oneshot::Sender<Result<T, Refusal>>);
 
@@ -65,19 +65,19 @@ pub enum StepWord {
 }
 
 impl<T> Answer<T> {
-    /// Returns both ends of a new path.
+    /// Creates a sender for one answer, and its receiver.
     #[must_use]
     pub fn new() -> (Self, oneshot::Receiver<Result<T, Refusal>>) {
         let (sender, receiver) = oneshot::channel();
         (Self(sender), receiver)
     }
 
-    /// Sends the answer, unless the client is gone.
+    /// Sends the answer, unless the client has disconnected.
     pub(crate) fn send(self, answer: Result<T, Refusal>) {
         let _ = self.0.send(answer);
     }
 
-    /// Returns whether the client is gone.
+    /// Returns whether the client has disconnected.
     pub(crate) fn is_given_up(&self) -> bool {
         self.0.is_closed()
     }

@@ -67,11 +67,11 @@ pub type Opening<'a> = Pin<Box<dyn Future<Output = Result<Box<dyn Gateway>, Open
 pub struct Access {
     /// Whether beacons announce the bus.
     pub beacon: bool,
-    /// Whether frames pass between this machine and others, unless the URL decides.
+    /// Whether frames may pass to and from other machines, unless the URL specifies this.
     pub remote: bool,
 }
 
-/// An open gateway that does not serve clients yet; drop closes the gateway.
+/// An open gateway that does not serve clients yet. Dropping it closes the gateway.
 pub trait Gateway: Send {
     /// Returns the URL of the bus with the bound port.
     fn url(&self) -> String;
@@ -79,7 +79,7 @@ pub trait Gateway: Send {
     /// Returns an example command for joining.
     fn hint(&self) -> String;
 
-    /// Serves clients until the caller's runtime ends. Each client of a server occupies one of the places.
+    /// Serves clients until the caller's runtime ends. Each client of a server occupies one of the `places`.
     fn start(self: Box<Self>, world: WorldSender, places: Arc<Semaphore>);
 }
 

@@ -27,10 +27,10 @@ pub enum Verdict {
     Foreign,
 }
 
-/// Judges one byte; all earlier bytes were undecided.
+/// A function that judges one byte of a connection, given that all earlier bytes were undecided.
 pub type Judge = fn(u8) -> Verdict;
 
-/// A reader that fails permanently at the first foreign byte, and discards the read that contains it.
+/// A reader that discards the read with the first foreign byte, and fails permanently from then on.
 #[derive(Debug)]
 pub(super) struct Guarded<R> {
     reader: R,

@@ -1,4 +1,4 @@
-//! Gateways that are one client of the world during the whole run: a multicast group, a kernel interface.
+//! Gateways that are a single client of the world for the whole run: a multicast group, a kernel interface.
 
 use crate::inbox::{ClientEnd, ClientId, ToWorld, WorldSender};
 
@@ -17,7 +17,7 @@ pub(super) trait Member: Send + Sized {
                 // Receives the permit that the world returns for joining.
                 client_end.permits.spend().await;
                 self.pass(id, client_end, &world).await;
-                // An overrun drops the pending frames; the gateway then joins again.
+                // An overrun drops the pending frames, and the gateway joins again.
                 world.tell(ToWorld::Leave(id));
                 joined = world.join();
             }

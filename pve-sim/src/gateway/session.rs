@@ -12,19 +12,19 @@ use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Permits, Reply, ToCl
 
 /// The protocol of one client: handles requests, and encodes answers and frames.
 pub trait Dialogue: Send {
-    /// Judges the first bytes of a TCP connection.
+    /// The judge of the first bytes of a TCP connection.
     const JUDGE: Judge;
 
     /// The answer to a TCP client when all places are taken.
     const NO_PLACE: &'static str;
 
-    /// Returns the greeting that a new client receives.
+    /// The greeting sent to a new client, if any.
     const GREETING: Option<&'static str>;
 
     /// Returns whether the client has opened the bus at least once; otherwise the session times out.
     fn is_opened(&self) -> bool;
 
-    /// Executes the requests that these bytes complete.
+    /// Executes the requests completed by these bytes.
     fn hear(&mut self, bytes: &[u8], client: &Client) -> impl Future<Output = ()> + Send;
 
     /// Returns the message writer: a function that appends a message in the client's protocol, and returns the pause
@@ -51,18 +51,18 @@ impl Client {
 /// The time limits of a client.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// The time limit for opening the bus; `None` is unlimited.
+    /// The time limit for opening the bus; `None` for no limit.
     pub(super) patience: Option<Duration>,
     /// The time limit for reading the last answers after the client's end of stream.
     pub(super) farewell: Duration,
 }
 
-/// The reason for the end of a session.
+/// The reason why a session ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// The client has disconnected.
     Left,
-    /// The client did not read its messages in time.
+    /// The client did not read its messages in time, and was disconnected.
     Dismissed,
 }
 

@@ -22,7 +22,8 @@ use crate::inbox::WorldSender;
 /// The delay after a failed accept, such as without a free descriptor.
 const RETRY: Duration = Duration::from_millis(50);
 
-/// The time that a client waits for a place: the world may not have processed the disconnection of another client yet.
+/// The time that a new client waits for a place, because the world may not yet have processed the disconnection of
+/// another client.
 const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
 
 /// The maximum number of clients that wait for a place; further clients are refused immediately.
@@ -152,7 +153,7 @@ fn halves(stream: TcpStream) -> (Prompt, OwnedWriteHalf) {
 }
 
 /// A connection that acknowledges each read immediately: a client without TCP_NODELAY holds back its next frame until
-/// then. Linux resets the option, so it is set again after each read.
+/// the acknowledgement. Linux resets the option, so it is set again after each read.
 pub(super) struct Prompt(OwnedReadHalf);
 
 impl AsyncRead for Prompt {
@@ -166,8 +167,8 @@ impl AsyncRead for Prompt {
     }
 }
 
-/// Returns the address at which this machine reaches a bound one: 0.0.0.0 is no destination, and a socket at \[::\]
-/// accepts IPv4, too.
+/// Returns the address at which this machine reaches a bound address: 0.0.0.0 is not a valid destination, and a socket
+/// at \[::\] also accepts IPv4.
 pub(crate) fn joinable(bound: SocketAddr) -> SocketAddr {
     let ip = if bound.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { bound.ip() };
     SocketAddr::new(ip, bound.port())

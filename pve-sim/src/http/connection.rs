@@ -57,7 +57,7 @@ impl Connection {
         self.last.store(millis, Ordering::Relaxed);
     }
 
-    /// Returns when the connection became idle; `None` while a request is pending.
+    /// Returns the time at which the connection became idle; `None` while a request is pending.
     fn quiet_since(&self) -> Option<Instant> {
         let last = std::time::Duration::from_millis(self.last.load(Ordering::Relaxed));
         (self.asking.load(Ordering::Relaxed) == 0).then(|| self.born + last)
@@ -79,8 +79,8 @@ pub(super) struct Connections {
 }
 
 impl Connections {
-    /// Creates a set of this capacity. Calls that wait for virtual time may occupy half of it: their connections are
-    /// never closed, and other clients must still be served.
+    /// Creates a set of this capacity. Calls that wait for virtual time may occupy at most half of it: their
+    /// connections are never closed, and other clients must still be served.
     pub(super) fn new(places: usize) -> Self {
         let waits = Arc::new(Semaphore::new((places / 2).max(1)));
         Self { places, waits, all: Mutex::default() }

@@ -45,7 +45,7 @@ impl Failure {
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator is shutting down".to_owned())
     }
 
-    /// Creates the error for a waiting call beyond the limit.
+    /// Creates the error for a call beyond the limit of waiting calls.
     pub(super) fn crowded() -> Self {
         let error = "too many calls are waiting for virtual time; try again later".to_owned();
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, error)

@@ -1,5 +1,5 @@
 //! The guard of the control interface: refuses requests for a host name that another site has bound to this address
-//! (DNS rebinding), and requests from pages of other sites.
+//! (DNS rebinding), and cross-site requests.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -16,9 +16,9 @@ use super::error::Failure;
 
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
-const FOREIGN: &str = "requests from pages of other sites are refused";
+const FOREIGN: &str = "cross-site requests are refused";
 
-/// Passes an allowed request on, and answers any other with 403.
+/// Passes an allowed request on, and answers a refused one with 403.
 pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, request: Request, next: Next) -> Response {
     match check(&request, connection.local()) {
         Ok(()) => next.run(request).await,
@@ -55,7 +55,7 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
 }
 
 /// Returns whether a host, with or without a port, is loopback or the local address of the connection. False for a host
-/// with other parts, such as a user or an address zone.
+/// with further parts, such as a user or an address zone.
 fn is_own(host: &str, local: IpAddr) -> bool {
     let name = match host.rsplit_once(':') {
         // A colon inside an IPv6 address.

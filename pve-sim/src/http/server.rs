@@ -24,7 +24,7 @@ const RETRY: Duration = Duration::from_millis(50);
 /// The time limit for receiving the head of a request.
 const HEAD: Duration = Duration::from_secs(60);
 
-/// The response to a new connection while all others have pending requests.
+/// The response to a new connection while all existing ones have pending requests.
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
                       {\"error\":\"too many connections are waiting for responses; try again later\"}";
 

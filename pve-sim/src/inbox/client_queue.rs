@@ -39,7 +39,7 @@ pub struct Permits {
     free: Arc<Semaphore>,
 }
 
-/// The permit to send one message to the world; drop returns the permit.
+/// The permit to send one message to the world. Dropping it returns the permit.
 #[derive(Debug)]
 pub struct Permit<'a>(Option<SemaphorePermit<'a>>);
 
@@ -52,7 +52,7 @@ impl Permit<'_> {
     }
 }
 
-/// The client read too slowly and is being disconnected.
+/// The client reads too slowly and is being disconnected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overrun;
 
@@ -68,7 +68,7 @@ impl ClientQueue {
     /// Queues a message without waiting.
     ///
     /// # Errors
-    /// [`Overrun`] when the queue is full: the client is dismissed, and gets no further message.
+    /// [`Overrun`] when the queue is full: the client is dismissed and receives no further messages.
     pub fn post(&self, message: ToClient) -> Result<(), Overrun> {
         match self.queue.try_send(message) {
             Ok(()) => Ok(()),
@@ -81,7 +81,7 @@ impl ClientQueue {
         }
     }
 
-    /// Returns permits for processed messages, which were answered or sent on the bus.
+    /// Returns permits for processed messages: those answered, or sent on the bus.
     pub fn refund(&self, messages: usize) {
         self.permits.free.add_permits(messages);
     }

@@ -32,7 +32,7 @@ pub struct Arrival {
 }
 
 impl WorldSender {
-    /// Creates a channel; returns both ends.
+    /// Creates a channel and returns both ends.
     #[must_use]
     pub fn new() -> (Self, Inbox) {
         let (sender, messages) = channel();
@@ -40,12 +40,12 @@ impl WorldSender {
         (Self { messages: sender, ending: Arc::clone(&ending) }, Inbox { messages, ending })
     }
 
-    /// Sends a message, with the current time as its arrival. A world that has ended drops the message.
+    /// Sends a message with the current time as its arrival. After the end of the world the message is dropped.
     pub fn tell(&self, message: ToWorld) {
         let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
     }
 
-    /// Joins as a new client that gets all frames from now on. The world returns a permit for it.
+    /// Joins as a new client that receives all later frames. The world returns a permit for joining.
     #[must_use]
     pub fn join(&self) -> (ClientId, ClientEnd) {
         let (to_client, client_end) = ClientQueue::new();

@@ -6,7 +6,7 @@ use hal_sim::text::in_one_line;
 use serde::Deserialize;
 use serde_json::Value;
 
-/// The members of a device state that the table shows.
+/// The members of a device state that appear in the table.
 #[derive(Debug, Deserialize)]
 struct Shown {
     name: String,
@@ -34,7 +34,7 @@ struct Fault {
     active: bool,
 }
 
-/// One state, or the list of all.
+/// The state of one device, or the list of all states.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 enum Answer {

@@ -1,6 +1,6 @@
-//! The world's end of all gateways: the connected clients, their frames and their messages.
+//! The world's side of all gateways: the connected clients, their frames and their messages.
 //!
-//! Clients share one controller, as the programs on a machine share its adapter: simultaneous frames go out one after
+//! Clients share one controller, as the programs on a machine share its adapter: simultaneous frames are sent one after
 //! the other. With separate controllers, equal frames would become one on the wire, and different frames with the same
 //! identifier, as when two masters read from one valve, would destroy each other.
 
@@ -30,7 +30,7 @@ pub(super) struct Clients {
     port: ClientPortId,
     /// The sender of the frame in the controller.
     sending: Option<ClientId>,
-    /// The frames that are not on the bus yet, with their senders: faults delay, change and repeat frames.
+    /// The frames handed to the world but not yet sent, with their senders: faults can delay, change and repeat frames.
     sent: Vec<Sent>,
     /// The queued frames per client, including disconnected clients. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
@@ -38,11 +38,11 @@ pub(super) struct Clients {
     left_behind: usize,
     /// The number of dropped frames of disconnected clients.
     dropped: usize,
-    /// The number of frames so far.
+    /// The number of frames that clients have sent so far.
     count: u64,
-    /// A communication fault loses the next frame for the clients.
+    /// Whether a communication fault loses the next frame for the clients.
     is_lost: bool,
-    /// The clients accept the frame on the wire, although others see an error in its last but one bit.
+    /// Whether the clients accept the frame on the wire, although other receivers see an error in its last but one bit.
     accepts_omitted: bool,
 }
 
@@ -51,14 +51,14 @@ struct Client {
     listening: bool,
 }
 
-/// A frame on its way to the bus.
+/// A frame that the world has not yet sent.
 struct Sent {
     sender: ClientId,
     /// The frame as the client sent it.
     frame: Frame,
-    /// The frame as it will be on the bus.
+    /// The frame as it will be sent, after the effects of faults.
     on_bus: Frame,
-    /// The number of times that it is still to be sent.
+    /// The number of remaining transmissions.
     left: u32,
 }
 
@@ -127,7 +127,7 @@ impl Clients {
         }
     }
 
-    /// Returns whether a client listens.
+    /// Returns whether at least one client listens.
     pub(super) fn is_heard(&self) -> bool {
         self.clients.values().any(|client| client.listening)
     }
@@ -161,7 +161,8 @@ impl Clients {
         }
     }
 
-    /// Returns the sender of a frame of the clients, and records the effect of a communication fault.
+    /// Returns the client that sent the frame of an event, if any. Records the effect of a communication fault on a
+    /// frame.
     fn sender(&mut self, event: &Event) -> Option<ClientId> {
         match &event.what {
             EventKind::Frame { frame, .. } => {
@@ -210,8 +211,8 @@ impl Clients {
         }
     }
 
-    /// Loads the next frame into the controller once the last one is sent or held back by a fault, and returns its
-    /// permit. Call this after every event, before the next frame starts.
+    /// Loads the next frame into the controller once the previous one is sent or held back by a fault, and returns the
+    /// permit for the previous one. Call this after every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
         while world.is_controller_empty(self.port) {
             if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
@@ -225,7 +226,7 @@ impl Clients {
 
     /// Loads the next frame into the controller; returns whether there was one.
     fn load(&mut self, world: &mut World) -> bool {
-        // The most urgent of the clients' next frames; among equals, the oldest.
+        // The most urgent of the first queued frames of all clients; among equals, the oldest.
         let heads = self.waiting.iter().filter_map(|(id, queue)| Some((*id, queue.front()?)));
         let next = heads.min_by_key(|(_, head)| (head.frame.arbitration(), head.number));
         let Some(id) = next.map(|(id, _)| id) else { return false };
@@ -255,7 +256,7 @@ impl Clients {
         posted
     }
 
-    /// Returns the number of frames of disconnected clients dropped since the last call.
+    /// Returns the number of frames that disconnected clients have lost since the last call.
     pub(super) fn take_dropped(&mut self) -> usize {
         std::mem::take(&mut self.dropped)
     }

@@ -75,7 +75,7 @@ impl Rig {
     }
 }
 
-/// As when all of them poll one object of one valve.
+/// As when all clients poll one object of one valve.
 #[test]
 fn equal_frames_of_several_clients_all_go_out() {
     let mut rig = Rig::new(3);
@@ -110,7 +110,7 @@ fn urgent_frames_overtake_those_of_other_clients_only() {
     rig.send(0, frame(0x001, &[]));
     rig.send(1, frame(0x100, &[]));
     let sent: Vec<String> = rig.run().iter().map(ToString::to_string).collect();
-    // The first one was on the bus already.
+    // The first frame was already on the wire.
     assert_eq!(sent, ["700: 00", "100:", "700: 01", "700: 02", "001:"]);
 }
 

@@ -117,7 +117,7 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
     Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), simulation.world())))
 }
 
-/// Returns the plant words of a device, or of all, in the order of messages.
+/// Returns the plant words of a device, or of all devices, in the order of messages.
 fn words(node: Option<NodeId>, world: &World) -> impl Iterator<Item = &'static Word> {
     let devices = world.devices().filter(move |id| node.is_none_or(|node| *id == node));
     let products: Vec<Product> = devices.map(|id| (&world.inputs(id).product).into()).collect();

@@ -26,7 +26,7 @@ use hal_sim::world::SUPPLY_JITTER;
 /// The maximum number of events between two clock readings: a few milliseconds of work.
 const EVENT_BATCH: usize = 1000;
 
-/// The minimum wait in which the trace is printed.
+/// The minimum wait during which the trace is printed.
 const IDLE_GAP: WallDuration = WallDuration::from_millis(1);
 
 /// A simulation with its connections.
@@ -46,7 +46,7 @@ pub struct Driver<O> {
     arrivals: VecDeque<Arrival>,
     /// The end of the start-up, when all devices have power.
     open: Instant,
-    /// The time when the trace was last printed.
+    /// The time at which the trace was last printed.
     handed_out: WallInstant,
     /// The end of [`SPIN_TIME`] after the last message.
     awake_until: WallInstant,
@@ -128,7 +128,7 @@ impl<O: Platform> Driver<O> {
         self.trace.finish() && is_stored
     }
 
-    /// Powers the first device immediately, and the others at random moments afterwards.
+    /// Powers the first device immediately, and the remaining ones at random moments afterwards.
     fn power_on(&mut self) {
         self.let_join();
         let world = self.simulation.world_mut();
@@ -154,8 +154,8 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Advances the world to the next message and executes it, or to the clock, and waits. Stepped time advances to the
-    /// limit of the current call.
+    /// Advances the world to the next message and executes it, or to the time of the clock; then waits. Stepped time
+    /// advances to the limit of the current call.
     pub fn turn(&mut self) {
         if self.is_stepped {
             return self.turn_stepped();
@@ -208,7 +208,8 @@ impl<O: Platform> Driver<O> {
     /// Waits for a message or the next event. Prints the trace before a sleep, unless that would delay a client, and at
     /// least as often as the thread reads the clock.
     ///
-    /// Without listeners, the thread wakes up only to read the clock: each event still has its own virtual instant.
+    /// Without listeners, the thread wakes up only to read the clock; each event still takes effect at its own virtual
+    /// instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
         let is_watched = self.simulation.is_busy() || self.control.as_ref().is_some_and(ControlServer::is_followed);
@@ -225,7 +226,7 @@ impl<O: Platform> Driver<O> {
         let until = limit.into_iter().chain(next).min();
         let spin = match until {
             _ if is_at_work => SPIN_TIME,
-            // For listeners, the thread wakes up before the event.
+            // For listeners, the thread wakes up early enough for the event.
             Some(_) if is_heard && until == next => WAKE_UP,
             _ => WallDuration::ZERO,
         };

@@ -1,4 +1,5 @@
-//! The line editor of the console on a terminal: apart from the trace, with history and completion.
+//! The console's line editor on a terminal, with history and completion. It keeps the input line below the trace
+//! output.
 
 use std::borrow::Cow;
 use std::io::{self, IsTerminal as _};
@@ -28,7 +29,7 @@ const PROMPT: &str = "> ";
 /// The time limit for the bytes of one key, in milliseconds.
 const KEY_MS: u16 = 100;
 
-/// The line editor on the terminal of the run; dropping it restores the terminal.
+/// The line editor on the terminal of the run. Dropping it restores the terminal.
 pub(super) struct Typing {
     screen: Screen,
     modes: Modes,
@@ -52,14 +53,14 @@ impl Typing {
         self.screen.clone()
     }
 
-    /// Starts the thread that reads lines; Ctrl-C on it ends the run. The thread is never joined.
+    /// Starts the thread that reads lines; Ctrl-C in the editor ends the run. The thread is never joined.
     pub(super) fn listen(&self, world: WorldSender, devices: &[NamedDevice], end: watch::Sender<bool>) {
         let (screen, modes, devices) = (self.screen.clone(), Arc::clone(&self.modes), Arc::from(devices));
         let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
             let typed = edit(&screen, &modes, &world, &devices);
             restore(&modes);
             if typed == Typed::Interrupt {
-                // As the terminal would: to all processes of the job.
+                // To all processes of the job, as the terminal would.
                 system::interrupt();
             }
             if matches!(typed, Typed::Interrupt | Typed::Signal) {
@@ -74,7 +75,7 @@ impl Drop for Typing {
         let has_line = self.screen.close();
         restore(&self.modes);
         if has_line {
-            // Off the line that was being typed.
+            // Moves the cursor off the line being typed.
             screen::print(b"\n");
         }
     }
@@ -88,8 +89,8 @@ fn restore(modes: &Modes) {
 fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[NamedDevice]>) -> Typed {
     let (mut lines, mut history) = (Lines::default(), Vec::new());
     loop {
-        // A background job must not touch its terminal. Each stay in the foreground has an editor of its own, because
-        // the screen may wait for an editor until that is dropped.
+        // A background job must not touch its terminal. Each time in the foreground has a new editor, because the
+        // screen may wait until an editor is dropped.
         system::wait_for_foreground();
         if let Some(found) = system::Modes::of_the_terminal() {
             found.without_suspend_key();
@@ -126,7 +127,7 @@ enum Typed {
     Interrupt,
     /// SIGINT, which the editor intercepts.
     Signal,
-    /// Ctrl-D; or the terminal has gone.
+    /// Ctrl-D, or the loss of the terminal.
     End,
 }
 
@@ -136,7 +137,7 @@ struct Editor {
 }
 
 impl Editor {
-    /// Returns an editor; `None` on a terminal that it cannot draw on.
+    /// Returns an editor; `None` on a terminal that cannot display it.
     fn new(screen: &Screen, devices: &Arc<[NamedDevice]>, history: &[String]) -> Option<Self> {
         let config = Config::builder()
             .auto_add_history(true)
@@ -191,10 +192,10 @@ impl Editor {
 const INTERRUPT: KeyEvent = KeyEvent(KeyCode::Char('C'), Modifiers::CTRL);
 const SUSPEND: KeyEvent = KeyEvent(KeyCode::Char('Z'), Modifiers::CTRL);
 
-/// The key that ended the line.
+/// The key that ended a line.
 type Key = Arc<Mutex<Option<KeyEvent>>>;
 
-/// Ends the line, and records the key.
+/// The key handler that ends the line and records the key.
 struct Leave(Key);
 
 impl ConditionalEventHandler for Leave {
@@ -225,7 +226,7 @@ impl Completer for Assistant {
 }
 
 impl Highlighter for Assistant {
-    /// Returns the prompt, with the unprinted lines above it.
+    /// Returns the prompt, preceded by the trace lines that are not printed yet.
     fn highlight_prompt<'b, 's: 'b, 'p: 'b>(&'s self, prompt: &'p str, _: bool) -> Cow<'b, str> {
         Cow::Owned(self.screen.draw() + prompt)
     }

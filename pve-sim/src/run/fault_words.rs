@@ -9,7 +9,7 @@ use hal_sim::state::{FaultRecord, FaultRequest, Invalid};
 /// The name of the schema of a request.
 const SCHEMA: &str = "CommunicationFault";
 
-/// The help on these lines.
+/// The help on lines about communication faults.
 pub(super) const HELP: &str =
     "lose 220 3             adds a communication fault to the next 3 frames 220: lose, delay, repeat, swap, corrupt,
                        destroy or omit an identifier or all, or insert a frame; with KEY=VALUE as in
@@ -29,7 +29,7 @@ pub(super) fn execute(words: &[&str], simulation: &mut Simulation) -> Option<Res
     })
 }
 
-/// Returns the first words of such lines.
+/// Returns the words that begin a line about communication faults.
 pub(super) fn candidates() -> impl Iterator<Item = &'static str> {
     FaultRequest::kinds().chain(["faults", "end"])
 }
@@ -83,7 +83,7 @@ fn request(kind: &str, frames: &str, rest: &[&str]) -> Result<Command, String> {
     request.fault().map(Command::Fault).map_err(|Invalid(reason)| reason)
 }
 
-/// Returns a value: a list of names, a range of times, or what the schema accepts.
+/// Converts a value to JSON: a list of names, a range of times, or a value that the schema accepts.
 fn value(schemas: &Schemas, key: &str, text: &str) -> Value {
     match key {
         "receivers" => text.split(',').collect(),

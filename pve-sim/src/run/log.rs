@@ -51,7 +51,8 @@ impl Log {
         }
     }
 
-    /// Opens the file, truncates it, and begins the log of a bus at a time, after the state files exist.
+    /// Opens and truncates the file, and begins the log of a bus at the given time. Call this after the state files
+    /// exist.
     ///
     /// # Errors
     /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is

@@ -152,8 +152,8 @@ const CLIENTS: usize = 128;
 /// The maximum number of connections of the control interface.
 const HTTP_CLIENTS: usize = 256;
 
-/// The file descriptors in addition to those of clients, buses with waiting clients, and devices: the permanently open
-/// ones, and state files during a write.
+/// The number of file descriptors reserved besides those of clients, buses with waiting clients, and devices: for
+/// permanently open files, and for state files during a write.
 const DESCRIPTORS: usize = 32;
 
 /// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP) or until stdout is closed, and then stores the records of
@@ -183,7 +183,7 @@ pub fn run(options: &RunOptions) -> Result<bool, RunError> {
 struct Running {
     world_sender: WorldSender,
     world: JoinHandle<bool>,
-    /// Resolves with the end of the world's thread.
+    /// Resolves when the world's thread ends.
     ended: oneshot::Receiver<()>,
     /// Restores the terminal on drop.
     _typing: Option<Typing>,
@@ -204,8 +204,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         control = Some((server.address().map_err(bind)?, server));
     }
     let http = control.as_ref().map(|(address, _)| *address);
-    // Only now: a second simulator that finds the port in use must not touch the files of the first, and no file may be
-    // created before the check of the log.
+    // Not earlier: a second simulator that finds the port in use must not touch the files of the first, and no file may
+    // be created before the check of the log.
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
@@ -265,7 +265,7 @@ impl Running {
     }
 }
 
-/// Returns the maximum numbers of bus clients and of control connections that leave enough file descriptors for the
+/// Returns the maximum numbers of bus clients and control connections, such that enough file descriptors remain for the
 /// files of the devices.
 fn places(options: &RunOptions) -> (usize, usize) {
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len() * (1 + WAITING);

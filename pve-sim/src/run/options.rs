@@ -20,7 +20,7 @@ pub struct RunOptions {
     pub buses: Vec<BusUrl>,
     /// Whether beacons announce the buses.
     pub beacon: bool,
-    /// Whether frames pass between this machine and others, unless a URL decides.
+    /// Whether frames may pass to and from other machines, unless a URL specifies this.
     pub allow_remote: bool,
     /// Whether communication faults may affect a bus with real devices.
     pub allow_real_bus: bool,

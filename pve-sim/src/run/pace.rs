@@ -8,7 +8,7 @@ use protocol_core::time::{Duration, Instant, after, since};
 /// frames can end.
 pub(super) const LAST: Instant = Instant::from_ticks(u64::MAX / 1000 - 86_400_000_000);
 
-/// The pace of virtual time: a factor of wall time, from a common anchor on.
+/// The pace of virtual time: a factor of wall time, counted from a common anchor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pace {
     speed: f64,
@@ -17,7 +17,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Starts at virtual instant 0; `speed` is finite and above 0.
+    /// Starts at virtual instant 0; `speed` must be finite and above 0.
     #[must_use]
     pub(super) const fn start(speed: f64, wall: WallInstant) -> Self {
         Self { speed, wall, instant: Instant::from_ticks(0) }

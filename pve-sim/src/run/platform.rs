@@ -28,10 +28,10 @@ pub(super) const WAKE_UP: Duration = Duration::from_micros(50);
 /// wake-up would cost it more time than the bus does.
 pub(super) const SPIN_TIME: Duration = Duration::from_micros(200);
 
-/// The longest time for which the gateway and its clients usually keep a yielded processor.
+/// The usual maximum time for which the gateway and its clients keep a yielded processor.
 const TAKEN: Duration = Duration::from_micros(100);
 
-/// The time for which the processor counts as contended after other programs have used it.
+/// The time for which the processor counts as contended after use by other programs.
 const SHARED: Duration = Duration::from_millis(100);
 
 /// The system's clock, and the clients of the gateways.
@@ -65,8 +65,8 @@ impl Platform for System {
         taken.ok()
     }
 
-    /// On a contended processor the thread sleeps instead of spinning: after using up its share, it would wait longer
-    /// for the next one than a wake-up takes. It still spins for times shorter than a sleep.
+    /// On a contended processor the thread sleeps instead of spinning: once its share is used up, it would wait longer
+    /// for the next share than a wake-up takes. It still spins for times shorter than a sleep.
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival> {
         let Some(until) = until else { return self.sleep(None) };
         let mut now = WallInstant::now();

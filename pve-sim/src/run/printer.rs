@@ -15,15 +15,15 @@ const QUEUE: usize = 4096;
 /// The maximum number of bytes in one write, not counting the last line.
 const BATCH: usize = 64 * 1024;
 
-/// The time limit for the reader at the end of a run.
+/// The time limit for the reader of stdout at the end of a run.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 enum Text {
     /// Trace lines, each with its newline.
     Trace(String),
-    /// A line for the user.
+    /// A warning for the user.
     Warning(String),
-    /// Other information for the user, after the lines before it.
+    /// Other text for the user, printed after all earlier lines.
     Note(String),
 }
 
@@ -92,7 +92,7 @@ struct Writer<O, E> {
     stdout: Option<O>,
     stderr: E,
     lost: Arc<AtomicU64>,
-    /// Set when stdout fails.
+    /// Whether stdout has failed.
     is_cut: Arc<AtomicBool>,
     reader_gone: watch::Sender<bool>,
 }
@@ -126,7 +126,7 @@ impl<O: Write, E: Write> Writer<O, E> {
         }
     }
 
-    /// Writes lines of the trace.
+    /// Writes a batch of trace lines.
     fn print(&mut self, batch: &mut String) {
         if let Some(stdout) = &mut self.stdout {
             match stdout.write_all(batch.as_bytes()).and_then(|()| stdout.flush()) {

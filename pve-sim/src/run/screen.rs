@@ -17,7 +17,7 @@ const REDRAW: &str = "\x1b[A\n";
 /// The maximum wait for an editor that is about to change the terminal modes.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Asks the editor to redraw its line.
+/// The function that asks the editor to redraw its line.
 type Redraw = Box<dyn ExternalPrinter + Send>;
 
 /// The terminal, shared by clones. Text is shown at each flush.
@@ -31,7 +31,7 @@ pub(super) struct Screen {
 struct Shared {
     state: Mutex<State>,
     changed: Condvar,
-    /// Locked until the editor has taken a message.
+    /// The redraw function; locked until the editor has taken a message.
     redraw: Mutex<Option<Redraw>>,
 }
 
@@ -42,15 +42,15 @@ struct State {
     waiting: String,
 }
 
-/// The line being typed.
+/// The state of the line being typed.
 #[derive(Clone, Copy, Default, PartialEq)]
 enum Line {
     /// No line: text is written to the terminal.
     #[default]
     None,
-    /// The editor is about to take the terminal.
+    /// The editor is about to draw the line.
     Begun,
-    /// The editor has drawn it.
+    /// The editor has drawn the line.
     Drawn,
     /// The run is over: no further line begins.
     Over,
@@ -62,7 +62,7 @@ impl Screen {
         *self.shared.redraw.lock().unwrap_or_else(PoisonError::into_inner) = Some(redraw);
     }
 
-    /// Hands the terminal to the editor; returns whether the run continues.
+    /// Hands the terminal to the editor, unless the run is over; returns whether it did.
     pub(super) fn begin_line(&self) -> bool {
         let mut state = self.state();
         if state.line != Line::Over {
@@ -71,7 +71,7 @@ impl Screen {
         state.line != Line::Over
     }
 
-    /// Returns the text to print above the line, which is being drawn.
+    /// Returns the text to print above the line, which the editor is drawing.
     pub(super) fn draw(&self) -> String {
         let mut state = self.state();
         if state.line == Line::Begun {

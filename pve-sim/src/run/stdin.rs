@@ -36,7 +36,7 @@ fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<us
     }
 }
 
-/// Executes a line.
+/// Sends a line to the world, and waits for its execution.
 pub(super) fn tell(world: &WorldSender, line: String) {
     let (obeyed, done) = oneshot::channel();
     world.tell(ToWorld::Typed(line, obeyed));
@@ -46,12 +46,12 @@ pub(super) fn tell(world: &WorldSender, line: String) {
 /// The parser of lines.
 #[derive(Debug, Default)]
 pub struct Lines {
-    /// At most [`LINE`] + 1 bytes; with that many bytes the line is too long.
+    /// The incomplete line, at most [`LINE`] + 1 bytes. At that length it is too long.
     line: Vec<u8>,
 }
 
 impl Lines {
-    /// Processes bytes, and passes on each line that they complete.
+    /// Processes bytes, and passes each completed line to `tell`.
     pub fn push(&mut self, bytes: &[u8], mut tell: impl FnMut(String)) {
         for byte in bytes {
             match byte {
@@ -124,7 +124,7 @@ mod tests {
                 panic!("no line")
             };
             assert_eq!(text, "status");
-            assert!(inbox.messages.try_recv().is_err(), "another line before line {line} was obeyed");
+            assert!(inbox.messages.try_recv().is_err(), "a second line arrived before line {line} was executed");
             assert_eq!(reads.load(Ordering::SeqCst), line / 2 + 1);
             drop(obeyed);
         }

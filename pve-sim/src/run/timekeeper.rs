@@ -1,6 +1,6 @@
 //! The virtual time of a run: the pace of the wall clock, and lost time.
 //!
-//! Two conditions lose time; after each, the world continues from its own instant:
+//! Two conditions make virtual time lose against the wall clock; after each, the world continues from its own instant:
 //! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Masters
 //!   live on the wall clock, and a valve must not take the pause for a master that has failed.
 //! - **A speed that is too high** for the machine: the world would fall behind without limit.
@@ -22,7 +22,7 @@ pub(super) const MAX_SLEEP: WallDuration = WallDuration::from_millis(20);
 /// The working time without progress after which the speed counts as too high.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
-/// The minimum time between two warnings about stalls.
+/// The minimum wall time between two warnings about stalls.
 const REMINDER: WallDuration = WallDuration::from_secs(60);
 
 /// The virtual time of a run.
@@ -31,7 +31,7 @@ pub(super) struct Timekeeper {
     pace: Pace,
     /// The time of the last clock reading.
     looked: WallInstant,
-    /// The state of a world that is behind.
+    /// The progress of a world that is behind; `None` while it is not.
     behind: Option<Behind>,
     /// Whether the user was told that the speed is too high.
     out_of_reach: bool,
@@ -40,7 +40,7 @@ pub(super) struct Timekeeper {
     stalls: Stalls,
 }
 
-/// A world that is behind.
+/// The progress of a world that is behind.
 #[derive(Clone, Copy, Debug)]
 struct Behind {
     /// The working time since `from`. A stall counts as [`STALL`]: it does not prove a slow machine.
@@ -54,12 +54,12 @@ struct Behind {
 struct Stalls {
     count: u32,
     time: WallDuration,
-    /// The last warning.
+    /// The time of the last warning.
     told: Option<WallInstant>,
 }
 
 impl Timekeeper {
-    /// Starts virtual time now, at a finite speed above 0.
+    /// Starts virtual time now; `speed` must be finite and above 0.
     pub(super) const fn start(speed: f64, now: WallInstant) -> Self {
         let stalls = Stalls { count: 0, time: WallDuration::ZERO, told: None };
         Self { pace: Pace::start(speed, now), looked: now, behind: None, out_of_reach: false, over: false, stalls }
@@ -80,7 +80,7 @@ impl Timekeeper {
         self.pace.speed() <= 1.0
     }
 
-    /// Reads the clock, with the world at `world`; returns a warning for the user, if any.
+    /// Records a clock reading, with the world at `world`. Returns a warning for the user about stalls, if any.
     pub(super) fn look(&mut self, now: WallInstant, world: Instant) -> Option<String> {
         let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
         if let Some(behind) = &mut self.behind {
@@ -97,12 +97,13 @@ impl Timekeeper {
         }
         let Stalls { count, time, .. } =
             std::mem::replace(&mut self.stalls, Stalls { told: Some(now), ..Stalls::default() });
-        let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
         let seconds = time.as_secs_f64();
-        Some(format!("the host paused for {seconds:.3} s{times}; virtual time was paused"))
+        let stalls =
+            if count == 1 { format!("for {seconds:.3} s") } else { format!("{count} times, {seconds:.3} s in total") };
+        Some(format!("the host stalled {stalls}; virtual time stood still meanwhile"))
     }
 
-    /// Records that the world, at `world`, has worked and is still behind; returns a warning for the user, if any.
+    /// Records that the world, at `world`, has worked and is still behind. Returns a warning for the user, if any.
     pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
         let begun = Behind { worked: WallDuration::ZERO, from: world };
         let speed = self.pace.speed();
@@ -122,7 +123,7 @@ impl Timekeeper {
         (!told).then(|| format!("--speed {speed} is too fast for this machine: virtual time runs as fast as possible"))
     }
 
-    /// Records that the world, at `world`, has caught up; returns a warning for the user, if any.
+    /// Records that the world, at `world`, has caught up. Returns a warning for the user, if any.
     pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);

@@ -45,7 +45,7 @@ pub(super) struct Trace {
     bus: String,
     printer: Printer,
     log: Option<Log>,
-    /// Whether the log has failed.
+    /// Whether the log is incomplete because of a write error.
     log_is_cut: bool,
     /// The human-readable layout; `None` prints `candump -L` lines.
     layout: Option<Layout>,
@@ -84,7 +84,7 @@ impl Trace {
                 self.log(|log| log.write(&Record { at, entry }));
             }
             (None, Some((_, text))) => {
-                // As a comment, which readers of the lines skip.
+                // As a comment, which readers of `candump -L` lines skip.
                 self.line.push_str(&format!("# ({at})"));
                 self.log(|log| log.comment(at, text));
             }
@@ -101,14 +101,14 @@ impl Trace {
         }
     }
 
-    /// Adds the line with its meaning.
+    /// Appends the line and its meaning.
     fn plain(&mut self, meaning: &str) {
         for part in [&self.line, "  ", meaning, "\n"] {
             self.lines.push_str(part);
         }
     }
 
-    /// Flushes all lines.
+    /// Flushes all pending lines.
     pub(super) fn hand_out(&mut self) {
         if let Some(layout) = &mut self.layout {
             layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));

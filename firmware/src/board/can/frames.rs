@@ -3,16 +3,16 @@
 use embassy_stm32::pac::CAN1;
 use protocol_core::frame::{Frame, Id, extended, standard};
 
-/// Converts a frame between the core and `bxcan`. Never `None`, because frames of `bxcan` here were converted from the
-/// core.
+/// Converts a frame between the core and `bxcan`. Never returns `None`, because frames of `bxcan` here were converted
+/// from the core.
 pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame: &From) -> Option<To> {
     if frame.is_remote_frame() { To::new_remote(frame.id(), frame.dlc()) } else { To::new(frame.id(), frame.data()) }
 }
 
-/// The length code and data at the output of a receive FIFO.
+/// The data length code and data at the output of a receive FIFO.
 ///
 /// CAN permits length codes of 9–15, which mean 8. `bxcan` keeps such a code as received, and panics on access to the
-/// length or data of the frame. Therefore both are read here, before `bxcan` releases the frame.
+/// length or data of the frame. Therefore the output is read here, before `bxcan` releases the frame.
 pub(super) struct Payload {
     len: u8,
     data: [u8; 8],

@@ -69,7 +69,7 @@ fn CAN1_SCE() {
     notify(Event::Errors);
 }
 
-/// Enables the interrupts of the error modes that are not reached, and masks the others: a mode already reached could
+/// Enables the interrupts of the error modes not yet reached, and masks those of the reached modes, which could
 /// interrupt again at each further error. The device's task polls for recovery.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
@@ -93,7 +93,7 @@ impl Can1 {
         rx.set_as_af_unchecked(AF_CAN, AfType::input(Pull::Up));
         // Edges of 10 ns (DS9405, DS10693): 1 % of the shortest bit, with less noise than faster ones.
         tx.set_as_af_unchecked(AF_CAN, AfType::output(OutputType::PushPull, Speed::Medium));
-        // Dropping them would disconnect the pins.
+        // Dropping the pins would disconnect them.
         core::mem::forget((rx, tx));
         rcc::enable_and_reset::<peripherals::CAN1>();
         let mut config = bxcan::Can::builder(Registers).leave_disabled();
@@ -110,7 +110,7 @@ impl Can1 {
                 | Interrupts::ERROR,
         );
         interrupt_unless_reached();
-        // A `Can` cannot be configured after splitting: hence two.
+        // A `Can` cannot be configured after splitting, so there are two.
         let (tx, rx0, rx1) = bxcan::Can::builder(Registers).leave_disabled().split();
         transmit::start(tx);
         let received = receive::start(rx0, rx1);
@@ -138,24 +138,24 @@ impl Can1 {
         CAN1.msr().read().inak()
     }
 
-    /// Leaves a bus on which a frame never ends.
+    /// Forces the controller off a bus on which no frame ends, by a reset.
     pub(super) fn reset(&mut self) {
         CAN1.mcr().write(|mcr| mcr.set_reset(true));
         self.leave();
     }
 
-    /// Joins the bus at a bit rate, after 11 recessive bits; recovery from bus-off is automatic. To be called when the
-    /// controller [has left](Self::has_left) the bus.
+    /// Joins the bus at a bit rate, after 11 recessive bits; recovery from bus-off is automatic. The controller must
+    /// [have left](Self::has_left) the bus.
     pub(super) fn join(&mut self, bit_rate: BitRate) {
         self.config.modify_config().set_bit_timing(BitTiming::of(bit_rate).register()).leave_disabled();
         // The controller starts in the background.
         let _ = self.config.enable_non_blocking();
     }
 
-    /// Returns the error mode, and enables the interrupts of worse ones.
+    /// Returns the error mode, and enables the interrupts of worse modes.
     pub(super) fn mode(&mut self) -> BusErrorMode {
         critical_section::with(|_| interrupt_unless_reached());
-        // Read after enabling the interrupts: a mode reached in between is seen by one of the two.
+        // Read after enabling the interrupts: a mode reached in between is detected by the read or by the interrupt.
         match CAN1.esr().read() {
             errors if errors.boff() => BusErrorMode::BusOff,
             errors if errors.epvf() => BusErrorMode::ErrorPassive,
@@ -186,7 +186,7 @@ impl Controller for Can1 {
         transmit::with(|transmission| transmission.abort(which));
     }
 
-    /// Changes the banks one by one: `bxcan` would stop all reception meanwhile.
+    /// Changes the banks one by one, because `bxcan` would stop all reception meanwhile.
     fn set_filters(&mut self, filters: &Filters) {
         while let Some((number, wanted)) = next_change(&core::array::from_fn(bank), filters) {
             CAN1.fa1r().modify(|active| active.set_fact(number, false));

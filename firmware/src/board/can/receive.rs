@@ -31,7 +31,7 @@ struct Reception {
 
 static mut RECEPTION: MaybeUninit<Reception> = MaybeUninit::uninit();
 
-/// Hands the receive halves of the controller to the interrupts and returns the consumer of their queue. To be called
+/// Hands the receive halves of the controller to the interrupts and returns the consumer of their queue. Must be called
 /// once, before the interrupts are enabled.
 pub(super) fn start(rx0: Rx0<Registers>, rx1: Rx1<Registers>) -> Consumer<'static, Frame> {
     // The queue holds one frame less than its length.
@@ -64,7 +64,7 @@ fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Fram
             Err(nb::Error::Other(_)) => lost += 1,
             Err(nb::Error::WouldBlock) => {}
         }
-        // `bxcan` does not wait for the release; until then the output still holds the taken frame.
+        // `bxcan` does not wait for the release of the FIFO output, which until then still holds the frame taken.
         while CAN1.rfr(fifo).read().rfom() {}
     }
     if lost != 0 {

@@ -1,8 +1,8 @@
 //! Transmission: the most urgent frame first, frames back to back (RM0090 32.7.1).
 //!
-//! `bxcan` accepts a frame and, while it is pending, only strictly more urgent ones: up to three. A fourth one replaces
-//! the least urgent, which is returned. The next frame in the order of arbitration is *staged* here, and the transmit
-//! interrupt loads it within the intermission.
+//! `bxcan` holds up to three frames. While frames are pending, it accepts only a strictly more urgent one; a fourth
+//! frame replaces the least urgent, which is returned. The next frame in the order of arbitration is *staged* here, and
+//! the transmit interrupt loads it within the intermission.
 
 use core::cell::RefCell;
 use core::convert::Infallible;
@@ -26,13 +26,13 @@ const ALL_EMPTY: u32 = 0b111 << 26;
 /// the interrupt clears: without a critical section it could send a frame twice.
 static TRANSMISSION: Mutex<RefCell<Option<Transmission>>> = Mutex::new(RefCell::new(None));
 
-/// Whether the staged frame waits for a mailbox that no interrupt may signal.
+/// Whether the staged frame waits for a mailbox whose release may cause no interrupt.
 static BLOCKED: AtomicBool = AtomicBool::new(false);
 
 /// The transmit half of the controller.
 pub(super) struct Transmission {
     tx: Tx<Registers>,
-    /// The next frame to load: it waits for a more urgent or equally urgent one.
+    /// The next frame to load. It waits until no pending frame is at least as urgent.
     staged: Option<Frame>,
 }
 
@@ -50,13 +50,13 @@ pub(super) fn start(tx: Tx<Registers>) {
     critical_section::with(|cs| TRANSMISSION.replace(cs, Some(Transmission { tx, staged: None })));
 }
 
-/// Calls `act` without preemption by the transmit interrupt; `None` before [`start`].
+/// Calls `act` without preemption by the transmit interrupt. Returns `None` before [`start`].
 pub(super) fn with<R>(act: impl FnOnce(&mut Transmission) -> R) -> Option<R> {
     critical_section::with(|cs| TRANSMISSION.borrow_ref_mut(cs).as_mut().map(act))
 }
 
-/// Tries to load a blocked frame, whose mailbox no interrupt would signal. Returns whether the frame is still blocked;
-/// call again later if so.
+/// Tries to load a blocked frame, for whose mailbox there would be no interrupt. Returns whether the frame is still
+/// blocked and another retry is needed.
 pub(in crate::board) fn retry() -> bool {
     if BLOCKED.load(Ordering::Relaxed) {
         with(Transmission::load);
@@ -70,12 +70,13 @@ impl Transmission {
         self.tx.is_idle() && self.staged.is_none()
     }
 
-    /// Takes a frame; may return a less urgent one.
+    /// Accepts a frame for transmission. May return a less urgent frame that it displaces.
     ///
     /// # Errors
     /// [`nb::Error::WouldBlock`] if the staged frame is at least as urgent.
     pub(super) fn put(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        // A mailbox that has just become free takes the staged frame first, which is older than an equally urgent one.
+        // A mailbox that has just become free takes the staged frame first, because that is older than an equally
+        // urgent one.
         self.load();
         if self.staged.is_some_and(|staged| staged.arbitration() <= frame.arbitration()) {
             return Err(nb::Error::WouldBlock);
@@ -92,7 +93,7 @@ impl Transmission {
         }
     }
 
-    /// Drops the frames that a filter passes. A frame on the wire is not repeated if that attempt fails.
+    /// Drops the frames that a filter passes. A frame on the wire is not retransmitted if the present attempt fails.
     pub(super) fn abort(&mut self, which: Filter) {
         self.staged.take_if(|frame| which.passes(frame));
         let status = CAN1.tsr().read();
@@ -113,10 +114,10 @@ impl Transmission {
         }
     }
 
-    /// Lets `bxcan` load a frame; returns the frame that it displaces.
+    /// Loads a frame through `bxcan`; returns the frame that it displaces, if any.
     fn offer(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        // With all mailboxes full `bxcan` aborts one, and would busy-wait for the end of a frame on the wire. No
-        // interrupt signals that this frame has lost arbitration.
+        // With all mailboxes full `bxcan` aborts one, and would busy-wait for the end of a frame on the wire. There is
+        // no interrupt when that frame loses arbitration.
         let blocked = CAN1.tsr().read().0 & ALL_EMPTY == 0 && CAN1.msr().read().txm();
         BLOCKED.store(blocked, Ordering::Relaxed);
         if blocked {

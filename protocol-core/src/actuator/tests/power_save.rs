@@ -3,7 +3,7 @@
 use super::*;
 use crate::time::NEVER;
 
-/// Returns a valve in power save since 200 ms.
+/// Returns a valve that entered power save at 200 ms.
 fn saving() -> Rig {
     let mut rig = Rig::new(CANOPEN);
     rig.drive(0, BLOCKED);

@@ -75,7 +75,7 @@ fn happen(valve: &mut Valve, inputs: &mut ValveInputs, numbers: &mut Numbers, or
     valve.sense(inputs, now);
 }
 
-/// Applies the same events, at whole milliseconds, to a valve polled in this way.
+/// Applies the same events, at whole milliseconds, to a valve with the given polling.
 fn run(seed: u64, config: ValveConfig, polling: Polling, order: Order) -> Story {
     let (mut numbers, mut story) = (Numbers::new(seed), Story::default());
     let (mut valve, mut inputs) = (Valve::new(config, Counters::default(), ms(0)), ValveInputs::default());
@@ -200,7 +200,7 @@ fn the_end_of_time_is_survived() {
     assert_eq!(rig.position(0), 0);
 }
 
-/// A set-point that arrives exactly when the guard time is over is too late, whether or not the valve was polled.
+/// A set-point that arrives exactly when the guard time expires is too late, whether or not the valve was polled.
 #[test]
 fn what_is_due_at_the_instant_of_a_set_point_happens_before_it() {
     for polled in [true, false] {

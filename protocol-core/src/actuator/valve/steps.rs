@@ -1,4 +1,4 @@
-//! The progress of a valve in time: steps from deadline to deadline, each of which evaluates everything that may
+//! The progress of a valve in time: steps from deadline to deadline, each of which evaluates every monitor that may
 //! change.
 
 use super::super::fault::Fault;
@@ -9,12 +9,12 @@ use super::super::travel::{Band, Travel};
 use super::{Drive, SpoolMonitors, Valve};
 use crate::time::{Instant, NEVER};
 
-/// The band of monitor 1 in a shutdown, if the monitor then runs (A): neutral, which ends the shutdown. With a wider
+/// The band of monitor 1 in a shutdown, if the monitor runs there (A): neutral, which ends the shutdown. With a wider
 /// band, a spool held just outside neutral would prolong the shutdown without a fault.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// The number of deadlines handled in a late call. There are fewer between two fault changes: the spool moves and stops
-/// once by solenoids and once by springs, and crosses each band at most twice each way.
+/// The maximum number of deadlines handled in a late call. Fewer lie between two fault changes: the spool moves and
+/// stops once by solenoids and once by springs, and crosses each band at most twice each way.
 const CATCH_UP_STEPS: u32 = 16;
 
 impl Valve {
@@ -57,7 +57,7 @@ impl Valve {
         self.step(now);
     }
 
-    /// Evaluates everything at `now`, which is not before any earlier deadline.
+    /// Evaluates the entire valve at `now`; must not be earlier than a previous step.
     pub(super) fn step(&mut self, now: Instant) {
         self.environment.observe(self.inputs.supply_mv, self.inputs.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);

@@ -1,4 +1,4 @@
-//! The objects of a product as an EDS describes them, each with its value in a new device.
+//! The objects of a product as an EDS describes them, with their values in a new device.
 
 use super::object::{NodeObject, Object};
 use super::objects::STORES_ON_COMMAND;
@@ -6,7 +6,7 @@ use super::product::Product;
 use crate::canopen::dictionary::{DefaultValue, Entry, Initial, Place, Value};
 use crate::wire::cob_id::Function;
 
-/// The sub-index of the identity object that is individual to each device.
+/// The sub-index of the serial number in the identity object, which is individual to each device.
 const SERIAL_NUMBER: u8 = 4;
 
 /// Passes every object of a new device to `each`, in dictionary order.

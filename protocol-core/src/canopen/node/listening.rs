@@ -1,4 +1,4 @@
-//! The identifiers that the node receives: computed when one changes, not for every frame.
+//! The identifiers that the node receives, computed when one of them changes rather than for every frame.
 
 use super::objects::Communication;
 use super::product::Rules;
@@ -43,20 +43,20 @@ const fn group(key: u32) -> u32 {
 /// The [keys](crate::frame::key) of the frames that the node receives.
 #[derive(Clone, Debug)]
 pub(super) struct Listening {
-    /// By service, most frequent first.
+    /// The key of each service, most frequent service first.
     keys: [u32; SERVICES],
-    /// The frames of the other protocol.
+    /// The filter for the frames of the non-CANopen protocol.
     other: Filter,
     /// The [groups](group) of all keys. Most frames on the bus are in none of them.
     groups: u32,
-    /// The node ID; 0 for none.
+    /// The node ID; 0 if there is none.
     node: u8,
     /// Whether the controller has these filters.
     told: bool,
 }
 
 impl Listening {
-    /// Receives nothing.
+    /// No frames.
     pub(super) const NOTHING: Self =
         Self { keys: [NONE; SERVICES], other: Filter::exactly(NONE), groups: 0, node: 0, told: true };
 

@@ -50,7 +50,7 @@ use crate::wire::nmt::State;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::AbortCode;
 
-/// A demand of the node on the device.
+/// A demand that the node makes on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand<T> {
     /// Execute a task of the product for an SDO client, then call [`Node::end_task`].
@@ -74,16 +74,17 @@ pub(crate) struct Node<P: Product> {
     bus_off: bool,
     /// The bit rate in force.
     bit_rate: BitRate,
-    /// Whether the platform has yet to take `bit_rate`.
+    /// Whether the platform has not yet taken `bit_rate`.
     rate_is_new: bool,
-    /// The node ID configured by LSS for the restart that it has demanded.
+    /// The node ID configured by LSS, to be in force after the restart that LSS demanded.
     activated: Option<LssNodeId>,
-    /// Configured by LSS, in force and not stored: the node ID until power-off, the bit rate until the next start.
+    /// The configuration by LSS that is in force but not stored: the node ID until power-off, the bit rate until the
+    /// next start.
     held: Configuration,
     /// The number of LSS store requests not yet answered.
     lss_stores: u32,
-    /// The configuration to store, as it was when the store was requested. NMT start drops a pending configuration, but
-    /// not a requested store (A).
+    /// The configuration to store, as of the store request. NMT start drops a pending configuration, but not a
+    /// requested store (A).
     to_store: Configuration,
     /// Enters operational without a command once boot-up and EMCYs are sent. An NMT command before that cancels this
     /// (A).
@@ -239,7 +240,7 @@ impl<P: Product> Node<P> {
         Some(self.bit_rate)
     }
 
-    /// Queues an EMCY without a history entry: the end of an error, or a repetition.
+    /// Queues an EMCY without a history entry, for the end of an error or a repetition.
     pub(crate) fn send_emcy(&mut self, message: Emcy) {
         self.queue_emcy(message, false);
     }
@@ -257,8 +258,8 @@ impl<P: Product> Node<P> {
         Some((tpdo.key()?, tpdo.mapping()))
     }
 
-    /// After a change of the reported values, replaces a TPDO that the controller may hold, if TPDOs are sampled when
-    /// sent.
+    /// Called after a change of the reported values: replaces a TPDO that the controller may hold, if TPDOs are sampled
+    /// when sent.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
             self.pending.renew_tpdo();
@@ -266,7 +267,7 @@ impl<P: Product> Node<P> {
     }
 
     /// Queues the EMCY of a new error and enters its code into the history, with the manufacturer's number in the upper
-    /// half. Does neither while EMCYs are off or without a node ID; returns whether it did.
+    /// half. Has no effect while EMCYs are off or without a node ID. Returns whether the EMCY was queued.
     pub(crate) fn tell_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
@@ -300,7 +301,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Answers LSS store requests: the oldest, or all of them if `is_last`, when no further write is pending.
+    /// Answers the oldest LSS store request, or all of them if `is_last`, which means that no further write is pending.
     pub(crate) fn end_lss_store(&mut self, stored: bool, is_last: bool) {
         let error = if stored { lss::SUCCESS } else { P::RULES.lss.store_error };
         let answers = if is_last { self.lss_stores } else { self.lss_stores.min(1) };
@@ -310,7 +311,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns whether a node without node ID, in LSS waiting, has a new node ID stored by LSS: it then needs reset
+    /// Returns whether LSS stored a node ID for a node without one that is in LSS waiting: the node then needs reset
     /// communication.
     pub(crate) fn boots(&self) -> bool {
         self.lss.boots(self.objects.node_id)

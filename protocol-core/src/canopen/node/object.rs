@@ -21,12 +21,11 @@ pub(crate) enum Object<A, T> {
     ErrorRegister,
     /// 0x1018:1–4, supplied by the product.
     Identity,
-    /// 0x1010 and 0x1011: reads 1. Writing the signature demands the task, see [`Row::signature`].
+    /// 0x1010 and 0x1011, which read as 1. Writing the signature demands the task, see [`Row::signature`].
     Signature(T),
 }
 
-/// The communication objects held by the node. Objects with several sub-indices of one kind take the sub-index from the
-/// row.
+/// The communication objects held by the node. The row supplies the sub-index of objects that have several of one kind.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum NodeObject {
     /// 0x1003:0
@@ -52,7 +51,7 @@ pub(crate) enum NodeObject {
 }
 
 impl NodeObject {
-    /// Returns whether the object is the identifier of received frames.
+    /// Returns whether the object is the COB-ID of received frames.
     pub(super) const fn is_cob_id(self) -> bool {
         matches!(self, Self::SyncCobId | Self::EmcyConsumer | Self::Rpdo(PdoParameter::CobId))
     }

@@ -13,7 +13,7 @@ use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
 use crate::wire::sdo::AbortCode;
 
-/// The value of 0x1010 and 0x1011 on reading: the device stores on command (CiA 301 7.5.2.13).
+/// The value read from 0x1010 and 0x1011: the device stores on command (CiA 301 7.5.2.13).
 pub(super) const STORES_ON_COMMAND: u32 = 1;
 
 /// The effect of errors on the NMT state, by error class.
@@ -73,8 +73,8 @@ impl Communication {
         }
     }
 
-    /// Loads the stored parameters of a group, or the defaults without any. Reset communication does not load the
-    /// product's own objects.
+    /// Loads the stored parameters of a group, or its defaults if none are stored. Reset communication does not load
+    /// the product's own objects.
     pub(super) fn load<P: Product>(
         &mut self,
         scope: Reset,
@@ -112,8 +112,8 @@ impl Communication {
         }
     }
 
-    /// Loads a stored value without checks, because it was checked when written. Only the product's and the node's
-    /// objects are stored.
+    /// Loads a stored value without checks, which were made when it was written. Only objects of the product and of the
+    /// node are stored.
     fn put<P: Product>(&mut self, scope: Reset, place: Place, value: Value<'_>, product: &mut P) {
         match P::DICTIONARY.behind(place.position) {
             Some(Object::Product(object)) if scope == Reset::Application => product.load(object, value),

@@ -21,13 +21,13 @@ use crate::wire::nmt::{State, heartbeat};
 /// The number of identifiers that can be aborted at once: heartbeat, TPDO and EMCY.
 const ABORTS: usize = 3;
 
-/// The progress of the boot-up. All other frames wait for it; an EMCY could otherwise overtake it.
+/// The progress of the boot-up. All other frames wait for it, because an EMCY could otherwise overtake it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BootUp {
     Pending,
-    /// The controller holds it.
+    /// The controller holds the boot-up.
     Taken,
-    /// On the bus, or not needed without a node ID.
+    /// The boot-up is sent, or not needed without a node ID.
     Done,
 }
 
@@ -41,7 +41,7 @@ enum Candidate {
     Heartbeat,
 }
 
-/// A cyclic frame: only the latest of several pending ones is sent.
+/// A cyclic frame, of which only the latest pending one is sent.
 #[derive(Clone, Debug)]
 pub(super) struct Latest {
     pending: bool,
@@ -52,7 +52,7 @@ pub(super) struct Latest {
 impl Latest {
     const NONE: Self = Self { pending: false, taken: None };
 
-    /// Drops the frame. Returns the key of the frame that the controller may hold.
+    /// Drops the pending frame. Returns the key of a frame that the controller may hold.
     const fn clear(&mut self) -> Option<u32> {
         self.pending = false;
         self.taken.take()
@@ -75,7 +75,7 @@ pub(super) struct Pending {
     boot_up: BootUp,
     heartbeat: Latest,
     tpdo: Latest,
-    /// The data of the TPDO, for a product that samples it when it becomes due.
+    /// The data of the pending TPDO, for a product that samples it when it becomes due.
     tpdo_sample: Sample,
     emcys: EmcyQueue,
     answers: Answers,
@@ -111,13 +111,13 @@ impl Pending {
         self.boot_up = BootUp::Pending;
     }
 
-    /// Queues a heartbeat and aborts an older one.
+    /// Queues a heartbeat and aborts an older one in the controller.
     pub(super) fn queue_heartbeat(&mut self) {
         self.clear_heartbeat();
         self.heartbeat.pending = true;
     }
 
-    /// Drops the heartbeat, also in the controller.
+    /// Drops the pending heartbeat, also in the controller.
     pub(super) fn clear_heartbeat(&mut self) {
         let taken = self.heartbeat.clear();
         self.abort(taken);
@@ -130,7 +130,7 @@ impl Pending {
         }
     }
 
-    /// Queues a TPDO and aborts an older one.
+    /// Queues a TPDO and aborts an older one in the controller.
     #[inline]
     pub(super) fn queue_tpdo(&mut self, sample: Sample) {
         self.clear_tpdo();
@@ -146,7 +146,7 @@ impl Pending {
         }
     }
 
-    /// Drops the TPDO, also in the controller.
+    /// Drops the pending TPDO, also in the controller.
     #[inline]
     pub(super) fn clear_tpdo(&mut self) {
         let taken = self.tpdo.clear();
@@ -179,12 +179,12 @@ impl Pending {
         self.emcys.clear();
     }
 
-    /// Drops the EMCYs of an error that are not on the bus. Returns the number of their history entries.
+    /// Drops the unsent EMCYs of an error. Returns the number of their error-history entries.
     pub(super) fn withdraw_emcys(&mut self, code: u16, register: u8) -> u8 {
         self.emcys.withdraw(code, register)
     }
 
-    /// Returns whether the boot-up and all EMCYs are on the bus.
+    /// Returns whether the boot-up and all EMCYs have been sent.
     #[inline]
     pub(super) fn has_told_start(&self) -> bool {
         self.boot_up == BootUp::Done && self.emcys.is_empty()
@@ -201,7 +201,7 @@ impl Pending {
         }
     }
 
-    /// Begins a period of silence: the controller must not send either.
+    /// Begins a period of silence: also aborts all frames in the controller.
     pub(super) fn silence(&mut self) {
         self.bus_lost();
         self.aborts.clear();
@@ -224,7 +224,8 @@ impl Pending {
         }
     }
 
-    /// Returns the most urgent frame: the boot-up, otherwise by arbitration. EMCYs precede a TPDO of any identifier.
+    /// Returns the most urgent frame: the boot-up first, then in the order of arbitration. EMCYs precede a TPDO of any
+    /// identifier.
     fn most_urgent(&self, objects: &Communication) -> Option<Candidate> {
         if self.boot_up == BootUp::Pending {
             return Some(Candidate::BootUp);
@@ -274,7 +275,7 @@ impl Pending {
         }
     }
 
-    /// Drops and counts all answers, including those that the controller may lose.
+    /// Drops all answers, including those that the controller may lose, and counts them.
     fn drop_answers(&mut self) {
         let dropped = self.answers.clear();
         self.count_dropped(dropped);
@@ -286,7 +287,7 @@ impl Pending {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a pending frame may be sent now. None may be sent before the platform has taken a new bit rate.
+    /// Returns whether a pending frame may be sent now; none may be before the platform has taken a new bit rate.
     #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {
         !self.pending.is_empty() && !self.is_mute() && !self.rate_is_new
@@ -308,7 +309,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    // −24 instructions on an SDO answer, −27 on RPDO → TPDO.
+    // Separate from `next_frame`: −24 instructions on an SDO answer, −27 on RPDO → TPDO.
     #[inline(never)]
     fn make_most_urgent(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let pending = &mut self.pending;
@@ -334,7 +335,7 @@ impl<P: Product> Node<P> {
     /// Returns a filter for frames that the controller may hold but must no longer send.
     #[inline]
     pub(crate) fn take_abort(&mut self) -> Option<Filter> {
-        // There is almost never an abort: a check is cheaper than a call.
+        // Aborts are rare: a check is cheaper than a call.
         if self.pending.aborts.is_empty() { None } else { self.next_abort() }
     }
 
@@ -347,8 +348,8 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns whether an abort would hit EMCYs in the controller. A TPDO can have their identifier: an outdated TPDO
-    /// is then sent too, so that no EMCY is lost (A).
+    /// Returns whether an abort would also hit EMCYs in the controller. If a TPDO has the identifier of EMCYs, an
+    /// outdated TPDO is still sent, so that no EMCY is lost (A).
     fn is_of_emcys(&self, abort: Filter) -> bool {
         self.pending.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }
@@ -382,7 +383,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Records that all frames taken by the controller are on the bus.
+    /// Records that the controller has sent all frames handed to it.
     #[inline]
     pub(crate) fn all_sent(&mut self) {
         let pending = &mut self.pending;

@@ -90,7 +90,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Handles the entry of a state.
+    /// Handles the entry into an NMT state.
     fn entered(&mut self, state: State, product: &mut P, now: Instant) {
         // A heartbeat already in the controller carries the previous state.
         self.pending.renew_heartbeat();
@@ -105,7 +105,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Stops communication until the restart; queued answers and EMCYs are still sent.
+    /// Stops communication until the restart; answers and EMCYs already queued are still sent.
     fn leave_bus(&mut self) {
         self.nmt = NmtSlave::new();
         self.starts_itself = false;
@@ -183,7 +183,7 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Writes one of the node's objects, then applies new identifiers and drops frames that were switched off.
+    /// Writes one of the node's objects. Applies new identifiers, and drops frames that the write switched off.
     fn write_own(
         &mut self,
         object: (NodeObject, u8),
@@ -210,7 +210,7 @@ impl<P: Product> Node<P> {
         Ok(())
     }
 
-    /// Handles LSS in every NMT state but operational. Without a node ID the NMT state is initialisation.
+    /// Handles LSS requests in every NMT state but operational. A node without node ID is in initialisation.
     fn serve_lss(&mut self, frame: &Frame, product: &P, now: Instant) -> Served<P> {
         let bytes = frame.eight().filter(|_| !self.nmt.is_operational())?;
         let identity = Identity { address: product.identity(), node_id: self.objects.node_id, bit_rate: self.bit_rate };

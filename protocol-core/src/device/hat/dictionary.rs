@@ -56,11 +56,11 @@ pub(in crate::device) enum HatObject {
 pub(in crate::device) enum Part {
     /// Communication and application.
     All,
-    /// 0x1000–0x1FFF
+    /// The objects 0x1000–0x1FFF.
     Communication,
-    /// 0x6000–0x9FFF
+    /// The objects 0x6000–0x9FFF.
     Application,
-    /// 0x2001 and 0x2002
+    /// The objects 0x2001 and 0x2002.
     Lss,
 }
 

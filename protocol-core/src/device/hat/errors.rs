@@ -2,7 +2,7 @@
 
 use crate::wire::emcy::{Emcy, NO_ERROR};
 
-/// An error.
+/// An error that a sensor reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Error {
@@ -64,8 +64,8 @@ impl Errors {
         Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
-    /// Encodes the EMCY that reports the end of an error, even while others last (R: a valve reports only the end of
-    /// the last one). The register shows the remaining errors.
+    /// Encodes the EMCY for the end of an error, even while others last (R: a valve reports only the end of the last
+    /// one). The error register shows the remaining errors.
     pub(super) fn end(self) -> Emcy {
         Emcy { code: NO_ERROR, register: self.register(), manufacturer: [0; 5] }
     }

@@ -53,15 +53,15 @@ pub struct HatSensor {
     pub(super) node: Node<HatObjects>,
     /// The stored node ID and bit rate.
     layer: Layer,
-    /// The parts of the node ID and bit rate changed by the write in flight.
+    /// The node ID and bit rate in the write in progress; `None` for an unchanged one.
     layer_in_flight: Configuration,
     /// The task that an SDO client is waiting for.
     task: Option<Task>,
-    /// Whether a write of the task has failed; the client is answered after the last write.
+    /// Whether a write of the task has failed. The client is answered after the last write.
     task_failed: bool,
-    /// The damaged records, one bit per position.
+    /// A bit mask of the damaged records, by position.
     damaged: u8,
-    /// The errors that were entered into the history when last reported.
+    /// The errors that had a history entry when they were last reported.
     entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
@@ -72,7 +72,7 @@ const WHOLE_MEMORY: u8 = 1 << 7;
 const _: () = assert!(RecordKey::ALL.len() <= 7);
 
 impl HatSensor {
-    /// Sets or clears an error, and reports a change.
+    /// Sets or clears an error, and reports the change.
     fn set_error(&mut self, error: Error, active: bool, base: &Base) {
         if !self.objects.errors.set(error, active) {
             return;
@@ -130,8 +130,8 @@ impl HatSensor {
         }
     }
 
-    /// Returns the stored node ID and bit rate. If the record is damaged, a node ID is assumed: only a new sensor can
-    /// be without.
+    /// Returns the stored node ID and bit rate. For a damaged record a node ID is assumed, because only a new sensor
+    /// can lack one.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
         let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
@@ -187,7 +187,7 @@ impl Application for HatSensor {
         }
     }
 
-    /// Handles a further reset request: the wider scope wins.
+    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending one.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -254,8 +254,8 @@ impl Application for HatSensor {
     }
 
     /// Starts with the contents of the memory: both resets load both parameter groups, reset application also the bit
-    /// rate. Errors that persist over reset communication are reported again, but not entered again if they are already
-    /// in the history.
+    /// rate. Errors that persist over reset communication are reported again, but entered into the history only if they
+    /// are not yet in it.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);

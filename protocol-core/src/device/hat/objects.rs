@@ -15,9 +15,9 @@ use crate::time::Instant;
 use crate::wire::lss::{Address, LssNodeId};
 use crate::wire::sdo::AbortCode;
 
-/// Object 0x1009.
+/// The hardware version, object 0x1009.
 const HARDWARE_VERSION: &[u8] = b"01.01";
-/// Object 0x100A.
+/// The software version, object 0x100A.
 const SOFTWARE_VERSION: &[u8] = b"01.07";
 
 /// The rules of both kinds.
@@ -168,7 +168,7 @@ impl Product for HatObjects {
         }
     }
 
-    /// Never used, because the rows give all defaults.
+    /// Never called: the rows give all defaults.
     fn default(&self, _: HatObject) -> Value<'static> {
         Value::Number(0)
     }

@@ -6,7 +6,7 @@ use crate::controller::BitRate;
 use crate::wire::cob_id::NodeId;
 use crate::wire::lss::{Address, LssNodeId};
 
-/// The version of every record's payload.
+/// The payload version of every record.
 pub(super) const VERSION: u8 = 1;
 
 /// Vendor ID: HYDAC.

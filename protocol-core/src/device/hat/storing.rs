@@ -20,7 +20,7 @@ pub(super) const WRITES: [Write; 4] = [
     Write::new(RecordKey::Application, Requester::Sdo),
 ];
 
-/// Returns the bit of a record in a set.
+/// Returns the bit of a record in a bit mask of records.
 pub(super) const fn bit(key: RecordKey) -> u8 {
     1 << key.position()
 }
@@ -41,8 +41,8 @@ const fn value_of(task: Task) -> u8 {
 }
 
 impl HatSensor {
-    /// Begins the task that an SDO client waits for. A newer task for a waiting record replaces the older one, whose
-    /// client has given up.
+    /// Begins a task for an SDO client. A newer task for a record not yet written replaces the older one, whose client
+    /// has given up.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         self.task = Some(task);
         self.task_failed = false;

@@ -17,7 +17,7 @@ impl Kind {
     /// All HAT kinds.
     pub const ALL: [Self; 2] = [Self::Hat1000, Self::Hat3000];
 
-    /// Returns the name of the kind in every interface.
+    /// Returns the kind's name, the same in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

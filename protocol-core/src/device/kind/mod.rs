@@ -31,7 +31,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// Returns the standard's term for the identifying number of a device.
+    /// Returns the protocol's term for the address of a device: node ID or address.
     #[must_use]
     pub const fn id_name(self) -> &'static str {
         match self {
@@ -52,7 +52,7 @@ impl Kind {
         Self::Hat(hat::Kind::Hat3000),
     ];
 
-    /// Returns the name of the kind in every interface.
+    /// Returns the kind's name, the same in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,7 +61,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind with this name.
+    /// Returns the kind with this name; `None` if there is none.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
@@ -80,7 +80,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind with this number.
+    /// Returns the kind with this number; `None` if there is none.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.number() == number)
@@ -157,7 +157,7 @@ impl Kind {
     }
 }
 
-/// The setup of a device. Node ID, serial number and bit rate apply to a new memory; an existing memory takes
+/// The setup of a device. The node ID, serial number and bit rate apply to a new memory; an existing memory takes
 /// precedence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup<K = Kind> {
@@ -168,7 +168,7 @@ pub struct Setup<K = Kind> {
     pub node_id: Option<u8>,
     /// The serial number of a new memory; `None` for the product's default.
     pub serial: Option<u32>,
-    /// The bit rate of a new memory; `None` or an unsupported one for the product's default.
+    /// The bit rate of a new memory. `None` or an unsupported bit rate selects the product's default.
     pub bit_rate: Option<BitRate>,
 }
 

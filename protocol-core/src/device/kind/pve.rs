@@ -23,7 +23,7 @@ impl Kind {
     /// All PVE kinds.
     pub const ALL: [Self; 4] = [Self::PveaCanopen, Self::PveoCanopen, Self::PveaIsobus, Self::PveoIsobus];
 
-    /// Returns the name of the kind in every interface.
+    /// Returns the kind's name, the same in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind with this name.
+    /// Returns the kind with this name; `None` if there is none.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)

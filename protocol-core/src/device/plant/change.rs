@@ -68,7 +68,7 @@ impl Change {
         })
     }
 
-    /// Returns the entry of the word in the table.
+    /// Returns the table entry of the word.
     #[must_use]
     pub const fn word(self) -> &'static Word {
         let [supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, common @ ..] = &WORDS;
@@ -155,7 +155,7 @@ const DECIMAL: u32 = 10;
 const SPOOL_FAULTS: [SpoolFault; SPOOL_WORDS.len()] =
     [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
 
-/// Parses a number without a sign.
+/// Parses an unsigned number.
 #[must_use]
 pub fn natural(value: &str, radix: u32) -> Option<u32> {
     u32::from_str_radix(value, radix).ok()

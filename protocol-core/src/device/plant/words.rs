@@ -170,7 +170,7 @@ impl Word {
         words.find_map(|change| Some(change.text()).filter(|(name, _)| *name == self.name)).map(|(_, value)| value)
     }
 
-    /// Writes a help line to `put`, part by part: the word, from `column` on its description, then its values.
+    /// Writes a help line to `put` in parts: the word, its description starting at `column`, and its values.
     pub fn tell(&self, column: usize, put: &mut dyn FnMut(&str)) {
         put(self.name);
         (self.name.len()..column).for_each(|_| put(" "));
@@ -207,7 +207,7 @@ impl Values {
         }
     }
 
-    /// Writes the list of values to `put`, part by part. The firmware has no room for formatting.
+    /// Writes the list of values to `put` in parts, because the firmware has no room for formatting.
     fn tell(&self, put: &mut dyn FnMut(&str)) {
         if let Some((min, max)) = self.range() {
             tell_number(min, put);

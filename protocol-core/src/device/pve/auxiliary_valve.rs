@@ -14,7 +14,7 @@ use crate::wire::valve::{Command, EstimatedFlow, State};
 /// The number of consecutive neutral commands that end a shutdown.
 const NEUTRAL_COMMANDS: u8 = 2;
 
-/// A shutdown of the regulation by faults.
+/// A shutdown: regulation stopped by faults.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shutdown {
     /// All faults since the shutdown began.
@@ -29,7 +29,7 @@ pub(super) struct AuxiliaryValve {
     pub(super) valve: Valve,
     /// The last valid command; block before the first one.
     command: Command,
-    /// Whether the time guard runs: from the first valid command (A).
+    /// Whether the time guard runs; it starts with the first valid command (A).
     guarded: bool,
     shutdown: Option<Shutdown>,
 }
@@ -79,8 +79,8 @@ impl AuxiliaryValve {
         self.apply(now);
     }
 
-    /// Blocks the valve with the solenoids off until the restart. The restart may have to wait for the bus and the
-    /// memory; commands and the time guard have no effect meanwhile.
+    /// Blocks the valve with the solenoids off until the restart. The restart may be delayed by the bus and the memory;
+    /// until then commands and the time guard have no effect.
     pub(super) fn switch_off(&mut self, now: Instant) {
         self.block(now);
         self.valve.drive(Drive::Off, now);
@@ -100,14 +100,14 @@ impl AuxiliaryValve {
         changes
     }
 
-    /// Returns the previously active faults: counted, and neither active nor part of the shutdown.
+    /// Returns the previously active faults: those counted that are neither active nor part of the shutdown.
     pub(super) fn previously_active_faults(&self) -> FaultSet {
         let counters = self.valve.counters();
         let counted: FaultSet = FaultSet::ALL.into_iter().filter(|fault| counters.get(*fault) > 0).collect();
         counted.difference(self.valve.faults()).difference(self.in_shutdown())
     }
 
-    /// Returns the trouble code of a fault.
+    /// Returns the trouble code of a fault with its occurrence count and lamp.
     pub(super) fn trouble(&self, fault: Fault) -> Trouble {
         let codes = codes(fault);
         Trouble { lamp: codes.lamp, dtc: codes.dtc, count: self.valve.counters().get(fault) }
@@ -128,7 +128,7 @@ impl AuxiliaryValve {
         if self.shutdown.is_some() { State::Blocked } else { self.command.state() }
     }
 
-    /// Returns the set-point of [`state`](Self::state).
+    /// Returns the set-point of the reported [`state`](Self::state).
     pub(super) fn set_point(&self) -> SetPoint {
         match drive(self.command) {
             Drive::Regulate(set_point) if self.shutdown.is_none() => set_point,
@@ -140,7 +140,8 @@ impl AuxiliaryValve {
         self.shutdown.map_or(FaultSet::EMPTY, |shutdown| shutdown.faults)
     }
 
-    /// Counts neutral commands while no fault is active. The second one ends the shutdown, and has no further effect.
+    /// Counts neutral commands while no fault is active. The second consecutive one ends the shutdown, and has no
+    /// further effect.
     fn recover(&mut self, now: Instant) {
         let Some(shutdown) = &mut self.shutdown else { return };
         let counts = self.valve.faults().is_empty() && self.command.is_neutral() && self.valve.in_neutral(now);
@@ -180,7 +181,7 @@ impl Product for AuxiliaryValve {
     }
 }
 
-/// Returns the drive for a command outside a shutdown.
+/// Returns the drive for a command, ignoring any shutdown.
 fn drive(command: Command) -> Drive {
     match command {
         Command::HandOperation => Drive::Hand,

@@ -1,4 +1,4 @@
-//! The valve controlled by the device state machine: control word, device mode and set-point (SPEC 4.1, 4.3).
+//! The valve under the device state machine: control word, device mode and set-point (SPEC 4.1, 4.3).
 
 use super::Kind;
 use super::state_machine::{DeviceMode, DeviceState, StateMachine};
@@ -161,7 +161,7 @@ impl DeviceControl {
     fn drive(&self) -> Drive {
         match (self.machine.state(), self.mode) {
             (DeviceState::Active, DeviceMode::FullOperational) => Drive::Regulate(self.in_force),
-            // Includes hand operation: the spool monitors run only while the valve regulates.
+            // Includes hand operation, because the spool monitors run only while the valve regulates.
             _ => Drive::Off,
         }
     }

@@ -31,7 +31,7 @@ impl<'a> Found<'a> {
         if let Some(layer) = found.payload(RecordKey::LocalLayer, |payload| LocalLayer::decode(kind, payload)) {
             found.local_layer = layer;
         } else if found.reading.is_corrupt(RecordKey::LocalLayer) && setup.node_id.is_none() {
-            // A corrupt record had a node ID: only a new device can be without.
+            // A corrupt record had a node ID: only a new device can lack one.
             found.local_layer = LocalLayer::new(Setup::new(kind));
         }
         if let Some(log) = found.payload(RecordKey::FaultLog, FaultLog::decode) {

@@ -5,7 +5,7 @@ use crate::actuator::Counters;
 use crate::controller::BitRate;
 use crate::wire::lss;
 
-/// The version of every record's payload.
+/// The payload version of every record.
 pub(super) const VERSION: u8 = 1;
 
 /// Factory data: written at the first start only, and not affected by restore.
@@ -16,12 +16,12 @@ pub(super) struct Factory {
     /// The function instance of the NAME, used by the ISOBUS kinds only.
     pub(super) function_instance: u8,
     pub(super) hardware_number: u32,
-    /// Four characters, left-aligned, padded with blanks.
+    /// The hardware version: four characters, left-aligned, padded with blanks.
     pub(super) hardware_version: [u8; 4],
     pub(super) software_number: u32,
-    /// Four characters, left-aligned, padded with blanks.
+    /// The software version: four characters, left-aligned, padded with blanks.
     pub(super) software_version: [u8; 4],
-    /// Year, month, day in BCD.
+    /// The manufacturing date: year, month and day in BCD.
     pub(super) manufactured: [u8; 3],
 }
 
@@ -125,7 +125,7 @@ impl Factory {
 /// Node ID (on ISOBUS the address) and bit rate, in force from the next start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalLayer {
-    /// `None` only for a device delivered without node ID.
+    /// The node ID or address; `None` only for a device delivered without node ID.
     pub(super) node_id: Option<u8>,
     pub(super) bit_rate: BitRate,
 }

@@ -38,7 +38,7 @@ impl Viewable for Hat {
 }
 
 impl Error {
-    /// Returns the name of the error in every interface.
+    /// Returns the error's name, the same in every interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

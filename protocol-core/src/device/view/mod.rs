@@ -53,7 +53,7 @@ pub struct ValveView {
 /// The state of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultView {
-    /// The name of the fault in every interface.
+    /// The fault's name, the same in every interface.
     pub name: &'static str,
     /// Whether the fault is active.
     pub active: bool,

@@ -26,7 +26,7 @@ pub enum Service {
     OtherProtocol,
 }
 
-/// Bits 8–25 of an identifier, in place: the group and, in PDU1 format, the destination.
+/// Bits 8–25 of an identifier, at their original positions: the group and, in PDU1 format, the destination.
 type Group = u32;
 
 /// The identifiers of the services.
@@ -37,7 +37,7 @@ pub(super) struct Groups {
     request: Group,
     connection: Group,
     other_protocol: Filter,
-    /// Whether the controller has the filters.
+    /// Whether the controller has these filters.
     told: bool,
 }
 
@@ -80,8 +80,8 @@ impl Groups {
         self.command = NONE;
     }
 
-    /// Returns the service that a frame belongs to. A foreign frame with the own source address can belong to any of
-    /// them.
+    /// Returns the service that a frame belongs to. A foreign frame with the own source address can belong to any
+    /// service.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
         // A standard identifier has at most three bits of a group, so it matches none.
@@ -112,7 +112,7 @@ impl Groups {
         }
     }
 
-    /// Returns the service of another frame whose identifier ends in the own address.
+    /// Returns the service of a frame outside the transport and claim groups whose identifier ends in the own address.
     #[inline]
     fn ends_in_own_address(&self, frame: &Frame) -> Option<Service> {
         if self.other_protocol.passes(frame) {
@@ -129,7 +129,7 @@ impl Groups {
         id.source() == self.own && frame.is_extended() && id.is_j1939()
     }
 
-    /// Returns the controller filters once.
+    /// Returns the controller filters, once after every start.
     #[inline]
     pub(super) fn take_filters(&mut self) -> Option<Filters> {
         if self.told {

@@ -1,7 +1,6 @@
 //! The status messages of a node: at most one frame of each kind is pending.
 
-/// A status message, in order of arbitration. It is encoded when the controller can take it, with the state of that
-/// moment.
+/// A status message, in order of arbitration. It is encoded when the controller can take it, with the present state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Message {
@@ -18,7 +17,7 @@ pub(super) enum Message {
 }
 
 impl Message {
-    /// All kinds.
+    /// All messages, in order of arbitration.
     pub(super) const ALL: [Self; 5] = [Self::Report, Self::Claim, Self::Dm1, Self::Dm2, Self::Packet];
 
     const fn bit(self) -> u8 {

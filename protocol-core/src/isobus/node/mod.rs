@@ -48,8 +48,8 @@ pub struct Rules {
     pub other_protocol: fn(Address) -> Filter,
     /// Returns the group of the cyclic report from a node with this address.
     pub report: fn(Address) -> Pgn,
-    /// The period of the report, a control message with precedence over all others of the node. The first report is
-    /// sent at the end of the wait after the claim.
+    /// The period of the report, a control message with precedence over all other messages of the node. The first
+    /// report is sent at the end of the wait after the claim.
     pub report_period: Duration,
 }
 
@@ -130,7 +130,7 @@ impl<const DM2: usize> Node<DM2> {
         self.claim.address()
     }
 
-    /// Returns the address if messages other than claims may be sent now.
+    /// Returns the address while messages other than claims may be sent; otherwise `None`.
     #[inline]
     #[must_use]
     pub const fn voice(&self) -> Option<Address> {
@@ -143,8 +143,8 @@ impl<const DM2: usize> Node<DM2> {
         self.dropped
     }
 
-    /// Sets whether the controller is bus-off. Bus-off drops all pending messages except a first claim not yet on the
-    /// bus, and DM1, which later reports the state at that time.
+    /// Sets whether the controller is bus-off. Bus-off drops all pending messages except an unsent first claim and DM1.
+    /// The DM1 reports the state at the time of its sending.
     pub fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.give_up_all();
@@ -217,7 +217,7 @@ impl<const DM2: usize> Node<DM2> {
         if self.has_frame() { self.render_first(now, product) } else { None }
     }
 
-    /// Takes a frame back from the controller and queues it again, if it may still be sent.
+    /// Requeues a frame that the controller returned, if it may still be sent.
     pub fn give_back(&mut self, frame: Frame) {
         match self.message_of(&frame) {
             Some(message) if self.in_controller.contains(message) => {
@@ -236,7 +236,7 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Records that all frames of the controller are on the bus by `now`.
+    /// Records that by `now` the controller has sent all frames handed to it.
     pub fn all_sent(&mut self, now: Instant) {
         if self.in_controller.contains(Message::Claim) {
             self.claim.sent(now);
@@ -252,7 +252,7 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns the trouble code of the last DM1; `None` while a DM1 is not yet on the bus.
+    /// Returns the trouble code of the last DM1; `None` while a DM1 is unsent.
     #[must_use]
     pub fn told(&self) -> Option<Trouble> {
         let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.pending.contains(Message::Dm1);
@@ -291,7 +291,7 @@ impl<const DM2: usize> Node<DM2> {
         self.render(now, product, message)
     }
 
-    /// Selects by identifier, which is the order of arbitration: every frame here is an extended data frame.
+    /// Selects by identifier, which is the order of arbitration because every frame here is an extended data frame.
     fn render_among_answers(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let before_answers =
             |message: &Message| self.answers.first().is_none_or(|answer| self.key_of(*message) < answer.key());
@@ -376,8 +376,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Returns the message of a frame in the controller; `None` for an answer and, once the address is lost, for every
-    /// frame but a cannot-claim.
+    /// Returns the message that a frame in the controller carries; `None` for an answer and, once the address is lost,
+    /// for every frame but a cannot-claim.
     fn message_of(&self, frame: &Frame) -> Option<Message> {
         Message::ALL.into_iter().find(|message| self.key_of(*message) == frame.key())
     }

@@ -13,10 +13,10 @@ use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::name::Name;
 use crate::wire::request::Control;
 
-/// The indication of a received frame to the product.
+/// The indication to the product of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Indication {
-    /// None: the product is not concerned.
+    /// The frame does not concern the product.
     Nothing,
     /// A frame of the product's command group.
     Command,
@@ -38,7 +38,7 @@ impl<const DM2: usize> Node<DM2> {
         self.groups.service(frame)
     }
 
-    /// Handles a frame of a service. Remote frames have no meaning on ISOBUS.
+    /// Handles a frame of a service. Remote frames are ignored, because they have no meaning on ISOBUS.
     #[inline]
     pub fn handle(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
         if service != Service::Claim && self.groups.is_foreign_use(frame) {
@@ -56,7 +56,7 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Acknowledges a command as executed or failed; a request to all has no answer.
+    /// Acknowledges a command as executed or failed. A request to all is not answered.
     pub fn acknowledge(&mut self, request: &Request, done: bool) {
         self.respond(request, if done { Control::Positive } else { Control::Negative });
     }
@@ -145,7 +145,7 @@ impl<const DM2: usize> Node<DM2> {
 
 /// The queueing of pending messages.
 impl<const DM2: usize> Node<DM2> {
-    /// Queues the message of a service if one is pending.
+    /// Queues the message of a service if its outcome is pending.
     #[inline]
     pub(super) fn note(&mut self, outcome: Outcome, message: Message) {
         if outcome == Outcome::Pending {
@@ -153,7 +153,7 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Queues a message and aborts an older frame of it in the controller.
+    /// Queues a message and aborts its older frame in the controller.
     ///
     /// In bus-off only DM1 is queued; it reports the state at the time of recovery.
     pub(super) fn queue(&mut self, message: Message) {
@@ -190,7 +190,7 @@ impl<const DM2: usize> Node<DM2> {
                 if announced {
                     self.count_dropped(1);
                 } else {
-                    // The announcement is not on the bus: a new DM2 replaces it.
+                    // The announcement has not been sent: a new DM2 replaces it.
                     self.queue(Message::Dm2);
                 }
             }
@@ -198,7 +198,7 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Drops all pending messages except DM1, and forgets those in the controller.
+    /// Drops all pending messages except DM1, and no longer tracks those in the controller.
     pub(super) fn give_up_all(&mut self) {
         let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
         self.pending = MessageSet::EMPTY;

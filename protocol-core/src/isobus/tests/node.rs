@@ -400,7 +400,7 @@ fn another_controller_under_the_own_address() {
     }
 }
 
-/// In bus-off only DM1 stays pending, and a first claim not yet on the bus.
+/// In bus-off only DM1 and an unsent first claim stay pending.
 #[test]
 fn bus_off() {
     let mut rig = Rig::claimed();

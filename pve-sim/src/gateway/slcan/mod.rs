@@ -1,7 +1,7 @@
 //! slcan: the ASCII protocol of serial-line adapters (Lawicel CAN232 and CANUSB), over TCP or on a pseudo-terminal.
 //!
-//! Each line ends with CR. The adapter answers an executed line with CR (after `z` or `Z` for a frame), and any other
-//! line with BEL:
+//! Each line ends with CR. The adapter answers an executed line with CR (after `z` or `Z` for a frame), and a line that
+//! it does not execute with BEL:
 //!
 //! ```text
 //! client                             adapter

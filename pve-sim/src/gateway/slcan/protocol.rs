@@ -7,12 +7,12 @@ use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 use crate::gateway::guard::Verdict;
 use hal_sim::log::{Timestamp, write_hex};
 
-/// The longest line without its CR: a frame with a 29-bit identifier, its length and eight bytes.
+/// The maximum length of a line without its CR: a frame with a 29-bit identifier, its length and eight bytes.
 const LINE_MAX: usize = 1 + 8 + 1 + 2 * MAX_LEN;
 
 /// The answer to an executed command.
 pub(super) const OK: &str = "\r";
-/// The answer to any other line.
+/// The answer to a line that is not executed.
 pub(super) const BELL: &str = "\x07";
 /// The answer to a frame with an 11-bit identifier.
 pub(super) const SENT_STANDARD: &str = "z\r";
@@ -66,7 +66,7 @@ pub struct Refused;
 /// Parses lines from a byte stream, independent of read boundaries.
 #[derive(Debug, Default)]
 pub struct Parser {
-    /// At most [`LINE_MAX`] + 1 bytes; with that many bytes the line is too long and skipped.
+    /// The incomplete line, at most [`LINE_MAX`] + 1 bytes. At that length it is too long, and is skipped.
     line: Vec<u8>,
 }
 
@@ -130,7 +130,7 @@ fn parse(line: &[u8]) -> Option<Command> {
     }
 }
 
-/// Parses a length of one digit and that number of bytes; a remote frame has no bytes.
+/// Parses the length, one digit, and that number of bytes; a remote frame has no bytes.
 fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
     let (digit, text) = text.split_first()?;
     let len = digit.checked_sub(b'0').filter(|len| usize::from(*len) <= MAX_LEN)?;

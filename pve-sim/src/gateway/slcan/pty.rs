@@ -16,13 +16,13 @@ use crate::inbox::{ToWorld, WorldSender};
 
 const FORM: &str = "slcan+pty:PATH";
 
-/// The URLs of this gateway.
+/// The URL scheme of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan+pty:", form: FORM, parse: Parse::With(parse) };
 
 /// The polling interval for a client: the system does not report when a client opens the terminal.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// The delay after an error.
+/// The delay before the next attempt after an error.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// The path of the link to the terminal.

@@ -2,6 +2,6 @@
 
 use crate::gateway::{Parse, Scheme};
 
-/// The URLs of this gateway.
+/// The URL scheme of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme =
     Scheme { prefix: "slcan+pty:", form: "slcan+pty:PATH", parse: Parse::OnlyOn("Unix") };

@@ -12,7 +12,7 @@ use crate::inbox::WorldSender;
 
 const FORM: &str = "slcan://HOST:PORT";
 
-/// The URLs of this gateway.
+/// The URL scheme of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan://", form: FORM, parse: Parse::With(parse) };
 
 /// The address of the served adapter.

@@ -24,7 +24,7 @@ pub struct Session {
     has_stamps: bool,
     /// Whether the channel has been open at least once.
     was_open: bool,
-    /// Whether the user was warned that the client's bit rate differs from the bus.
+    /// Whether the user was warned that the client's bit rate differs from that of the bus.
     has_told: bool,
     talk: Arc<Mutex<Talk>>,
 }
@@ -51,7 +51,8 @@ struct Talk {
 }
 
 impl Talk {
-    /// Counts an answer; `has_stamps` for an answer that opens the channel.
+    /// Counts a requested answer. For an answer that opens the channel, `has_stamps` states whether later frames have
+    /// time stamps.
     fn note(&mut self, has_stamps: Option<bool>) {
         self.asked += 1;
         self.opened.extend(has_stamps.map(|has_stamps| (self.asked, has_stamps)));
@@ -109,14 +110,15 @@ impl Session {
         self.ask(client, ToWorld::Reply(client.id, Reply::new(answer)), None).await;
     }
 
-    /// Requests an answer through the world; `has_stamps` for an answer that opens the channel.
+    /// Requests an answer through the world. For an answer that opens the channel, `has_stamps` states whether later
+    /// frames have time stamps.
     async fn ask(&self, client: &Client, message: ToWorld, has_stamps: Option<bool>) {
         lock(&self.talk).note(has_stamps);
         client.tell(message).await;
     }
 
-    /// Returns whether the client's bit rate is unset or equal to that of the bus. Reports the first mismatch to the
-    /// user.
+    /// Returns whether the client's bit rate is unset or equal to that of the bus. Reports the client's first mismatch
+    /// to the user.
     async fn is_at_rate(&mut self, client: &Client) -> bool {
         let Some(rate) = self.rate else { return true };
         let (asked, answer) = oneshot::channel();

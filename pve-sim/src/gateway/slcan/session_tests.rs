@@ -106,7 +106,7 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
         client.write_all(b"O\r").await.expect("room");
         while client.write_all(b"t1230\r").await.is_ok() {}
     });
-    // Both ends run until one waits for a permit and the other for space: far more turns than needed.
+    // Both ends run until one waits for a permit and the other for space: far fewer turns than this limit.
     for _ in 0..100 * PERMITS {
         tokio::task::yield_now().await;
     }

@@ -44,7 +44,7 @@ impl Terminal {
         seen.contains(PollFlags::IN) || !seen.contains(PollFlags::HUP)
     }
 
-    /// Returns the reader and the writer for one client; both fail once the client has closed the terminal.
+    /// Returns a reader and a writer for one client. Both fail once the client has closed the terminal.
     ///
     /// # Errors
     /// When the process has no free file descriptor.
@@ -104,7 +104,7 @@ fn set_raw(terminal: impl AsFd) -> io::Result<()> {
     Ok(tcsetattr(&terminal, OptionalActions::Now, &attributes)?)
 }
 
-/// The input from clients, without echo: otherwise the adapter would execute its own echoed answers and frames.
+/// The input from clients, with echo prevented: otherwise the adapter would execute its own echoed answers and frames.
 #[derive(Debug)]
 pub(super) struct Deaf(Receiver);
 
@@ -123,7 +123,7 @@ impl AsyncRead for Deaf {
     }
 }
 
-/// A symbolic link to a device; drop removes the link.
+/// A symbolic link to a device. Dropping it removes the link.
 #[derive(Debug)]
 struct Link {
     path: PathBuf,
@@ -151,7 +151,7 @@ impl Link {
         Ok(())
     }
 
-    /// Removes the link, unless the path now holds something else.
+    /// Removes the link, unless the path no longer holds this link.
     fn remove(&self) {
         if fs::read_link(&self.path).is_ok_and(|device| device == self.device) {
             let _ = fs::remove_file(&self.path);
@@ -170,8 +170,8 @@ fn is_stale(path: &Path, device: &Path) -> bool {
     fs::read_link(path).is_ok_and(|old| old.parent() == device.parent() && (old == device || !old.exists()))
 }
 
-/// Returns the message about the occupied path. A stale link may lead to a terminal that now belongs to another
-/// program, which cannot be told from the terminal of a running simulator.
+/// Returns the error message for an occupied path. A stale link may lead to a terminal that now belongs to another
+/// program, which is indistinguishable from the terminal of a running simulator.
 fn in_the_way(path: &Path, device: &Path) -> String {
     match fs::read_link(path) {
         Ok(old) if old.parent() == device.parent() => {

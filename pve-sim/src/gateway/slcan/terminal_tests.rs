@@ -23,7 +23,7 @@ fn a_terminal_knows_whether_a_client_is_there() {
     }
 }
 
-/// A client that has set a mode of its own, and reads nothing of what it was sent.
+/// A client that changes the terminal modes and never reads.
 fn rude_client(terminal: &Terminal, path: &Path) -> File {
     let rude = super::open(path).expect("the link leads to it");
     let mut attributes = tcgetattr(&rude).expect("attributes");
@@ -34,7 +34,7 @@ fn rude_client(terminal: &Terminal, path: &Path) -> File {
     rude
 }
 
-/// CR stays CR, nothing is echoed, and nothing comes that was for another.
+/// Asserts that CR stays CR, that nothing is echoed, and that no output of a previous client arrives.
 fn assert_new(terminal: &Terminal, client: &mut File) {
     let mut bytes = [0; 8];
     while rustix::io::read(&terminal.end, &mut bytes).is_ok() {}
@@ -50,7 +50,7 @@ fn a_new_terminal_has_nothing_of_the_one_before() {
     let mut terminal = Terminal::open(&path).expect("a terminal");
     let mut rude = rude_client(&terminal, &path);
     terminal.renew().expect("a terminal");
-    // As a device that was pulled out: the end on Linux, an error elsewhere.
+    // As for an unplugged device: the end of file on Linux, an error elsewhere.
     assert!(matches!(rude.read(&mut [0; 8]), Ok(0) | Err(_)));
     assert!(!terminal.is_in_use());
     let mut client = super::open(&path).expect("the link leads to the new one");
@@ -91,7 +91,8 @@ fn nothing_is_replaced_but_a_link_that_was_left_behind() {
     let path = dir.path().join("pve0");
     let terminal = Terminal::open(&path).expect("a terminal");
     assert!(Terminal::open(&path).is_err(), "of another that runs");
-    // Left behind by one that was killed: to a terminal that is gone, or to a number that the new one has.
+    // Left behind by a killed simulator: a link to a terminal that no longer exists, or whose number the new terminal
+    // has.
     symlink(&terminal.link.device, dir.path().join("same")).expect("a link");
     assert!(is_stale(&dir.path().join("same"), &terminal.link.device));
     let gone = terminal.link.device.with_file_name("123456789");

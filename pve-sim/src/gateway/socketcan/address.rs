@@ -2,7 +2,7 @@
 
 use crate::gateway::{Parse, Scheme};
 
-/// The URLs of this gateway.
+/// The URL scheme of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcan:", form: "socketcan:IFACE", parse: PARSE };
 
 #[cfg(not(target_os = "linux"))]

@@ -1,18 +1,18 @@
-//! The health of an interface: decides whether to retry a refused frame, and creates the messages to the user. No I/O.
+//! The health of an interface: decides whether to retry a refused frame, and creates the messages for the user. No I/O.
 
 use std::io;
 
 use rustix::io::Errno;
 
-/// The number of attempts for a frame while the interface's queue is full, a millisecond or more apart. Even a bus of
-/// 10 kbit/s sends a frame within 15 ms: a queue that stays full for longer has no acknowledgement. The limit counts
-/// attempts instead of time, because a paused process makes no attempts.
+/// The maximum number of attempts for a frame while the interface's queue is full, a millisecond or more apart. Even a
+/// bus at 10 kbit/s sends a frame within 15 ms: if the queue stays full for longer, no node acknowledges. The limit
+/// counts attempts instead of time, because a paused process makes no attempts.
 const TRIES: u32 = 100;
 
 /// The verdict on a frame that the interface has refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// The frame is to be retried.
+    /// Retry the frame.
     Retry,
     /// The frame is lost.
     Lost,
@@ -53,7 +53,7 @@ impl Health {
         Some(format!("socketcan:{}: sending frames again; {frames} not sent", self.name))
     }
 
-    /// Records an error that concerns no frame; returns a message for the user, if any.
+    /// Records an error unrelated to any frame; returns a message for the user, if any.
     pub(super) fn fail(&mut self, error: &io::Error) -> Option<String> {
         if self.trouble.is_some() {
             return None;
@@ -62,7 +62,7 @@ impl Health {
         Some(format!("socketcan:{}: {}: no frames are sent until this is resolved", self.name, reason(error)))
     }
 
-    /// Returns the verdict on a frame refused for the `tries`th time, and a message for the user, if any.
+    /// Returns the verdict on a frame that has now been refused `tries` times, and a message for the user, if any.
     pub(super) fn refuse(&mut self, error: &io::Error, tries: u32) -> (Verdict, Option<String>) {
         // While the queue is known to be full, each frame gets one attempt; otherwise pending frames would accumulate.
         if is_full(error) && self.trouble.is_none() && tries < TRIES {

@@ -23,7 +23,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub(super) struct Interface {
     name: String,
-    /// The crate's own asynchronous socket would not report that an interface goes down.
+    /// The socket. The crate's own asynchronous socket would not report that an interface goes down.
     socket: AsyncFd<CanSocket>,
     health: Health,
     /// The time of the next retry for a missing interface; `None` while the socket is bound.
@@ -65,7 +65,7 @@ impl Interface {
         }
     }
 
-    /// Records an error; an error that reveals a missing interface starts the retries.
+    /// Records an error. If the error reveals that the interface is missing, schedules a retry.
     fn note(&mut self, error: &io::Error) {
         if is_gone(error) && self.next_look.is_none() {
             self.next_look = Some(Instant::now() + PAUSE);

@@ -9,7 +9,7 @@ use tokio::net::UdpSocket;
 /// The port of the beacons.
 const PORT: u16 = 42000;
 
-/// The interval of beacons: clients listen for about three seconds.
+/// The interval between beacons: clients listen for about three seconds.
 const EVERY: Duration = Duration::from_secs(2);
 
 /// The beacon of one bus.
@@ -21,8 +21,8 @@ pub(super) struct Beacon {
 }
 
 impl Beacon {
-    /// Creates the beacon of a bus served at an address. A bus that only this machine can reach is announced on this
-    /// machine only; a bus at all addresses is announced likewise, as 127.0.0.1.
+    /// Creates the beacon of a bus served at an address. A bus on loopback is announced on this machine only, and so is
+    /// a bus at all addresses, as 127.0.0.1.
     ///
     /// # Errors
     /// When the address is not IPv4 (IPv6 has no broadcast), or the system refuses the socket.
@@ -41,7 +41,7 @@ impl Beacon {
         Ok(Self { socket, target, text: text(ip, port, bus) })
     }
 
-    /// Sends the beacon forever; errors are ignored until the next one.
+    /// Sends the beacon periodically, forever. A failed datagram is not repeated before the next period.
     pub(super) async fn run(self) {
         let mut every = tokio::time::interval(EVERY);
         loop {

@@ -17,8 +17,9 @@
 //! The other modes of the reference daemon (`bcmmode`, `controlmode`, `isotpmode`) are not supported: no client in the
 //! README's table uses them.
 //!
-//! The protocol has no form for remote frames. python-can sends one as a `send` with a length and no bytes, which is
-//! accepted as one; remote frames of others are not passed on, because they would become data frames.
+//! The protocol has no form for remote frames. python-can sends a remote frame as a `send` with a length and no bytes,
+//! which is accepted as a remote frame. Remote frames of other senders are not passed on, because they would become
+//! data frames.
 
 mod beacon;
 mod protocol;

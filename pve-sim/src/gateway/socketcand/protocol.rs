@@ -62,7 +62,7 @@ pub enum RequestError {
     Interrupted,
 }
 
-/// Parses messages from a byte stream, independent of read boundaries; bytes between messages are skipped.
+/// Parses messages from a byte stream, independent of read boundaries. Skips the bytes between messages.
 #[derive(Debug, Default)]
 pub struct Parser {
     state: State,
@@ -154,8 +154,8 @@ fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
     Ok(Frame::with_len(id, data, len))
 }
 
-/// Parses an identifier. Eight digits mark an extended identifier, as does bit 31 (the flag in SocketCAN's `can_id`),
-/// also as the sign of a number.
+/// Parses an identifier. It is extended if it has eight digits or if bit 31 is set (the flag in SocketCAN's `can_id`),
+/// which may appear as the sign of the number.
 fn identifier(word: &str) -> Result<Id, RequestError> {
     const EXTENDED: u32 = 1 << 31;
     const MAX: u32 = 0x1FFF_FFFF;
@@ -169,8 +169,8 @@ fn identifier(word: &str) -> Result<Id, RequestError> {
     }
 }
 
-/// Parses a hex number of `bits` bits, as the reference daemon does: with or without `0x`, and with a sign or
-/// sign-extended to 32 or 64 bits by clients that treat it as signed, so that 80 becomes -80 or ffffff80.
+/// Parses a hex number of `bits` bits, as the reference daemon does: with or without `0x`. Clients that treat the
+/// number as signed send a sign, or sign-extend to 32 or 64 bits, so that 80 becomes -80 or ffffff80.
 fn hex(word: &str, bits: u32) -> Option<u32> {
     let (negative, digits) = word.strip_prefix('-').map_or((false, word), |digits| (true, digits));
     let digits = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")).unwrap_or(digits);

@@ -14,7 +14,7 @@ use crate::inbox::WorldSender;
 
 const FORM: &str = "socketcand://HOST:PORT/NAME";
 
-/// The URLs of this gateway.
+/// The URL scheme of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcand://", form: FORM, parse: Parse::With(parse) };
 
 /// The maximum length of a bus name, in characters: fits a trace line and the field of every client.

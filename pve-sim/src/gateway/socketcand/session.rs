@@ -8,8 +8,8 @@ use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{ClientId, Reply, ToClient, ToWorld};
 
-/// The pause between the answer to raw mode and the first frame: python-can takes a frame in the same read for a wrong
-/// answer.
+/// The pause between the answer to raw mode and the first frame: python-can mistakes a frame in the same read for a
+/// wrong answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
 
 /// The dialogue with one client.

@@ -64,7 +64,7 @@ fn world(inbox: &Inbox, on_listen: &[ToClient]) -> Vec<Frame> {
                     ToWorld::Reply(_, reply) => to_client.post(ToClient::Reply(reply)).expect("room"),
                     ToWorld::Listen(_, reply) => {
                         to_client.post(ToClient::Reply(reply)).expect("room");
-                        // a dismissed client learns of it from the session
+                        // a dismissed client is informed by its session
                         let _ = on_listen.iter().try_for_each(|message| to_client.post(message.clone()));
                     }
                     _ => {}
@@ -160,7 +160,7 @@ async fn what_was_sent_before_the_end_counts_and_is_answered() {
     assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
 }
 
-/// Places are few: a client that has closed its half and does not read must not keep one.
+/// Places are few: a client that has closed its half and does not read must not occupy a place.
 #[tokio::test(start_paused = true)]
 async fn a_client_that_says_its_last_word_and_does_not_read_is_let_go() {
     let (client, inbox, session) = serve(64);
@@ -203,7 +203,7 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
             say(&mut writer, "< send 18A 0 >").await;
         }
     });
-    // Both ends run until one waits for a permit and the other for space: far more turns than needed.
+    // Both ends run until one waits for a permit and the other for space: far fewer turns than this limit.
     for _ in 0..100 * crate::inbox::PERMITS {
         tokio::task::yield_now().await;
     }

@@ -13,7 +13,7 @@ use crate::inbox::WorldSender;
 
 const FORM: &str = "udp-multicast://GROUP:PORT";
 
-/// The URLs of this gateway.
+/// The URL scheme of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme =
     Scheme { prefix: "udp-multicast://", form: FORM, parse: Parse::With(parse) };
 

@@ -16,7 +16,7 @@ use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 /// The hop limit towards other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
 
-/// The size of the receive buffer: longer datagrams are truncated and therefore invalid. A frame takes about 200 bytes.
+/// The size of the receive buffer. Longer datagrams are truncated and therefore invalid; a frame takes about 200 bytes.
 const DATAGRAM_MAX: usize = 4096;
 
 /// The delay after a read error.
@@ -39,9 +39,9 @@ struct Intake {
     group: SocketAddr,
     /// The address of this gateway's sending socket, whose datagrams are looped back.
     own: SocketAddr,
-    /// Whether other machines may send and receive.
+    /// Whether datagrams from other machines are accepted.
     is_remote: bool,
-    /// Whether the user was told that datagrams are ignored.
+    /// Whether the user was told about an ignored datagram.
     has_told: bool,
 }
 
@@ -105,7 +105,7 @@ impl Member for Group {
 }
 
 impl Intake {
-    /// Returns the frame of a datagram; `None` for this gateway's own.
+    /// Returns the frame of a datagram; `None` for a datagram of this gateway, and for ignored ones after the first.
     ///
     /// # Errors
     /// A message for the user about the first ignored datagram.
@@ -119,13 +119,13 @@ impl Intake {
                 Err(reason) => reason.to_string(),
             }
         } else {
-            format!("without --allow-remote, a datagram from another machine, {},", from.ip())
+            format!("a datagram from remote host {}; use --allow-remote to accept it", from.ip())
         };
         if std::mem::replace(&mut self.has_told, true) {
             return Ok(None);
         }
         Err(format!(
-            "udp-multicast://{}: {ignored} was ignored; further ones are ignored without a warning",
+            "udp-multicast://{}: ignored {ignored}. Further datagrams are ignored without a warning",
             self.group
         ))
     }
@@ -137,11 +137,11 @@ fn is_of_this_machine(mut address: SocketAddr) -> bool {
     StdSocket::bind(address).is_ok()
 }
 
-/// Returns a socket that receives the group's datagrams on the interface to which the system sends them, as python-can
-/// does.
+/// Returns a socket that receives the group's datagrams. Like python-can, it joins on the interface to which the system
+/// sends them.
 fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
-    // Other programs on this machine use the port, too.
+    // Other programs on this machine also use the port.
     socket.set_reuse_address(true)?;
     #[cfg(unix)]
     socket.set_reuse_port(true)?;
@@ -209,8 +209,8 @@ mod tests {
         assert_eq!(intake.take(&datagram, from("127.0.0.1:1")), Ok(None));
         assert_eq!(intake.take(&datagram, from("127.0.0.1:2")), Ok(Some(frame)), "another program");
         let told = intake.take(&datagram, from("192.0.2.1:1")).expect_err("it is told");
-        let expected = "udp-multicast://239.74.163.2:43113: without --allow-remote, a datagram from another machine, 192.0.2.1, was \
-                        ignored; further ones are ignored without a warning";
+        let expected = "udp-multicast://239.74.163.2:43113: ignored a datagram from remote host 192.0.2.1; use --allow-remote \
+                        to accept it. Further datagrams are ignored without a warning";
         assert_eq!(told, expected);
         assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
         assert_eq!(intake.take(b"GET / HTTP/1.1", from("127.0.0.1:2")), Ok(None), "told once, of whatever kind");
@@ -278,7 +278,7 @@ mod tests {
         let from: SocketAddr = "127.0.0.1:2".parse().expect("an address");
         let mut intake = intake(false);
         let told = intake.take(b"", from).expect_err("it is told");
-        assert!(told.contains(": a datagram that is not a python-can message was ignored"), "{told}");
+        assert!(told.contains(": ignored a datagram that is not a python-can message."), "{told}");
         assert_eq!(intake.take(b"", from), Ok(None));
     }
 }

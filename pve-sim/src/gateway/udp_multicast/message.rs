@@ -23,7 +23,7 @@ struct Sent<'a> {
     error_state_indicator: bool,
 }
 
-/// The keys of a message that define a frame, with the defaults of python-can's constructor.
+/// The keys of a message that define a frame; missing ones have the defaults of python-can's constructor.
 #[derive(Debug, Deserialize)]
 struct Received<'a> {
     arbitration_id: u32,

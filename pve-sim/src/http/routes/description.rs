@@ -77,7 +77,7 @@ fn describe<T: ToSchema + 'static>(schemas: &mut Value) {
     }
 }
 
-/// Adds the error responses common to all calls, and those of bodies and parameters.
+/// Adds the error responses common to all calls, and those for request bodies and parameters.
 fn add_refusals(call: &mut Value) {
     let has_body = call["requestBody"].is_object();
     let refusals = [
@@ -102,7 +102,7 @@ fn add_refusals(call: &mut Value) {
             response["description"] = description.into();
         }
     }
-    // A remaining response without a description is a success, or a 404 about a device.
+    // A response still without a description is a success, or a 404 about a device.
     let responses = call["responses"].as_object_mut().into_iter().flatten();
     for (status, response) in responses.filter(|(_, response)| response["description"] == "") {
         let description = if status == "404" { "No device of this name" } else { "Done" };

@@ -16,7 +16,7 @@ use crate::control::events::{ControlEvent, Follower, Subscription, json};
 use crate::control::message::Message;
 use crate::http::error::{Error, Failure};
 
-/// The interval of comments on a quiet bus: they reveal a client that is gone.
+/// The interval between comments on a quiet bus, which reveal a disconnected client.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
 /// The data of a `lost` event: the client was too slow.

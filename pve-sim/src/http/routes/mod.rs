@@ -28,7 +28,7 @@ use hal_sim::simulation::{Command, Reply};
 /// The maximum size of a request body, in bytes.
 const BODY: usize = 64 * 1024;
 
-/// The connection of the calls to the world.
+/// The connection from the calls to the world.
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     world: WorldSender,

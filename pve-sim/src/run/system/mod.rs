@@ -4,7 +4,7 @@
 //! | --- | --- | --- | --- |
 //! | a signal ends the run | SIGINT, SIGTERM, SIGHUP | the same | Ctrl-C, Ctrl-Break, close, log-off, shutdown |
 //! | SIGHUP ignored by a parent stays ignored | yes | no | no SIGHUP |
-//! | a reader of stdout that is gone | at once | with the next line | with the next line |
+//! | a closed stdout is detected | immediately | with the next line | with the next line |
 //! | a job in the background leaves the terminal alone | yes | yes | no such jobs |
 //! | the terminal of a line editor is restored | yes | yes | not by Ctrl-Break |
 //! | clients limited by the files that may be open | yes | yes | no such limit |

@@ -17,11 +17,12 @@ use tokio::runtime::Builder;
 use tokio::signal::unix::{self, SignalKind, signal};
 use tokio::time::timeout;
 
-/// The interval of looking for the terminal's foreground job: until then the shell reads the input.
+/// The interval at which a background job checks for its return to the foreground; until then the shell reads the
+/// input.
 const BACKGROUND: Duration = Duration::from_millis(200);
 
-/// The longest wait for a stop and the continuation: without a shell the system ignores the signal. A stopped process
-/// waits for as long as it is stopped.
+/// The maximum wait for the job's stop and continuation: without a shell, the system ignores the signal. A stopped
+/// process waits until it is continued.
 const STOP: Duration = Duration::from_secs(2);
 
 /// The signals that end a run.
@@ -29,7 +30,7 @@ const STOP: Duration = Duration::from_secs(2);
 pub(in crate::run) struct Signals(Vec<unix::Signal>);
 
 impl Signals {
-    /// Installs handlers of SIGINT, SIGTERM and SIGHUP; not of a SIGHUP that is ignored, as under `nohup`.
+    /// Installs handlers of SIGINT, SIGTERM and SIGHUP, except for a SIGHUP that is ignored, as under `nohup`.
     pub(in crate::run) fn listen() -> io::Result<Self> {
         let mut kinds = vec![SignalKind::interrupt(), SignalKind::terminate()];
         if !hangup_is_ignored() {
@@ -60,7 +61,7 @@ fn ignores_hangup(status: &str) -> bool {
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 != 0)
 }
 
-/// Waits until the reader of stdout has gone; returns whether that can be detected. A file has no reader.
+/// Waits until stdout has no reader; returns whether that can be detected. A file has no reader.
 pub(in crate::run) fn wait_for_hangup() -> bool {
     let stdout = io::stdout();
     loop {
@@ -74,8 +75,8 @@ pub(in crate::run) fn wait_for_hangup() -> bool {
     }
 }
 
-/// Waits until stdin is readable; returns whether there is a stdin. A background job must not read from its terminal:
-/// the system would stop it.
+/// Waits until stdin is readable; returns whether there is a stdin. A background job must not read from its terminal,
+/// because the system would stop the job.
 pub(in crate::run) fn wait_for_input() -> bool {
     let stdin = io::stdin();
     loop {
@@ -104,7 +105,7 @@ fn is_in_background() -> bool {
     tcgetpgrp(io::stdin()).is_ok_and(|foreground| foreground != getpgrp())
 }
 
-/// A key stops the job, which the shell can continue in the background or foreground.
+/// Whether a key stops the job. The shell can continue it in the background or foreground.
 pub(in crate::run) const HAS_JOBS: bool = true;
 
 /// Stops this job, as the terminal does for Ctrl-Z. Returns after its continuation, or after [`STOP`] if no shell could
@@ -115,8 +116,8 @@ pub(in crate::run) fn suspend() {
         let continued = signal(SignalKind::from_raw(Signal::CONT.as_raw()));
         let _ = kill_current_process_group(Signal::TSTP);
         if let Ok(mut continued) = continued {
-            // Another thread may take the signal, and stop this one later: until then this thread must not touch the
-            // terminal, which is about to be the shell's.
+            // A different thread may take the signal and stop this one later. Until then this thread must not touch the
+            // terminal, which the shell is about to take.
             let _ = timeout(STOP, continued.recv()).await;
         }
     });
@@ -139,8 +140,8 @@ impl Modes {
         tcgetattr(io::stdin()).ok().filter(|_| is_one).map(Self)
     }
 
-    /// Makes Ctrl-Z a character for the line editor, also between two lines: the terminal would stop the job anywhere,
-    /// and continued in the background, its next access to the terminal would stop it again.
+    /// Makes Ctrl-Z a character for the line editor, also between two lines. Otherwise the terminal could stop the job
+    /// at any point; after continuation in the background, its next access to the terminal would stop it again.
     pub(in crate::run) fn without_suspend_key(&self) {
         let mut modes = self.0.clone();
         modes.special_codes[SpecialCodeIndex::VSUSP] = NO_KEY;
@@ -155,12 +156,12 @@ impl Modes {
 
 fn set(modes: &Termios) {
     if !is_in_background() {
-        // At once: a terminal with blocked output would never drain.
+        // Without waiting for the output: a terminal with blocked output would never drain.
         let _ = tcsetattr(io::stdin(), OptionalActions::Now, modes);
     }
 }
 
-/// The value of a special character that no key sends, `_POSIX_VDISABLE`.
+/// The value that disables a special character of the terminal, `_POSIX_VDISABLE`.
 const NO_KEY: u8 = if cfg!(target_os = "linux") { 0 } else { 0xFF };
 
 /// Returns the limit of open files; `None` without a limit.

@@ -31,7 +31,8 @@ impl Signals {
         })
     }
 
-    /// Waits for one of the events. After the last three, Windows grants the process some seconds.
+    /// Waits for one of the events. After a closed window, a log-off or a shutdown, Windows grants the process some
+    /// seconds.
     pub(in crate::run) async fn come(&mut self) {
         tokio::select! {
             _ = self.interrupt.recv() => {}
@@ -43,29 +44,29 @@ impl Signals {
     }
 }
 
-/// Returns false at once: the next line on stdout reveals that its reader has gone.
+/// Returns false immediately: a stdout without a reader is detected by the next line.
 pub(in crate::run) const fn wait_for_hangup() -> bool {
     false
 }
 
-/// Returns at once: reads block, and no job is stopped for them.
+/// Returns immediately: reads block, and no job is stopped for them.
 pub(in crate::run) const fn wait_for_input() -> bool {
     true
 }
 
-/// Returns at once, as [`wait_for_input`].
+/// Returns immediately, like [`wait_for_input`].
 pub(in crate::run) const fn wait_for_foreground() {}
 
-/// No key stops a job.
+/// Whether a key stops the job: never on Windows.
 pub(in crate::run) const HAS_JOBS: bool = false;
 
-/// Does nothing: no key requests it.
+/// Does nothing: no key suspends the job.
 pub(in crate::run) const fn suspend() {}
 
 /// Does nothing: the caller ends the run.
 pub(in crate::run) const fn interrupt() {}
 
-/// The modes of the console, which only its line editor restores: the standard library cannot.
+/// The modes of the console. Only its line editor restores them, because the standard library cannot.
 #[derive(Debug)]
 pub(in crate::run) struct Modes;
 
@@ -93,8 +94,8 @@ pub(in crate::run) const fn max_open_files() -> Option<u64> {
 /// Does nothing: threads have no timer slack.
 pub(in crate::run) const fn be_punctual() {}
 
-/// Opens a file for writing, which others may only read; `None` when another process has it. A lock would keep readers
-/// out, too.
+/// Opens a file for writing, while others may only read it; `None` when another process has it open. A lock would also
+/// prevent others from reading.
 pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
     const FILE_SHARE_READ: u32 = 1;
     const ERROR_SHARING_VIOLATION: i32 = 32;

@@ -8,13 +8,13 @@ use crate::device::runtime::Base;
 use crate::wire::emcy::Emcy;
 
 impl CanopenValve {
-    /// Reports the fault changes: each activation by priority, then the end of the last active fault.
+    /// Reports the fault changes: each activation in order of priority, then the end of the last active fault.
     pub(super) fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         self.node.renew_tpdo();
         let changes = self.objects.control.take_changes(now);
         let after = self.objects.control.valve.faults();
-        // A fault that cleared at once is in the register of its own EMCY only.
+        // A fault that cleared at once appears in the register of its own EMCY only.
         let mut active = after.difference(changes.activated);
         for fault in changes.activated {
             let count = self.objects.control.valve.counters().get(fault);
@@ -35,8 +35,8 @@ impl CanopenValve {
         }
     }
 
-    /// Reports a start: the reset EMCY after every boot-up (R), and the faults that persist over reset communication,
-    /// without counting them again.
+    /// Reports a start: an error-reset EMCY after every boot-up (R), and the faults that persist over reset
+    /// communication, without counting them again.
     pub(super) fn tell_start(&mut self, scope: Restart, base: &Base) {
         self.node.send_emcy(Emcy::default());
         let valve = &mut self.objects.control.valve;

@@ -1,38 +1,38 @@
 //! The progress of a "load" and its execution in the memory (SPEC 4.5, 6).
 //!
-//! The start that finds the flag set works with the defaults. It stores them, and then clears the flag. A "save" while
-//! the executed "load" is not done takes the place of the defaults. It is acknowledged only when the flag is cleared,
-//! or the next start would wipe it. A client's "load" sets the flag for the next start, and a "save" after it leaves
-//! the flag set (R). Once the defaults are stored, the executed "load" has nothing left to clear.
+//! A start that finds the restore flag set uses the defaults: it stores them, then clears the flag. A "save" during
+//! this time replaces the defaults; it is acknowledged only after the flag is cleared, because the next start would
+//! otherwise overwrite the saved parameters. A "load" by a client sets the flag for the next start, and a later "save"
+//! leaves it set (R). Once the defaults are stored, setting the flag for a client also completes the executed "load".
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The time after which a write of an executed "load" that failed is tried again (A).
+/// The delay before a failed write of an executed "load" is repeated (A).
 const RETRY: Duration = Duration::from_secs(10);
 
-/// The executed "load" in the memory.
+/// The progress of the "load" executed at this start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Executed {
-    /// The flag does not stand for it.
+    /// No "load" was executed, or its writes are complete.
     Done,
-    /// The flag is set, and the stored parameters are those from before it.
+    /// The flag is set; the stored parameters are older than the "load".
     DefaultsUnstored,
-    /// The flag is set, the stored parameters are newer.
+    /// The flag is set; the stored parameters are newer than the "load".
     FlagUncleared,
 }
 
-/// A client's "load" for the next start: unless there is none, the flag is written as set.
+/// The "load" that a client requested for the next start. While there is one, the flag is written as set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Demanded {
-    /// None, or one that could not be stored.
+    /// No request, or one that could not be stored.
     No,
-    /// Its write waits or is in flight.
+    /// The write of the flag is queued or in progress.
     Unstored,
-    /// The memory holds the flag, and the client was told so.
+    /// The memory holds the flag, and the client has received a positive answer.
     Stored,
 }
 
-/// The restore flag: what it stands for, and what it is to become.
+/// The restore flag: the progress of the executed "load", and the requested one.
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     pub(super) executed: Executed,
@@ -41,23 +41,25 @@ pub(super) struct Load {
 }
 
 impl Load {
-    /// Returns the state of a memory whose flag is not set.
+    /// Creates the state for a memory whose flag is not set.
     pub(super) const fn new() -> Self {
         Self { executed: Executed::Done, demanded: Demanded::No, retry_at: NEVER }
     }
 
-    /// Returns the state at a start that executes a "load", or has none to execute.
+    /// Creates the state of a start that does or does not execute a "load".
     pub(super) const fn found(executes: bool) -> Self {
         let executed = if executes { Executed::DefaultsUnstored } else { Executed::Done };
         Self { executed, ..Self::new() }
     }
 
-    /// Returns whether the defaults are in force, because those of an executed "load" are not stored yet (A).
+    /// Returns whether the defaults replace the stored parameters, because an executed "load" has not stored them yet
+    /// (A).
     pub(super) fn replaces_stored(&self) -> bool {
         self.executed == Executed::DefaultsUnstored
     }
 
-    /// Notes that parameters are stored which are newer than the executed load. Returns whether the flag is still set.
+    /// Records that parameters newer than the executed "load" are stored. Returns whether the flag must still be
+    /// cleared.
     pub(super) fn parameters_stored(&mut self) -> bool {
         if self.executed == Executed::DefaultsUnstored {
             self.executed = Executed::FlagUncleared;
@@ -65,19 +67,20 @@ impl Load {
         self.executed == Executed::FlagUncleared
     }
 
-    /// Notes that a client demands a "load".
+    /// Records a client's "load".
     pub(super) fn demand(&mut self) {
         if self.demanded == Demanded::No {
             self.demanded = Demanded::Unstored;
         }
     }
 
-    /// Returns what the flag is to be written as.
+    /// Returns the value of the flag to write: whether a client has requested a "load".
     pub(super) fn flag(&self) -> bool {
         self.demanded != Demanded::No
     }
 
-    /// Takes the memory's answer to a write of the flag. The last write settles a client's "load", too.
+    /// Handles the result of a write of the flag. `is_last` states that no equal write is queued; the result then also
+    /// decides a client's "load".
     pub(super) fn flag_written(&mut self, stored: bool, is_last: bool, now: Instant) {
         if is_last && self.demanded == Demanded::Unstored {
             self.demanded = if stored { Demanded::Stored } else { Demanded::No };
@@ -85,26 +88,27 @@ impl Load {
         if !stored {
             self.failed(now);
         } else if self.executed == Executed::FlagUncleared {
-            // While the defaults are not stored, the flag was set again for a client.
+            // While the defaults are not stored, only a client has the flag written, as set; this does not complete the
+            // executed "load".
             self.executed = Executed::Done;
             self.retry_at = NEVER;
         }
     }
 
-    /// Notes that a write of the executed load has failed: it is tried again.
+    /// Schedules a retry after a failed write of the executed "load".
     pub(super) fn failed(&mut self, now: Instant) {
         if self.executed != Executed::Done {
             self.retry_at = delayed(now, RETRY);
         }
     }
 
-    /// Returns when a write is to be tried again.
+    /// Returns the time of the next retry; [`NEVER`] if none is scheduled.
     #[inline]
     pub(super) const fn retry_at(&self) -> Instant {
         self.retry_at
     }
 
-    /// Takes note that the time for it has come; while the memory is busy it is put off.
+    /// Returns whether to retry now. While the memory is busy, a due retry is postponed.
     pub(super) fn retry(&mut self, now: Instant, busy: bool) -> bool {
         let due = now >= self.retry_at;
         if due {

@@ -49,9 +49,9 @@ pub struct CanopenValve {
     /// The stored node ID and bit rate.
     local_layer: LocalLayer,
     load: Load,
-    /// The parts of the local layer changed by the write in flight.
+    /// The node ID and bit rate in the write in progress; `None` for an unchanged one.
     layer_in_flight: Configuration,
-    /// The counters cleared by the write in flight; restored if it fails.
+    /// The counters cleared by the write in progress; restored if it fails.
     cleared: Counters,
     causes: Causes,
 }
@@ -124,7 +124,7 @@ impl Application for CanopenValve {
         }
     }
 
-    /// Handles a further reset request: the wider scope wins.
+    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending one.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());

@@ -15,15 +15,15 @@ use crate::memory::RecordKey;
 use crate::uds::node_id_written;
 use crate::wire::lss::LssNodeId;
 
-/// "save": the parameters as they are.
+/// "save": writes the present parameters.
 const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
-/// The defaults, at the start that executes "load".
+/// Executed "load": writes the defaults.
 const RESTORE: Write = Write::new(RecordKey::Parameters, Requester::Device);
-/// The restore flag as it is to be.
+/// Writes the present value of the restore flag.
 const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Requester::Device);
-/// The same as the second half of a "save", whose client waits.
+/// Writes the restore flag as the second half of a "save", whose client waits for it.
 const FLAG_OF_SAVE: Write = Write::new(RecordKey::RestoreFlag, Requester::Sdo);
-/// The fault log with all counts cleared.
+/// Writes the fault log with all counters cleared.
 const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Requester::Sdo);
 
 pub(super) const WRITES: [Write; 7] = [
@@ -37,7 +37,7 @@ pub(super) const WRITES: [Write; 7] = [
 ];
 
 impl CanopenValve {
-    /// Begins what an SDO client waits for.
+    /// Requests the write of a task for an SDO client.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         base.writes.request(match task {
             Task::Save => SAVE,
@@ -49,14 +49,14 @@ impl CanopenValve {
         });
     }
 
-    /// Tries again what an executed "load" could not write.
+    /// Repeats a failed write of an executed "load", if due.
     pub(super) fn retry_load(&mut self, base: &mut Base) {
         if self.load.retry(base.now(), !base.writes.is_idle()) {
             self.continue_load(base);
         }
     }
 
-    /// Asks for the defaults where "load" is executed, or for what is left of it.
+    /// Requests the next write of an executed "load": the defaults, then the restore flag.
     pub(super) fn continue_load(&mut self, base: &mut Base) {
         match self.load.executed {
             Executed::Done => {}
@@ -65,7 +65,7 @@ impl CanopenValve {
         }
     }
 
-    /// Returns the local layer as the write in flight makes it.
+    /// Returns the local layer as changed by the write in progress.
     fn layer_to_store(&self) -> LocalLayer {
         let Configuration { node_id, bit_rate } = self.layer_in_flight;
         LocalLayer {
@@ -74,7 +74,7 @@ impl CanopenValve {
         }
     }
 
-    /// Answers the SDO client of a task, by the last write of it.
+    /// Answers the SDO client of a task once the last of its equal writes has ended.
     fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
         if is_last {
             self.node.end_task(task, stored);
@@ -102,7 +102,7 @@ impl Storing for CanopenValve {
             RecordKey::FaultLog => {
                 let valve = &mut self.objects.control.valve;
                 if write.requester == Requester::Sdo {
-                    // A fault that activates from now on counts one.
+                    // Activations from now on are counted from zero.
                     self.cleared = valve.take_counters();
                 }
                 &FaultLog { counters: valve.counters() }.encode()
@@ -112,7 +112,7 @@ impl Storing for CanopenValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Takes the memory's answer to a write. An SDO client is answered by the last of equal writes: its own.
+    /// Handles the result of a write. Of several equal writes the last one decides the answer to the SDO client.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;

@@ -54,7 +54,7 @@ pub struct IsobusValve {
     node: Node<DM2_MAX>,
     pub(super) auxiliary: AuxiliaryValve,
     clearing: Vec<Clearing, CLEARINGS>,
-    /// The faults that a DM3 asked to clear and that have not occurred since.
+    /// The faults that a DM3 asked to clear and that have not occurred since that request.
     clearable: FaultSet,
     causes: Causes,
 }

@@ -9,7 +9,7 @@ use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{Fields, Name};
 use crate::wire::uds;
 
-/// Commanded by AVC, reports AVEF, answers UDS.
+/// The rules of the node: commanded by AVC, reports AVEF, answers UDS.
 pub(super) const RULES: Rules = Rules {
     command: |own| Pgn::avc(own.get()),
     other_protocol: |own| Filter { key: uds::key_to(uds::Address::node(own.get())), mask: uds::ANY_SOURCE },
