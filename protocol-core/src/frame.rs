@@ -81,7 +81,6 @@ impl Frame {
     }
 
     /// Returns a data frame with the same identifier and length but other data; bytes beyond the length are dropped.
-    #[inline(always)]
     #[must_use]
     pub fn refilled(&self, data: [u8; MAX_LEN]) -> Self {
         let mut frame = Self { key: self.key, remote: false, len: self.len, data };

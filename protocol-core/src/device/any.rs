@@ -29,8 +29,6 @@ impl AnyDevice {
 
     /// Creates a device without power. Move it to its final place before the [start](Self::start_up).
     #[must_use]
-    // Inlined like `Runtime::new`, so that the device is built in its final place.
-    #[inline(always)]
     pub fn new(setup: Setup) -> Self {
         match setup.kind {
             Kind::Pve(kind) => match kind.protocol() {
