@@ -47,6 +47,7 @@ impl Answers {
     }
 
     /// Removes the [first](Self::first) answer.
+    // −11 instructions on a claim and on an AVEF.
     #[inline(never)]
     pub(crate) fn pop(&mut self) -> Option<Frame> {
         // Usually there is one answer: 60 instructions less for an SDO.

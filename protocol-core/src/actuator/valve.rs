@@ -123,8 +123,6 @@ impl Valve {
     /// Creates a powered-up valve: off, with its spool in neutral, and healthy until [`sense`](Self::sense) reports
     /// otherwise.
     #[must_use]
-    // −112 bytes of the core alone: each device calls it twice, at creation and at start.
-    #[inline(never)]
     pub const fn new(config: ValveConfig, counters: Counters, now: Instant) -> Self {
         Self {
             deadline: NEVER,
@@ -229,6 +227,7 @@ impl Valve {
 
     /// Applies a set-point: combines [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive). For a valve that is
     /// already regulating, with no timer due, this saves 570 instructions per new set-point.
+    // −5 instructions on an AVC and its AVEF, −10 on the image's RPDO → TPDO.
     #[inline(always)]
     pub fn command(&mut self, drive: Drive, now: Instant) {
         let now = now.max(self.now);

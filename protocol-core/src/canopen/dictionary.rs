@@ -207,7 +207,6 @@ impl Entry {
     ///
     /// # Errors
     /// [`AbortCode::TOO_LONG`] or [`AbortCode::TOO_SHORT`].
-    #[inline(always)]
     pub(super) fn check_length(&self, len: usize) -> Result<(), AbortCode> {
         let size = usize::from(self.size());
         if len > size {

@@ -199,7 +199,6 @@ impl EmcyQueue {
     }
 
     /// Removes the messages that the controller held, all of which have been sent.
-    #[inline(always)]
     pub(crate) fn sent(&mut self) {
         if self.taken > 0 {
             self.drop_taken();

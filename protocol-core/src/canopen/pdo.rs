@@ -93,7 +93,7 @@ struct Slot {
 impl Pdo {
     /// Creates a PDO that is off and maps nothing, for loading.
     #[must_use]
-    // Not inlined, it would keep the device from being built in its final place: 1.7 KB of stack.
+    // The device is built in its final place: −1.4 KiB of stack of the smallest image.
     #[inline(always)]
     pub(crate) const fn new() -> Self {
         Self {

@@ -212,7 +212,6 @@ impl Pending {
         self.dropped
     }
 
-    #[inline(always)]
     fn is_empty(&self) -> bool {
         match self.boot_up {
             BootUp::Pending => false,
@@ -288,6 +287,7 @@ impl Pending {
 
 impl<P: Product> Node<P> {
     /// Returns whether a pending frame may be sent now; none may be before the platform has taken a new bit rate.
+    // −17 instructions on RPDO → TPDO of the core alone, −19 on an SDO.
     #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {
         !self.pending.is_empty() && !self.is_mute() && !self.rate_is_new

@@ -89,8 +89,6 @@ pub struct Node<const DM2: usize> {
 impl<const DM2: usize> Node<DM2> {
     /// Creates a node that begins to claim an address.
     #[must_use]
-    // Called at creation and at every restart.
-    #[inline(never)]
     pub fn new(rules: &'static Rules, name: Name, own: Address) -> Self {
         Self {
             rules,

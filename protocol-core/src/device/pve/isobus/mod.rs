@@ -68,7 +68,6 @@ impl IsobusValve {
 
     /// Reports the fault changes in DM1 and to the fault log. A fault that has occurred again is no longer cleared by
     /// DM3.
-    #[inline(never)]
     fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         let changes = self.auxiliary.take_changes(now);
@@ -93,7 +92,6 @@ impl IsobusValve {
         }
     }
 
-    #[inline(never)]
     fn serve_uds(&mut self, frame: &Frame, base: &mut Base) {
         let Some(own) = self.node.voice() else { return };
         let identification = Identification {
