@@ -93,7 +93,7 @@ struct Slot {
 impl Pdo {
     /// Creates a PDO that is off and maps nothing, for loading.
     #[must_use]
-    // The device is built in its final place: −1.4 KiB of stack of the smallest image.
+    // The device is built in its final place: −1.2 KiB of stack of the smallest image.
     #[inline(always)]
     pub(crate) const fn new() -> Self {
         Self {
