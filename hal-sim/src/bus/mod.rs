@@ -78,6 +78,9 @@ use listeners::Group;
 use load::Load;
 use transmission::Transmission;
 
+/// The end of the name of a gateway's second controller, which only acknowledges.
+pub(crate) const LISTENING: &str = ", listening";
+
 /// The number of a port on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PortId(pub(crate) usize);
@@ -273,7 +276,8 @@ impl Bus {
     /// [`FaultError`]; the faults are unchanged.
     pub fn add_fault(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         let ports = (0..).zip(&self.ports).filter(|(number, _)| !self.vacant.contains(&PortId(*number)));
-        let known: Vec<&str> = ports.map(|(_, port)| &*port.name).collect();
+        let names = ports.map(|(_, port)| &*port.name).filter(|name| !name.ends_with(LISTENING));
+        let known: Vec<&str> = names.collect();
         if let Some(name) = fault.names().find(|name| !known.contains(&&***name)) {
             return Err(FaultError::Unknown { name: Arc::clone(name), known: known.join(", ") });
         }

@@ -41,7 +41,7 @@ pub use run::FLUSH_PATIENCE;
 
 pub use crate::bus::{Event, EventKind};
 
-use crate::bus::{Bus, Disturbance, Fault, FaultError, FaultState, Injector, Port, PortId};
+use crate::bus::{Bus, Disturbance, Fault, FaultError, FaultState, Injector, LISTENING, Port, PortId};
 use crate::memory::Memory;
 
 use agenda::Agenda;
@@ -262,7 +262,7 @@ impl World {
     /// frames of the gateway even when a device sends the same frame simultaneously. It also keeps a lone device from
     /// becoming error-passive.
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
-        let listener = format!("{name}, listening");
+        let listener = format!("{name}{LISTENING}");
         let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
         self.own(port, None);
         self.own(listener, None);

@@ -50,6 +50,10 @@ fn a_refused_fault_changes_nothing() {
         (r#"{}"#, "a fault needs one of "),
         (r#"{"lose": "220", "sender": "bucket"}"#, "no device or client 'bucket'; known: boom"),
         (r#"{"lose": "220", "receivers": ["bucket"]}"#, "no device or client 'bucket'; known: boom"),
+        (
+            r#"{"lose": "220", "sender": "the gateway, listening"}"#,
+            "no device or client 'the gateway, listening'; known: boom, the gateway, http",
+        ),
         (r#"{"lose": ""}"#, "id \"\" is not valid; "),
         (r#"{"lose": "220", "probability": 2}"#, "probability 2 is not valid; "),
         (r#"{"lose": "220", "lose": "221"}"#, ""),
