@@ -176,7 +176,7 @@ impl Failure {
         if details.is_empty() {
             details.push("each key had its expected value, but never all at the same time".to_owned());
         }
-        Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
+        Self::new(step, format!("expect state of {}{}", state.name, within(step)), details)
     }
 
     /// Creates the failure for a forbidden frame.
@@ -191,7 +191,7 @@ impl Failure {
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
         let details = wanted.keys.iter().map(seen).collect();
-        Self::new(step, format!("never a state of {}{}", state.name, during(step)), details)
+        Self::new(step, format!("never state of {}{}", state.name, during(step)), details)
     }
 
     /// Returns the number of the event after the last one to show with the failure.

@@ -171,7 +171,7 @@ fn points(profile: &Profile, now: Instant) -> Result<(&'static str, Points), Ref
     }
     let point = |[ms, value]: [i64; 2]| {
         let value = i32::try_from(value).ok().filter(|value| (min..=max).contains(value)).ok_or_else(|| {
-            Refusal::Invalid(format!("profile of {}: {value} is out of range, {}", word.name, word.values))
+            Refusal::Invalid(format!("profile of {}: {value} is out of range; accepted: {}", word.name, word.values))
         })?;
         let ms = u64::try_from(ms).ok().filter(|ms| *ms <= Profile::MAX_MS).ok_or_else(|| {
             Refusal::Invalid(format!("profile of {}: {ms} ms must be from 0 to {}", word.name, Profile::MAX_MS))

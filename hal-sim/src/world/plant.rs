@@ -15,7 +15,7 @@ pub enum PlantError {
     #[error("{0}: not a plant word of this kind of device")]
     OtherProduct(Plant),
     /// The value is out of range.
-    #[error("{0}: out of range, {values}", values = .0.word().values)]
+    #[error("{0}: out of range; accepted: {values}", values = .0.word().values)]
     OutOfRange(Plant),
     /// The shaft's angle is controlled by a link.
     #[error("{0}: the shaft is linked to a valve")]
