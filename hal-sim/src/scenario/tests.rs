@@ -86,11 +86,11 @@ fn never_holds_up_to_its_last_instant_and_from_its_first() {
     };
     passes(&trip(1999));
     let text = fails(&trip(2000), 1);
-    assert!(text.contains("never a state of pvea-canopen for 2000 ms: failed at 3000.000 ms"), "{text}");
+    assert!(text.contains("never state of pvea-canopen for 2000 ms: failed at 3000.000 ms"), "{text}");
     assert!(text.contains("seen      dsm = \"fault-hold\""), "{text}");
     // Violated from the first instant, but reported once; later steps continue.
     let text = fails(r#"{ never = { powered = true } }, { send = "000#0120", expect = { nmt = "operational" } }"#, 1);
-    assert!(text.contains("x.toml:4: never a state") && text.contains("powered = true"), "{text}");
+    assert!(text.contains("x.toml:4: never state") && text.contains("powered = true"), "{text}");
 }
 
 /// Frames sent while a command waits for the bus precede the prohibition.

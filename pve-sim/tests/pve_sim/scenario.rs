@@ -85,7 +85,7 @@ fn a_failure_is_exit_1_and_all_of_them_are_told_in_order() {
     let starts =
         [format!("FAIL {}: <wrong>", paths[0]), format!("ok   {}: 1 step", paths[1]), format!("FAIL {}", paths[0])];
     assert!(lines.iter().zip(&starts).all(|(line, start)| line.starts_with(start)) && lines.len() == 3, "{told}");
-    for line in [":4: expect 720: 01 within 10 ms: failed at ", ":5: never a state"] {
+    for line in [":4: expect 720: 01 within 10 ms: failed at ", ":5: never state"] {
         assert_eq!(told.matches(line).count(), 2, "{told}");
     }
     assert!(told.ends_with("1 passed, 2 failed\n"), "{told}");
@@ -136,7 +136,7 @@ fn results_for_ci() {
     let text = fs::read_to_string(&junit).expect("the results");
     assert!(text.contains("tests=\"2\" skipped=\"0\" failures=\"1\" errors=\"0\""), "{text}");
     assert!(text.contains(&format!("<testcase name=\"{}\"", paths[1])), "{text}");
-    assert!(text.contains(":4: expect 720: 01") && text.contains("; ") && text.contains(":5: never a state"), "{text}");
+    assert!(text.contains(":4: expect 720: 01") && text.contains("; ") && text.contains(":5: never state"), "{text}");
     assert!(text.contains("&lt;-  720: 00"), "the frames before: {text}");
 }
 
