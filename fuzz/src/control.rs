@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use hal_sim::devices::{DeviceSpec, NamedDevice, NamedLink, named};
 use hal_sim::simulation::Simulation;
+use hal_sim::world::Electronics;
 use hal_sim::{Kind, Memory};
 use pve_sim::cli::{Request, parse};
 use pve_sim::gateway::BusUrl;
@@ -68,7 +69,7 @@ fn options(arguments: &str) -> RunOptions {
 /// Asserts that the options are read again as they were from what is printed of them.
 fn check_words(options: &RunOptions) {
     for device in &options.devices {
-        let NamedDevice { name, setup, spool_times } = device;
+        let NamedDevice { name, setup, spool_times, has_oil, electronics } = device;
         let id = setup.node_id.map_or_else(|| ",blank".to_owned(), |id| format!("@{id}"));
         let mut text = format!("{}{id},name={name}", setup.kind);
         text.extend(setup.serial.map(|serial| format!(",serial=0x{serial:X}")));
@@ -76,6 +77,11 @@ fn check_words(options: &RunOptions) {
         if matches!(setup.kind, Kind::Pve(_)) {
             text += &format!(",stroke-ms={},return-ms={}", spool_times.stroke_ms(), spool_times.return_ms());
         }
+        let Electronics { boot, answer: (from, to), cycle, brown_out_mv } = electronics;
+        let [boot, from, to, cycle] = [boot, from, to, cycle].map(|time| time.as_millis());
+        text += &format!(",boot-ms={boot},answer-ms={from}..{to},cycle-ms={cycle}");
+        text.extend(brown_out_mv.map(|supply| format!(",brown-out-mv={supply}")));
+        text.extend(has_oil.then_some(",oil"));
         let spec: DeviceSpec = text.parse().unwrap_or_else(|error| panic!("{text}: {error}"));
         assert_eq!(named(vec![spec]).as_ref().map(Vec::as_slice), Ok(std::slice::from_ref(device)));
     }

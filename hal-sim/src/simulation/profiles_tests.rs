@@ -110,7 +110,10 @@ fn what_is_no_profile_is_refused_and_changes_nothing() {
             "profile of supply_mv: 20 ms after 50 ms; times must increase",
         ),
         (profile("supply_mv", json!([[-1, 1]])), "profile of supply_mv: -1 ms must be from 0 to 86400000"),
-        (profile("supply_mv", json!([[0, 100_001]])), "profile of supply_mv: 100001 is out of range; accepted: 0 to 100000 mV"),
+        (
+            profile("supply_mv", json!([[0, 100_001]])),
+            "profile of supply_mv: 100001 is out of range; accepted: 0 to 100000 mV",
+        ),
         (profile("supply_mv", json!([])), "profile of supply_mv: has no points"),
         (profile("spool", json!([[0, 1]])), "profile of 'spool': must be one of supply_mv, "),
         (profile("angle_cdeg", json!([[0, 1]])), "angle_cdeg 1: not a plant word of this kind of device"),
