@@ -10,6 +10,12 @@ use super::transmit::Transmit;
 /// The maximum number of delayed frames of a device or gateway. Its application keeps further frames.
 const MAX: usize = 256;
 
+/// The maximum number of delayed copies and frames; further copies are not sent.
+const MAX_COPIES: usize = 4096;
+
+/// The maximum number of answers in a slow application (A); further ones are dropped.
+const MAX_ANSWERS: usize = 32;
+
 /// Delayed frames, in the order in which the application sent them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DelayedFrames(Vec<Delayed>);
@@ -25,6 +31,8 @@ struct Delayed {
     is_next: bool,
     /// Whether the frame is a copy made by a fault.
     is_copy: bool,
+    /// An answer that the slow application itself delays.
+    is_own: bool,
 }
 
 /// The condition for the handover of a delayed frame.
@@ -51,13 +59,19 @@ impl DelayedFrames {
     }
 
     /// Returns whether no further frame can be delayed. The application must keep it.
-    pub(super) const fn is_full(&self) -> bool {
-        self.0.len() >= MAX
+    pub(super) fn is_full(&self) -> bool {
+        self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.is_copy).count() >= MAX
     }
 
-    /// Returns whether no frame of the application is delayed; copies do not count.
+    /// Returns whether a slow application has no room for another answer.
+    pub(super) fn is_full_of_answers(&self) -> bool {
+        self.0.len() >= MAX_ANSWERS && self.0.iter().filter(|delayed| delayed.is_own).count() >= MAX_ANSWERS
+    }
+
+    /// Returns whether no delayed frame is still with the application: a slow answer, or a frame that waits for a free
+    /// mailbox. The application knows nothing of frames that a fault delays.
     pub(super) fn is_idle(&self) -> bool {
-        self.0.iter().all(|delayed| delayed.is_copy)
+        self.0.iter().all(|delayed| delayed.is_copy || !(delayed.is_own || delayed.wait == Wait::Room))
     }
 
     /// Drops all frames.
@@ -84,7 +98,10 @@ impl DelayedFrames {
     /// Delays a frame. It is handed over no earlier than delayed frames with the same identifier, unless those may be
     /// overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
-        let Handed { frame, late, is_overtaken, is_copy, swaps } = handed;
+        let Handed { frame, late, is_overtaken, is_copy, is_own, swaps } = handed;
+        if is_copy && self.0.len() >= MAX_COPIES {
+            return;
+        }
         let due = after(now, late);
         let last = self.0.iter().filter_map(|delayed| match delayed.wait {
             Wait::Until(due) if delayed.frame.key() == frame.key() && !delayed.is_overtaken => Some(due),
@@ -94,7 +111,15 @@ impl DelayedFrames {
             Some(within) => Wait::Next(after(due, within)),
             None => Wait::Until(last.max().map_or(due, |last| last.max(due))),
         };
-        self.0.push(Delayed { frame, wait, is_overtaken, is_next: false, is_copy });
+        self.0.push(Delayed { frame, wait, is_overtaken, is_next: false, is_copy, is_own });
+    }
+
+    /// Lets a frame wait for a free mailbox.
+    pub(super) fn queue(&mut self, frame: &Frame) {
+        let room = Wait::Room;
+        let frame =
+            Delayed { frame: *frame, wait: room, is_overtaken: false, is_next: false, is_copy: false, is_own: false };
+        self.0.push(frame);
     }
 
     /// Returns the index of the frame to be swapped with the sender's next frame.
@@ -131,7 +156,14 @@ impl DelayedFrames {
                 has_released = true;
                 self.0.remove(place);
                 if let Some(frame) = overtaken {
-                    let room = Delayed { frame, wait: Wait::Room, is_overtaken: false, is_next: false, is_copy: false };
+                    let room = Delayed {
+                        frame,
+                        wait: Wait::Room,
+                        is_overtaken: false,
+                        is_next: false,
+                        is_copy: false,
+                        is_own: false,
+                    };
                     self.0.insert(0, room);
                     place += 1;
                 }

@@ -27,7 +27,7 @@ fn of_220(kind: FaultKind) -> Fault {
 
 fn rig_with(fault: Fault) -> Rig {
     let mut rig = Rig::of(3);
-    rig.bus.add_fault(fault, rig.now).unwrap();
+    rig.bus.add_fault(fault, &[], rig.now).unwrap();
     rig
 }
 
@@ -228,7 +228,7 @@ fn a_fault_that_never_strikes_changes_nothing() {
         let mut rig = Rig::of(3);
         for (number, kind) in kinds.iter().enumerate() {
             let fault = Fault { probability: 0, ..Fault::new(&number.to_string(), kind.clone()) };
-            rig.bus.add_fault(fault, rig.now).unwrap();
+            rig.bus.add_fault(fault, &[], rig.now).unwrap();
         }
         let mut random = fastrand::Rng::with_seed(1);
         for _ in 0..500 {
@@ -250,7 +250,7 @@ fn a_fault_that_never_strikes_changes_nothing() {
 fn a_bad_fault_is_refused() {
     let mut rig = Rig::of(2);
     let lose = || FaultKind::Lose { receivers: vec!["nobody".into()] };
-    let refused = rig.bus.add_fault(Fault::new("x", lose()), START).unwrap_err();
+    let refused = rig.bus.add_fault(Fault::new("x", lose()), &[], START).unwrap_err();
     assert_eq!(refused.to_string(), "no device or client 'nobody'; known: a, b");
     let all = || FaultKind::Lose { receivers: Vec::new() };
     let cases = [
@@ -262,16 +262,16 @@ fn a_bad_fault_is_refused() {
         (Fault::new("x", FaultKind::Repeat { times: 0, after: millis(1) }), "times must be from 1 to 1000"),
     ];
     for (fault, reason) in cases {
-        assert_eq!(rig.bus.add_fault(fault, START).unwrap_err().to_string(), reason);
+        assert_eq!(rig.bus.add_fault(fault, &[], START).unwrap_err().to_string(), reason);
     }
     assert_eq!(rig.bus.faults(START).count(), 0);
     for number in 0..MAX_FAULTS {
-        rig.bus.add_fault(Fault::new(&number.to_string(), all()), START).unwrap();
+        rig.bus.add_fault(Fault::new(&number.to_string(), all()), &[], START).unwrap();
     }
-    assert_eq!(rig.bus.add_fault(Fault::new("0", all()), START), Err(FaultError::Taken("0".into())));
-    assert_eq!(rig.bus.add_fault(Fault::new("x", all()), START), Err(FaultError::TooMany));
+    assert_eq!(rig.bus.add_fault(Fault::new("0", all()), &[], START), Err(FaultError::Taken("0".into())));
+    assert_eq!(rig.bus.add_fault(Fault::new("x", all()), &[], START), Err(FaultError::TooMany));
     assert!(rig.bus.end_fault("7") && !rig.bus.end_fault("7"));
-    assert_eq!(rig.bus.add_fault(Fault::new("x", all()), START), Ok(()));
+    assert_eq!(rig.bus.add_fault(Fault::new("x", all()), &[], START), Ok(()));
 }
 
 /// Delayed frames hold back later frames of the device, up to a limit.
@@ -328,7 +328,7 @@ fn a_fault_of_the_next_frame_does_not_undo_a_swap() {
     for other in [delay(5), FaultKind::Repeat { times: 1, after: millis(20) }] {
         let mut rig = rig_with(count_one(SWAP));
         rig.send(0, frame(0x220, &[1]));
-        rig.bus.add_fault(named("other", of_220(other)), rig.now).unwrap();
+        rig.bus.add_fault(named("other", of_220(other)), &[], rig.now).unwrap();
         rig.send(0, frame(0x220, &[2]));
         rig.run_for(millis(100));
         assert_eq!(rig.frames()[..2], [2, 1].map(|byte| frame(0x220, &[byte])));

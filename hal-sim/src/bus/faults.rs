@@ -15,7 +15,7 @@ pub(super) struct Faults {
     /// Whether any fault or any delay of answers acts between sending applications and their controllers.
     pub(super) at_senders: bool,
     /// Whether any device delays its answers.
-    delays_answers: bool,
+    is_slow: bool,
     /// Whether any fault acts between receiving controllers and their applications.
     pub(super) at_receivers: bool,
     /// Whether any fault acts on the wire.
@@ -29,7 +29,7 @@ impl Default for Faults {
         Self {
             list: Vec::new(),
             at_senders: false,
-            delays_answers: false,
+            is_slow: false,
             at_receivers: false,
             on_wire: false,
             next_insertion: NEVER,
@@ -74,12 +74,21 @@ pub(super) struct Handed {
     pub(super) swaps: Option<Duration>,
     /// Whether the frame is a copy made by a fault.
     pub(super) is_copy: bool,
+    /// The slow application itself delays the frame.
+    pub(super) is_own: bool,
 }
 
 impl Handed {
     /// Creates the immediate handover of an unaffected frame.
     pub(super) const fn at_once(frame: &Frame) -> Self {
-        Self { frame: *frame, late: Duration::from_ticks(0), is_overtaken: false, swaps: None, is_copy: false }
+        Self {
+            frame: *frame,
+            late: Duration::from_ticks(0),
+            is_overtaken: false,
+            swaps: None,
+            is_copy: false,
+            is_own: false,
+        }
     }
 }
 
@@ -98,7 +107,10 @@ impl Struck {
 
     /// Adds a delay to all frames.
     pub(super) fn delayed(mut self, late: Duration) -> Self {
-        self.frames.iter_mut().for_each(|handed| handed.late += late);
+        for handed in &mut self.frames {
+            handed.late += late;
+            handed.is_own = true;
+        }
         self
     }
 }
@@ -149,8 +161,8 @@ impl Faults {
     }
 
     /// Sets whether any device delays its answers.
-    pub(super) fn delay_answers(&mut self, delays: bool) {
-        self.delays_answers = delays;
+    pub(super) fn slow_down(&mut self, is_slow: bool) {
+        self.is_slow = is_slow;
         self.sort_out();
     }
 
@@ -171,7 +183,7 @@ impl Faults {
         let any = |acts: fn(&FaultKind) -> bool| self.list.iter().any(|active| acts(&active.fault.kind));
         let at_receivers = any(|kind| matches!(kind, FaultKind::Lose { .. }));
         let on_wire = any(|kind| matches!(kind, FaultKind::Destroy | FaultKind::Omit { .. }));
-        self.at_senders = self.delays_answers || any(FaultKind::acts_at_sender);
+        self.at_senders = self.is_slow || any(FaultKind::acts_at_sender);
         (self.at_receivers, self.on_wire) = (at_receivers, on_wire);
         self.next_insertion = self.list.iter().map(|active| active.next).min().unwrap_or(NEVER);
     }
@@ -191,9 +203,11 @@ impl Faults {
             if active.fault.kind.acts_at_sender()
                 && (can_swap || !matches!(active.fault.kind, FaultKind::Swap { .. }))
                 && active.strikes(sender, frame, now)
-                && let Some(effect) = active.act(&mut frames, now)
             {
-                struck.events.push(active.event(sender, frame, now, effect));
+                match active.act(&mut frames, now) {
+                    Some(effect) => struck.events.push(active.event(sender, frame, now, effect)),
+                    None => active.miss(),
+                }
             }
         }
         struck.frames = frames;
@@ -202,12 +216,17 @@ impl Faults {
 
     /// Applies the faults between the receiving controllers and their applications. Returns one event per applied
     /// fault.
-    pub(super) fn at_receivers(&mut self, sender: &Arc<str>, frame: &Frame, now: Instant) -> Vec<Event> {
+    pub(super) fn at_receivers(
+        &mut self,
+        sender: &Arc<str>,
+        frame: &Frame,
+        has_receiver: impl Fn(&[Arc<str>]) -> bool,
+        now: Instant,
+    ) -> Vec<Event> {
         let mut events = Vec::new();
         for active in &mut self.list {
-            // The sender of a frame does not receive it.
             let loses = |kind: &FaultKind| match kind {
-                FaultKind::Lose { receivers } => receivers.is_empty() || receivers.iter().any(|name| name != sender),
+                FaultKind::Lose { receivers } => receivers.is_empty() || has_receiver(receivers),
                 _ => false,
             };
             if loses(&active.fault.kind)
@@ -270,19 +289,35 @@ impl Active {
         if !can || self.random.u32(..ALWAYS) >= self.fault.probability {
             return false;
         }
-        if self.fault.count.is_some() || matches!(self.fault.kind, FaultKind::Insert { every: None, .. }) {
+        if self.is_limited() {
             self.left -= 1;
         }
         self.struck += 1;
         true
     }
 
-    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` for a fault that
-    /// does not act between the sending application and its controller.
+    /// Takes back the count of a frame that the fault has not changed.
+    fn miss(&mut self) {
+        self.struck -= 1;
+        if self.is_limited() {
+            self.left += 1;
+        }
+    }
+
+    const fn is_limited(&self) -> bool {
+        self.fault.count.is_some() || matches!(self.fault.kind, FaultKind::Insert { every: None, .. })
+    }
+
+    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` if the fault changes
+    /// nothing, or does not act between the sending application and its controller.
     fn act(&mut self, frames: &mut Vec<Handed>, now: Instant) -> Option<FaultEffect> {
         Some(match &self.fault.kind {
             FaultKind::Corrupt(corruption) => {
+                let before = frames[0].frame;
                 frames.iter_mut().for_each(|handed| handed.frame = corruption.apply(&handed.frame));
+                if frames[0].frame == before {
+                    return None;
+                }
                 FaultEffect::Corrupted(frames[0].frame)
             }
             FaultKind::Delay { delay, overtake } => {
@@ -294,6 +329,9 @@ impl Active {
                         Duration::from_ticks(if passed == 0 { 0 } else { period.as_ticks() - passed })
                     }
                 };
+                if late == Duration::from_ticks(0) {
+                    return None;
+                }
                 for handed in frames.iter_mut() {
                     handed.late += late;
                     handed.is_overtaken |= *overtake;

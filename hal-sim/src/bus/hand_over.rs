@@ -89,9 +89,15 @@ impl Bus {
         let port = &mut self.ports[id.0];
         let waits = port.delayed.holds_back(frame);
         let is_full = matches!(port.transmit, Transmit::Mailboxes(_)) && port.delayed.is_full();
-        if is_full || (!waits && !port.transmit.takes(frame)) {
+        let has_room = waits || port.transmit.takes(frame);
+        if is_full || !(has_room || port.queues) {
             port.used = true;
             return Err(nb::Error::WouldBlock);
+        }
+        if port.answers.as_ref().is_some_and(|answers| (answers.is_answer)(frame)) && port.delayed.is_full_of_answers()
+        {
+            self.note_dropped(id, 1, now);
+            return Ok(None);
         }
         // Faults were already applied to a frame that the controller returned.
         let is_returned = port.returned.iter().position(|returned| returned == frame);
@@ -112,6 +118,10 @@ impl Bus {
         let port = &mut self.ports[id.0];
         let next = port.delayed.len();
         let taken = match struck {
+            None if !has_room => {
+                port.delayed.queue(frame);
+                Ok(None)
+            }
             None if !waits => {
                 let taken = port.transmit(frame);
                 if let Ok(Some(returned)) = taken {
@@ -136,10 +146,12 @@ impl Bus {
         taken
     }
 
-    /// Sets the delay of a device's answers; `None` for no delay.
-    pub(crate) fn delay_answers(&mut self, id: PortId, answers: Option<SlowAnswers>) {
+    /// Sets the delay of a device's answers, `None` for no delay; and whether its frames queue for a free mailbox instead
+    /// of staying with a device that runs only once per cycle.
+    pub(crate) fn slow_down(&mut self, id: PortId, answers: Option<SlowAnswers>, queues: bool) {
         self.ports[id.0].answers = answers.map(Box::new);
-        self.faults.delay_answers(self.ports.iter().any(|port| port.answers.is_some()));
+        self.ports[id.0].queues = queues;
+        self.faults.slow_down(self.ports.iter().any(|port| port.answers.is_some() || port.queues));
     }
 
     /// Hands the due frames of a port to its controller, as far as the controller accepts them.

@@ -274,14 +274,15 @@ impl Bus {
     ///
     /// # Errors
     /// [`FaultError`]; the faults are unchanged.
-    pub fn add_fault(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
+    pub fn add_fault(&mut self, fault: Fault, own: &[Arc<str>], now: Instant) -> Result<(), FaultError> {
         let ports = (0..).zip(&self.ports).filter(|(number, _)| !self.vacant.contains(&PortId(*number)));
         let names = ports.map(|(_, port)| &*port.name).filter(|name| !name.ends_with(LISTENING));
         let known: Vec<&str> = names.collect();
-        if let Some(name) = fault.names().find(|name| !known.contains(&&***name)) {
+        if let Some(name) = fault.names().find(|name| !known.contains(&&***name) && !self.faults.inserts(name)) {
             return Err(FaultError::Unknown { name: Arc::clone(name), known: known.join(", ") });
         }
-        if matches!(fault.kind, FaultKind::Insert { .. }) && known.contains(&&*fault.name) {
+        if matches!(fault.kind, FaultKind::Insert { .. }) && known.contains(&&*fault.name) && !own.contains(&fault.name)
+        {
             return Err(FaultError::Invalid("an inserted frame needs a name that nobody on the bus has"));
         }
         self.faults.add(fault, now)?;

@@ -3,6 +3,8 @@
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Instant;
 
+use std::sync::Arc;
+
 use super::bits::{ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPEND};
 use super::clock::{Nanos, bit_times, instant, nanos};
 use super::confinement::Confinement;
@@ -158,8 +160,19 @@ impl Bus {
     /// for all receivers. The fault events precede the event of the frame.
     #[cold]
     fn lose(&mut self, transmission: &Transmission) -> bool {
-        let Some(sender) = self.senders.first() else { return false };
-        let struck = self.faults.at_receivers(&self.ports[sender.0].name, &transmission.frame, transmission.over);
+        let Self { faults, ports, groups, senders, .. } = self;
+        let Some(sender) = senders.first() else { return false };
+        let has_receiver = |names: &[Arc<str>]| {
+            let members =
+                groups.iter().filter(|group| group.rate == transmission.rate).flat_map(|group| &group.members);
+            let hears = |id: &PortId| {
+                let port = &ports[id.0];
+                !senders.contains(id) && names.contains(&port.name) && port.accepts(&transmission.frame)
+            };
+            members.into_iter().any(hears)
+        };
+        let (frame, name) = (&transmission.frame, &ports[sender.0].name);
+        let struck = faults.at_receivers(name, frame, has_receiver, transmission.over);
         let mut is_lost = false;
         for event in &struck {
             let EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } = &event.what else { continue };

@@ -35,6 +35,8 @@ pub struct Port {
     pub(super) delayed: DelayedFrames,
     /// The delay of the device's answers, if any.
     pub(super) answers: Option<Box<SlowAnswers>>,
+    /// Whether frames without a free mailbox queue in front of the controller.
+    pub(super) queues: bool,
     /// The frames that the controller returned for more urgent ones. Faults have already been applied to them.
     pub(super) returned: Vec<Frame>,
     pub(super) received: VecDeque<(Instant, Frame)>,
@@ -127,6 +129,7 @@ impl Port {
             transmit,
             delayed: DelayedFrames::default(),
             answers: None,
+            queues: false,
             returned: Vec::new(),
             received: VecDeque::new(),
             filters: None,
@@ -174,6 +177,11 @@ impl Port {
     #[must_use]
     pub fn pending(&self) -> usize {
         self.transmit.len() + self.delayed.len()
+    }
+
+    /// Returns whether the acceptance filters pass a frame.
+    pub(super) fn accepts(&self, frame: &Frame) -> bool {
+        self.filters.as_ref().is_none_or(|filters| filters.iter().any(|filter| filter.passes(frame)))
     }
 
     /// Returns whether the controller has no pending frame. Frames delayed by faults do not count.

@@ -2,10 +2,10 @@
 
 use protocol_core::controller::BitRate;
 
-use super::ReadError;
 use super::file::{self, DeviceEntry, ScenarioFile};
 use super::step::{Expect, Step, What};
 use super::trial::Trial;
+use super::{OWN, ReadError};
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::memory::Memory;
 use crate::simulation::Simulation;
@@ -81,7 +81,9 @@ impl Scenario {
         }
         let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
         // Refuses steps that cannot be executed before the scenario runs.
-        let mut trial = Trial::new(scenario.simulation(0), scenario.devices.clone(), strict);
+        let mut simulation = scenario.simulation(0);
+        simulation.send_as(OWN);
+        let mut trial = Trial::new(simulation, scenario.devices.clone(), strict);
         for step in steps {
             let line = file::line_of(text, step.span().start);
             let step = trial.check(line, step.into_inner()).map_err(|reason| ReadError { line: Some(line), reason })?;

@@ -24,11 +24,13 @@ pub(super) struct Trial {
     strict: bool,
     /// The identifiers of the active cyclic frames.
     cyclic: Vec<Id>,
+    /// The names of the faults, without the numbers that default names may get.
+    faults: Vec<String>,
 }
 
 impl Trial {
     pub(super) const fn new(simulation: Simulation, devices: Vec<NamedDevice>, strict: bool) -> Self {
-        Self { simulation, devices, strict, cyclic: Vec::new() }
+        Self { simulation, devices, strict, cyclic: Vec::new(), faults: Vec::new() }
     }
 
     /// Checks a step and applies its plant change to the trial simulation.
@@ -205,16 +207,23 @@ impl Trial {
         let command = Command::Fault(request.fault().map_err(|Invalid(reason)| reason)?);
         match self.simulation.execute(command.clone()) {
             // Earlier faults may have expired by then.
-            Ok(_) | Err(Refusal::Conflict(_)) => Ok(command),
-            Err(refusal) => Err(refusal.to_string()),
+            Ok(_) | Err(Refusal::Conflict(_)) => {}
+            Err(refusal) => return Err(refusal.to_string()),
         }
+        if let Command::Fault(fault) = &command {
+            self.faults.push(if fault.name.is_empty() { fault.default_name() } else { fault.name.as_ref().to_owned() });
+        }
+        Ok(command)
     }
 
     /// Checks that a fault to be ended exists, and ends it in the trial simulation.
     fn end(&mut self, name: String) -> Result<Command, String> {
+        let is_known = self.faults.contains(&name);
         let command = Command::EndFaults(Some(name).filter(|name| name != "all"));
-        self.simulation.execute(command.clone()).map_err(|refusal| format!("end: {refusal}"))?;
-        Ok(command)
+        match self.simulation.execute(command.clone()) {
+            Err(refusal) if !is_known => Err(format!("end: {refusal}")),
+            _ => Ok(command),
+        }
     }
 
     /// Parses a pattern, which must match a frame that a device on the bus can send.

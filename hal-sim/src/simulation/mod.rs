@@ -245,7 +245,9 @@ impl Simulation {
     fn fault(&mut self, mut fault: Fault) -> Result<FaultRecord, Refusal> {
         if fault.name.is_empty() {
             let name = fault.default_name();
-            let is_taken = |name: &str| self.world.faults().any(|state| *state.fault.name == *name);
+            let is_taken = |name: &str| {
+                self.world.find(name).is_some() || self.world.faults().any(|state| *state.fault.name == *name)
+            };
             let numbered = (2..).map(|number| format!("{name}-{number}"));
             fault.name = iter::once(name.clone()).chain(numbered).find(|name| !is_taken(name)).unwrap_or(name).into();
         }

@@ -136,7 +136,7 @@ pub struct FaultRequest {
 
 /// A time in milliseconds, or its minimum and maximum.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "ms must be a number of milliseconds, or [MIN, MAX]")]
 pub enum Millis {
     /// A time.
     #[schema(value_type = MillisOfDay)]
@@ -258,6 +258,9 @@ impl FaultRequest {
             (_, Some(frame)) => FaultKind::Insert { frame, every: self.every_ms.map(millis) },
             (kind, None) => self.effect(kind)?,
         };
+        if self.receivers.as_ref().is_some_and(Vec::is_empty) {
+            return Err(Invalid("receivers must not be empty".to_owned()));
+        }
         let mut fault = Fault::new(self.name.as_deref().unwrap_or_default(), effect);
         fault.frames = frames;
         fault.count = self.count;
@@ -272,6 +275,9 @@ impl FaultRequest {
                 return Err(Invalid(format!("probability {probability}: must be from 0 to 1")));
             }
             fault.probability = (probability * f64::from(ALWAYS)).round() as u32;
+            if fault.probability == 0 && probability > 0.0 {
+                return Err(Invalid(format!("probability {probability}: must be 0 or at least 0.000001")));
+            }
         }
         fault.check().map_err(|error| Invalid(error.to_string()))?;
         Ok(fault)
@@ -345,7 +351,7 @@ impl FaultRequest {
         let extended = self.extended.or_else(|| identifier.needs_29_bits().then_some(true));
         let id = identifier.id(extended)?;
         let is_extended = matches!(id, Id::Extended(_));
-        let mask = self.mask.as_ref().map(|mask| mask.id(Some(is_extended))).transpose()?;
+        let mask = self.mask.as_ref().map(|mask| mask.id(Some(is_extended)).map_err(within("mask"))).transpose()?;
         Ok(FrameFilter { id: Some(id), mask: mask.as_ref().map(bits), sender })
     }
 
@@ -390,13 +396,18 @@ impl FaultRequest {
         }
         if let Some(IdentifierMasks { set, clear, toggle }) = &self.identifier {
             let bits = |mask: &Option<Identifier>| match mask {
-                Some(mask) => mask.id(Some(true)).map(|id| bits(&id)),
+                Some(mask) => mask.id(Some(true)).map(|id| bits(&id)).map_err(within("identifier")),
                 None => Ok(0),
             };
             corruption.id = Masks { set: bits(set)?, clear: bits(clear)?, toggle: bits(toggle)? };
         }
         Ok(corruption)
     }
+}
+
+/// Names the key of a refused value.
+fn within(key: &'static str) -> impl FnOnce(Invalid) -> Invalid {
+    move |Invalid(reason)| Invalid(format!("{key}: {reason}"))
 }
 
 /// Returns whether a text is a valid fault name; `all` is reserved for all faults.

@@ -164,7 +164,7 @@ pub struct Profile {
 
 /// The points of a profile.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, ToSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "points must be a list of [MILLISECONDS, VALUE], or \"cranking\"")]
 pub enum Points {
     /// A ready profile.
     Ready(ReadyProfile),

@@ -152,6 +152,63 @@ fn a_slow_application_acts_in_its_cycle() {
     }
 }
 
+/// All frames of a cycle leave the device, one after the other.
+#[test]
+fn each_frame_of_a_cycle_is_sent() {
+    let mut rig = Rig::started("pvea-canopen,cycle-ms=10");
+    rig.send("620: 2B 17 10 00 64 00 00 00");
+    rig.frames(20);
+    rig.send("000: 01 20");
+    let mut frames = Vec::new();
+    for _ in 0..100 {
+        rig.send("220: 0F 00 00 20");
+        frames.extend(rig.frames(9));
+    }
+    rig.send(READ_VENDOR);
+    frames.extend(rig.frames(30));
+    let count = |start: &str| frames.iter().filter(|(_, frame)| frame.starts_with(start)).count();
+    assert!(count("720: 05") >= 8 && count("1A0: ") >= 20 && count("5A0: 43 18") == 1, "{frames:?}");
+}
+
+/// The fault log is stored at the end, although the next cycle has not come.
+#[test]
+fn the_end_does_not_wait_for_a_cycle() {
+    let mut rig = Rig::started("pvea-canopen,cycle-ms=1000");
+    let mut inputs = *rig.world.inputs(rig.device);
+    inputs.internal_fault = true;
+    rig.world.set_inputs(rig.device, inputs);
+    rig.frames(1001);
+    let counts = |rig: &mut Rig| {
+        let view = rig.world.view(rig.device).expect("power");
+        view.faults.iter().map(|fault| u32::from(fault.count)).sum::<u32>()
+    };
+    assert_eq!(counts(&mut rig), 1);
+    rig.world.flush_all();
+    rig.world.power(rig.device, false);
+    inputs.internal_fault = false;
+    rig.world.set_inputs(rig.device, inputs);
+    rig.world.power(rig.device, true);
+    rig.frames(10);
+    assert_eq!(counts(&mut rig), 1);
+}
+
+/// More requests than a slow application can take: answers are dropped, and nothing else suffers.
+#[test]
+fn many_slow_answers_hold_back_nothing_else() {
+    let mut rig = Rig::started("pvea-canopen,answer-ms=5000");
+    rig.send("620: 2B 17 10 00 64 00 00 00");
+    rig.frames(6000);
+    let mut frames = Vec::new();
+    for _ in 0..300 {
+        rig.send(READ_VENDOR);
+        frames.extend(rig.frames(10));
+    }
+    let heartbeats = frames.iter().filter(|(_, frame)| frame == "720: 7F").count();
+    assert!((30..=33).contains(&heartbeats), "{heartbeats} heartbeats");
+    let answers = rig.frames(6000).iter().filter(|(_, frame)| frame.starts_with("5A0: ")).count();
+    assert_eq!(answers, 32);
+}
+
 #[test]
 fn a_slow_application_stores() {
     let mut rig = Rig::started("pvea-canopen,cycle-ms=100");

@@ -395,7 +395,8 @@ impl World {
     /// # Errors
     /// [`FaultError`]; the faults are unchanged.
     pub fn fault(&mut self, fault: Fault) -> Result<(), FaultError> {
-        self.bus.add_fault(fault, self.now)
+        let own: Vec<Arc<str>> = self.inserters.iter().map(|(name, _)| Arc::clone(name)).collect();
+        self.bus.add_fault(fault, &own, self.now)
     }
 
     /// Ends a fault; returns whether it existed. Frames that it delays are still sent when they are due.

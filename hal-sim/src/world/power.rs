@@ -119,7 +119,8 @@ impl World {
         let Node { port, memory, power, .. } = &mut self.nodes[id.0];
         let Power::On(device) = power else { return };
         let image = memory.read_image();
-        self.bus.drop_pending(*port, now);
+        // All of its own frames are sent; those that a fault delays are on their way.
+        self.bus.drop_waiting(*port, now);
         device.restart(scope, &image, now);
         let rate = device.bit_rate();
         self.set_device_rate(id, rate);
@@ -132,7 +133,8 @@ impl World {
         state.electronics = electronics;
         let (from, to) = electronics.answer;
         let slow = SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) };
-        self.bus.delay_answers(*port, Some(slow).filter(|_| to > Duration::from_ticks(0)));
+        let queues = electronics.cycle > Duration::from_ticks(0);
+        self.bus.slow_down(*port, Some(slow).filter(|_| to > Duration::from_ticks(0)), queues);
         self.watch_supply(node);
         self.service(node);
     }

@@ -67,6 +67,9 @@ impl World {
     /// A device stores only after all its frames are sent. Frames still pending after [`FLUSH_PATIENCE`] are dropped.
     pub fn flush_all(&mut self) {
         let now = self.now;
+        // Slow applications do not wait for their cycle.
+        let cycles: Vec<Duration> =
+            self.nodes.iter_mut().map(|node| std::mem::take(&mut node.electronics.electronics.cycle)).collect();
         for id in self.devices() {
             self.follow_links(id);
             if let Power::On(device) = &mut self.nodes[id.0].power {
@@ -80,6 +83,9 @@ impl World {
         }
         for id in self.devices() {
             self.settle(id);
+        }
+        for (node, cycle) in self.nodes.iter_mut().zip(cycles) {
+            node.electronics.electronics.cycle = cycle;
         }
     }
 

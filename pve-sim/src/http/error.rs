@@ -132,6 +132,7 @@ fn not_json(error: &dyn std::error::Error) -> Failure {
     let twice = reason.strip_prefix(TWICE).and_then(|rest| rest.split_once('`'));
     Failure::bad_request(match twice {
         Some((member, _)) => format!("duplicate member {member}"),
+        None if reason.contains(" must be ") => reason,
         None => format!("the body is not JSON: {reason}"),
     })
 }

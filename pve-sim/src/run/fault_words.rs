@@ -25,6 +25,10 @@ pub(super) fn execute(words: &[&str], simulation: &mut Simulation) -> Option<Res
         [kind, frames, rest @ ..] if FaultRequest::kinds().any(|known| known == *kind) => {
             request(kind, frames, rest).and_then(|command| run(command, simulation))
         }
+        ["end"] => Err("'end' needs the name of a fault, or all".to_owned()),
+        [kind] if FaultRequest::kinds().any(|known| known == *kind) => {
+            Err(format!("'{kind}' needs an identifier or all, as in lose 220 3; insert needs a frame"))
+        }
         _ => return None,
     })
 }
@@ -164,6 +168,8 @@ mod tests {
             assert!(refusal.starts_with(reason) && !refusal.contains('\n'), "{line}: {refusal}");
         }
         assert_eq!(told("faults", &mut simulation).as_deref(), Ok("no faults"));
-        assert_eq!(execute(&["lose"], &mut simulation), None);
+        assert!(told("lose", &mut simulation).is_err_and(|refusal| refusal.starts_with("'lose' needs an identifier")));
+        assert!(told("end", &mut simulation).is_err_and(|refusal| refusal.starts_with("'end' needs the name")));
+        assert_eq!(execute(&["status"], &mut simulation), None);
     }
 }

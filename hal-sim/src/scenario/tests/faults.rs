@@ -62,3 +62,52 @@ fn a_fault_that_cannot_be_is_refused() {
         assert!(refused.starts_with(reason), "{step}: {refused}");
     }
 }
+
+/// The master of a scenario, and the sender of inserted frames, can be named.
+#[test]
+fn senders_have_names() {
+    passes(
+        r#"{ fault = { delay = "220", ms = 5, sender = "the master", count = 1 } }, { send = "220#0000 0000" },
+           { fault = { insert = "221#00", every_ms = 10, name = "intruder" } },
+           { fault = { delay = "221", ms = 3, sender = "intruder" } }, { after_ms = 50 }, { end = "all" }"#,
+    );
+}
+
+/// A fault that changes nothing affects no frame.
+#[test]
+fn a_fault_without_an_effect_fails() {
+    for fault in [
+        r#"corrupt = "220", data = { clear = "10" }"#,
+        r#"corrupt = "220", data = { toggle = "00 00 00 00 80" }"#,
+        r#"delay = "220", ms = 0"#,
+        r#"lose = "321", receivers = ["pvea-canopen"]"#,
+    ] {
+        fails(&format!(r#"{{ fault = {{ {fault} }} }}, {{ send = "220#0F00 0020" }}, {{ send = "321#00" }}"#), 1);
+    }
+    fails(
+        r#"{ power = { on = false } }, { fault = { lose = "220", receivers = ["pvea-canopen"] } },
+           { send = "220#0F00 0020" }"#,
+        1,
+    );
+}
+
+/// Faults that are over leave their place to others; their names can still be ended.
+#[test]
+fn any_number_of_faults_one_after_the_other() {
+    let faults = (0..70).map(|number| {
+        format!(
+            r#"{{ fault = {{ lose = "{id:03X}", count = 1 }} }}, {{ send = "{id:03X}#00" }}, "#,
+            id = 0x300 + number
+        )
+    });
+    passes(&format!(r#"{}{{ end = "lose-345" }}"#, faults.collect::<String>()));
+}
+
+/// Added again at the instant of its end, an inserting fault goes on with its controller.
+#[test]
+fn an_inserting_fault_is_added_again() {
+    passes(
+        r#"{ fault = { insert = "123#00", every_ms = 10 } }, { after_ms = 10, end = "insert-123" },
+           { fault = { insert = "123#00", every_ms = 10 } }, { after_ms = 100 }"#,
+    );
+}
