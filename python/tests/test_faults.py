@@ -115,7 +115,8 @@ def test_every_kind_affects_frames(
     with add(sim.bus) as fault:
         since = sim.now_us()
         sim.send(0x123, "01")
-        assert (sim.now_us() - since >= 20_000) == fault.name.startswith("delay")
+        # A frame that is held back is answered at once.
+        assert (sim.now_us() == since) == fault.name.startswith("delay")
         sim.advance(30)
     assert fault.struck > 0
     assert frames(sim, 0x123) == expected
@@ -144,9 +145,9 @@ def test_faults_are_listed_and_ended(sim: Simulator) -> None:
 
 
 def test_a_fault_keeps_its_count_when_its_name_is_taken_again(sim: Simulator) -> None:
-    with sim.bus.lose(0x123, count=1) as one:
+    with sim.bus.lose(0x123, count=1, name="gap") as one:
         sim.send(0x123)
-        with sim.bus.lose(0x123) as other:
+        with sim.bus.lose(0x123, name="gap") as other:
             assert one.name == other.name
             sim.send(0x123)
             sim.send(0x123)
@@ -198,7 +199,7 @@ def test_a_fault_that_cannot_be_is_refused(sim: Simulator) -> None:
         sim.bus.lose(0x220, receivers="bucket")
     with pytest.raises(InvalidValue, match="delay needs ms or burst_ms"):
         sim.bus.delay(0x220)
-    with pytest.raises(InvalidValue, match="name the receivers"):
+    with pytest.raises(InvalidValue, match="omit needs receivers"):
         sim.bus.omit(0x220, receivers=[])
     with pytest.raises(InvalidValue, match="unknown key 'cuont'; did you mean 'count'"):
         sim.bus.lose(0x220, cuont=3)  # type: ignore[call-arg]

@@ -8,7 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-# A wait is asked for in one call and answered when it is over, or refused for the kind of its device: no schema says either.
+# A wait is asked for in one call and answered when it is over, or refused for the kind of its device; a profile has increasing times
+# and values within the range of its word, and a fault has one kind with its own parameters: no schema says that.
 CONFIG = """
 hooks = "{hooks}"
 seed = 1
@@ -17,6 +18,14 @@ continue-on-failure = true
 [[operations]]
 include-name = "POST /wait"
 checks.positive_data_acceptance.expected-statuses = [200, 400, 408]
+
+[[operations]]
+include-name = "PATCH /devices/{{name}}/plant"
+checks.positive_data_acceptance.expected-statuses = [200, 400, 404, 409]
+
+[[operations]]
+include-name = "POST /bus/faults"
+checks.positive_data_acceptance.expected-statuses = [200, 400, 409]
 """
 
 # The same inputs each time, a few of each call; events never end, and are looked at by other tests.

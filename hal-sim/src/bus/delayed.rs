@@ -74,6 +74,12 @@ impl DelayedFrames {
         self.0.iter().all(|delayed| delayed.is_copy || !(delayed.is_own || delayed.wait == Wait::Room))
     }
 
+    /// Takes the frames that a fault delays, without the application's own.
+    pub(super) fn take_away(&mut self) -> Self {
+        let is_away = |delayed: &Delayed| !(delayed.is_own || delayed.wait == Wait::Room);
+        Self(std::mem::take(&mut self.0).into_iter().filter(is_away).collect())
+    }
+
     /// Drops all frames.
     pub(super) fn clear(&mut self) {
         self.0.clear();

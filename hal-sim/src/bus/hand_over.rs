@@ -155,7 +155,7 @@ impl Bus {
     }
 
     /// Hands the due frames of a port to its controller, as far as the controller accepts them.
-    fn release(&mut self, id: PortId, now: Instant) {
+    pub(super) fn release(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         port.used |= port.delayed.release(&mut port.transmit, now);
         let (is_empty, listed) = (port.delayed.is_empty(), self.delaying.iter().position(|other| *other == id));

@@ -211,6 +211,16 @@ impl Bus {
         self.refresh(id, now);
     }
 
+    /// Drops the pending frames of a port, except those that a fault delays: they have left the application. Its frame
+    /// on the wire is cut off.
+    pub(crate) fn drop_own(&mut self, id: PortId, now: Instant) {
+        let delayed = self.ports[id.0].delayed.take_away();
+        self.drop_pending(id, now);
+        self.ports[id.0].delayed = delayed;
+        self.release(id, now);
+        self.refresh(id, now);
+    }
+
     fn clear(&mut self, id: PortId) {
         let port = &mut self.ports[id.0];
         port.transmit.clear();

@@ -119,8 +119,7 @@ impl World {
         let Node { port, memory, power, .. } = &mut self.nodes[id.0];
         let Power::On(device) = power else { return };
         let image = memory.read_image();
-        // All of its own frames are sent; those that a fault delays are on their way.
-        self.bus.drop_waiting(*port, now);
+        self.bus.drop_own(*port, now);
         device.restart(scope, &image, now);
         let rate = device.bit_rate();
         self.set_device_rate(id, rate);

@@ -144,19 +144,19 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
     await (await hold(page.getByLabel("Parameters"))).fill(parameters);
     await press(page.getByRole("button", { name: "Add" }), "Enter", status);
   };
-  await addFault("lose", "5FD", "1", "receivers=hat1000,pvea-canopen name=gap");
+  await addFault("lose", "000", "1", "receivers=hat1000,pvea-canopen name=gap");
   await addFault("corrupt", "", "", "data.toggle=01 dlc.set=8 probability=0.5 sender=hat1000");
   await addFault("delay", "5FC", "", "ms=5..20 overtake=true");
   await addFault("insert", "5FB#01", "", "from_ms=100");
   const told = (await simulator.call("GET", "/bus/faults")).map(({ name, fault }) => `${name}: ${fault}`);
   assert.deepEqual(told, [
-    "gap: lose 5FD for hat1000, pvea-canopen, count 1",
+    "gap: lose 000 for hat1000, pvea-canopen, count 1",
     "corrupt: corrupt all of hat1000, dlc set 8, data toggle 01, probability 0.5",
     "delay-5FC: delay 5FC by 5 ms to 20 ms, overtaken by later ones",
     "insert-5FB: insert 5FB: 01, from 100 ms",
   ]);
   for (const [at, text] of told.entries()) await faults.getByRole("listitem").nth(at).getByText(text).waitFor();
-  await simulator.call("POST", "/bus/frames", { id: "5FD", data: "" });
+  await simulator.call("POST", "/bus/frames", { id: "000", data: "" });
   await faults.getByRole("listitem").filter({ hasText: "×1, over" }).waitFor();
   for (const name of ["gap", "corrupt", "delay-5FC"]) await press(faults.getByRole("button", { name: `End ${name}` }), "Enter");
   await until(page, () => document.activeElement.id === "end-all" && document.querySelectorAll("#communication li").length === 1);
