@@ -42,7 +42,8 @@ pub const fn arbitration(key: u32) -> u32 {
 
 /// A classic CAN data or remote frame.
 ///
-/// The length is 0–8 by construction: CAN permits a raw DLC of 9–15, meaning 8, but it cannot be represented here.
+/// The length is 0–8 by construction. CAN also permits a raw DLC of 9–15, which means 8 bytes; such a DLC cannot be
+/// represented here.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
     key: u32,
@@ -219,8 +220,8 @@ impl embedded_can::Frame for Frame {
     }
 }
 
-/// Prints a frame like the manuals: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers with eight digits, `R` and the
-/// length for a remote frame.
+/// Formats a frame as in the manuals: `5A0: 43 18 10 01 19 00 00 01`. A 29-bit identifier has eight digits; a remote
+/// frame shows `R` and its length instead of data.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.id() {
