@@ -94,7 +94,7 @@ impl ErrorHistory {
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     message: Emcy,
-    /// Whether the error history has an entry for the message. An EMCY repeated after reset communication has none.
+    /// Whether the error history has an entry for the message. An EMCY repeated after reset communication has no entry.
     entered: bool,
 }
 

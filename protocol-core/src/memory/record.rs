@@ -1,7 +1,7 @@
 //! A record: its key, and its encoding with version, length and CRC.
 //!
-//! A flash map keeps each record either old or new, but can return a flipped bit (SPEC 6). Therefore every record is
-//! sealed; a record that does not open counts as absent and raises the internal error.
+//! A flash map keeps each record complete, either old or new, but a bit can flip in the flash (SPEC 6). Therefore every
+//! record is sealed; a record that does not open counts as absent and raises the internal error.
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;

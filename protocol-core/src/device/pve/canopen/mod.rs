@@ -49,9 +49,9 @@ pub struct CanopenValve {
     /// The stored node ID and bit rate.
     local_layer: LocalLayer,
     load: Load,
-    /// The node ID and bit rate in the write in progress; `None` for an unchanged one.
+    /// The node ID and bit rate in the write in progress; `None` for an unchanged value.
     layer_in_flight: Configuration,
-    /// The counters cleared by the write in progress; restored if it fails.
+    /// The counters cleared by the write in progress; restored if the write fails.
     cleared: Counters,
     causes: Causes,
 }
@@ -218,7 +218,7 @@ impl Application for CanopenValve {
         };
         let node_id = self.node.reset(reset, stored);
         if scope == Restart::Application {
-            // The defaults depend on the node ID: without one, the load waits for a start with one.
+            // The defaults depend on the node ID: without a node ID, the "load" waits for a start with a node ID.
             self.load = Load::found(load_is_set && node_id.is_some());
         }
         let parameters = parameters.filter(|_| !self.load.replaces_stored());

@@ -74,7 +74,7 @@ impl CanopenValve {
         }
     }
 
-    /// Answers the SDO client of a task once the last of its equal writes has ended.
+    /// Answers the SDO client of a task if `is_last`: the last of the equal writes has ended.
     fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
         if is_last {
             self.node.end_task(task, stored);
