@@ -20,8 +20,7 @@ pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
     fn set_filters(&mut self, filters: &Filters);
 }
 
-/// The maximum number of transmit frames that a controller holds. Of the frames handed to the controller, all but the
-/// last three have therefore been sent.
+/// The maximum number of transmit frames that a controller holds at once.
 pub const MAILBOXES: usize = 3;
 
 /// An identifier filter: passes frames whose key equals `key` in the bits of `mask`.

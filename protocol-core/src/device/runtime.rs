@@ -23,8 +23,8 @@ const OWN_WRITES: [Write; 3] = [
 
 /// The product's part of a memory write.
 pub trait Storing {
-    /// Appends the payload of a write, with the present state; `None` if there is none or it exceeds the size of a
-    /// record.
+    /// Appends the payload of a write, with the present state. `None` if the product has no payload for the record, or
+    /// if the payload exceeds the size of a record.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
     /// Handles the result of a write.

@@ -61,7 +61,7 @@ pub fn begin(version: u8) -> Record {
 /// Completes a record with its length and CRC.
 ///
 /// # Errors
-/// [`StoreError`] if they do not fit.
+/// [`StoreError`] if length and CRC do not fit.
 pub fn complete(record: &mut Record) -> Result<(), StoreError> {
     let [_, len, payload @ ..] = record.as_mut_slice() else { return Err(StoreError) };
     *len = u8::try_from(payload.len()).map_err(|_| StoreError)?;

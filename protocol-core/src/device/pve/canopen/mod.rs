@@ -205,7 +205,7 @@ impl Application for CanopenValve {
         let reset = match scope {
             Restart::Communication => {
                 self.objects.control.shut_down(now);
-                // A fault that fell due while the restart was pending is counted and entered before it is reported
+                // A fault that fell due while the restart was pending must be counted and entered before it is reported
                 // again.
                 self.apply_changes(base);
                 Reset::Communication
