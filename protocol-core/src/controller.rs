@@ -1,6 +1,6 @@
 //! The CAN controller of a device: its trait, its filters and its error mode.
 //!
-//! The simulated controller and that of the board share these types, so that host tests run the flashed code.
+//! The simulated controller and the controller of the board share these types, so that host tests run the flashed code.
 
 use heapless::Vec;
 

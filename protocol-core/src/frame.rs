@@ -14,7 +14,7 @@ const EXTENDED: u32 = 1 << 29;
 const KEPT: [u64; MAX_LEN] =
     [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
 
-/// Returns the key of an identifier: its bits, plus bit 29 for an extended one, as in a COB-ID object.
+/// Returns the key of an identifier: its bits, plus bit 29 for an extended identifier, as in a COB-ID object.
 #[inline]
 #[must_use]
 pub fn key(id: Id) -> u32 {
@@ -26,7 +26,7 @@ pub fn key(id: Id) -> u32 {
 
 /// Returns the arbitration value of a data frame with this [`key`]; the lower value wins the bus.
 ///
-/// A standard frame wins against an extended one with the same leading eleven bits (ISO 11898-1).
+/// A standard frame wins against an extended frame with the same leading eleven bits (ISO 11898-1).
 #[inline]
 #[must_use]
 pub const fn arbitration(key: u32) -> u32 {

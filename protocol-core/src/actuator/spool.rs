@@ -50,7 +50,7 @@ pub enum SpoolFault {
     NoFloat,
 }
 
-/// The stroke times of a healthy spool, as measured on a real one.
+/// The stroke times of a healthy spool, as measured on a real spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpoolTimes {
     stroke_ms: u16,

@@ -7,7 +7,7 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::cob_id::NodeId;
 use crate::wire::lss::{Address, Answer, Bound, FastScan, LssNodeId, Part, Request, SUCCESS};
 
-/// The bit timing table of CiA 305, the only supported one.
+/// The bit timing table of CiA 305, the only supported table.
 const CIA_TABLE: u8 = 0;
 
 /// The LSS state.

@@ -142,7 +142,7 @@ impl Pdo {
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for an unusable identifier, or on switching on without mapped objects;
     /// [`AbortCode::DEVICE_STATE`] for a different identifier while the PDO is on; [`AbortCode::PDO_TOO_LONG`] on
-    /// switching on with more than 64 bits.
+    /// switching on with more than 64 bits; [`AbortCode::NOT_MAPPABLE`] on switching on with an invalid loaded mapping.
     pub(crate) fn write_cob_id(
         &mut self,
         raw: u32,
@@ -330,7 +330,7 @@ impl Pdo {
         if self.sends() { self.transmission.sync() } else { AtSync::Nothing }
     }
 
-    /// Returns whether a sample differs from the last one sent.
+    /// Returns whether a sample differs from the sample last sent.
     #[inline]
     pub(crate) fn has_changed(&self, sample: Sample) -> bool {
         self.last != Some(sample)

@@ -22,7 +22,7 @@ pub(crate) enum AtSync {
     Nothing,
     /// The TPDO is due.
     Due,
-    /// The TPDO is due if its data differ from those last sent.
+    /// The TPDO is due if its data differ from the data last sent.
     OnChange,
 }
 

@@ -51,7 +51,7 @@ impl FaultLogClock {
         self.due = NEVER;
     }
 
-    /// Records the beginning of a write with cleared counters. The next change counts as the first one.
+    /// Records the beginning of a write with cleared counters. The next change counts as the first change.
     pub const fn clearing(&mut self) {
         *self = Self::new();
     }

@@ -187,7 +187,7 @@ pub enum Answer {
     Identified,
 }
 
-/// The error code of a successful configuration or store; the product defines the others.
+/// The error code of a successful configuration or store; the product defines the other error codes.
 pub const SUCCESS: u8 = 0;
 
 /// The number that answers an inquiry of the node ID if the slave has none.

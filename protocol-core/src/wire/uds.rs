@@ -57,7 +57,7 @@ pub fn key_to(destination: Address) -> u32 {
 pub const READ: u8 = 0x22;
 /// Service 0x2E, write data by identifier.
 pub const WRITE: u8 = 0x2E;
-/// The difference between the service of a positive answer and that of its request.
+/// The difference between the service of a positive answer and the service of its request.
 const POSITIVE: u8 = 0x40;
 /// The service of a negative answer.
 const NEGATIVE: u8 = 0x7F;

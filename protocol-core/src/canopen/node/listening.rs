@@ -31,7 +31,7 @@ const SERVICES: usize = 6;
 /// A key that no frame has.
 const NONE: u32 = u32::MAX;
 
-// One filter for each service, and one for the other protocol.
+// One filter for each service, and one filter for the other protocol.
 const _: () = assert!(SERVICES < FILTERS);
 
 /// Returns a mask with the group bit of a key. The group of a standard identifier is its function code.

@@ -112,7 +112,7 @@ impl Pending {
         self.boot_up = BootUp::Pending;
     }
 
-    /// Queues a heartbeat and aborts an older one in the controller.
+    /// Queues a heartbeat and aborts an older heartbeat in the controller.
     pub(super) fn queue_heartbeat(&mut self) {
         self.clear_heartbeat();
         self.heartbeat.pending = true;
@@ -131,7 +131,7 @@ impl Pending {
         }
     }
 
-    /// Queues a TPDO and aborts an older one in the controller.
+    /// Queues a TPDO and aborts an older TPDO in the controller.
     #[inline]
     pub(super) fn queue_tpdo(&mut self, sample: Sample) {
         self.clear_tpdo();
@@ -399,7 +399,7 @@ impl<P: Product> Node<P> {
         pending.emcys.sent();
     }
 
-    /// Hands the TPDO to the controller, with the sample of its due time or a new one.
+    /// Hands the TPDO to the controller, with the sample of its due time or a new sample.
     // −6 instructions on an SDO transfer with a sensor.
     #[inline(never)]
     fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {

@@ -187,7 +187,7 @@ impl Application for HatSensor {
         }
     }
 
-    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending one.
+    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending restart.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());

@@ -27,7 +27,7 @@ struct Shutdown {
 #[derive(Clone, Debug)]
 pub(super) struct AuxiliaryValve {
     pub(super) valve: Valve,
-    /// The last valid command; block before the first one.
+    /// The last valid command; block before the first command.
     command: Command,
     /// Whether the time guard runs; it starts with the first valid command (A).
     guarded: bool,
@@ -92,7 +92,7 @@ impl AuxiliaryValve {
         if !changes.activated.is_empty() {
             self.shutdown = Some(Shutdown { faults: self.in_shutdown().union(changes.activated), neutral: 0 });
             self.apply(now);
-            // Switching the drive off can clear a fault just activated, but not activate one.
+            // Switching the drive off can clear a fault just activated, but cannot activate a fault.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);

@@ -17,7 +17,7 @@ impl Causes {
     /// No causes: a healthy device.
     pub(super) const NONE: Self = Self { internal_fault: false, bus_off: false };
 
-    /// Applies the inputs, even unchanged ones. Returns whether the controller is bus-off.
+    /// Applies the inputs, even unchanged inputs. Returns whether the controller is bus-off.
     pub(super) fn sense(&mut self, valve: &mut Valve, inputs: &Inputs, now: Instant) -> bool {
         if let Some(sensed) = inputs.valve() {
             valve.sense(sensed, now);

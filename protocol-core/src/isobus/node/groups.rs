@@ -37,7 +37,7 @@ pub(super) struct Groups {
     request: Group,
     connection: Group,
     other_protocol: Filter,
-    /// Whether the controller has these filters.
+    /// Whether these filters have been handed out to the controller.
     told: bool,
 }
 

@@ -7,8 +7,8 @@
 //! serve     the handling of received frames
 //! ```
 //!
-//! The services hold the pending messages; the node encodes the most urgent one when the controller can take a frame. A
-//! frame waiting in the controller is aborted before a newer message of its kind is queued.
+//! The services hold the pending messages; the node encodes the most urgent message when the controller can take a
+//! frame. A frame waiting in the controller is aborted before a newer message of its kind is queued.
 
 mod groups;
 mod messages;

@@ -33,7 +33,7 @@ enum Demanded {
     Stored,
 }
 
-/// The restore flag: the progress of the executed "load", and the requested one.
+/// The restore flag: the progress of the executed "load", and the requested "load".
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     pub(super) executed: Executed,

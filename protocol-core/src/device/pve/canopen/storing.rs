@@ -112,7 +112,7 @@ impl Storing for CanopenValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Handles the result of a write. Of several equal writes the last one decides the answer to the SDO client.
+    /// Handles the result of a write. Of several equal writes, the last write decides the answer to the SDO client.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;
