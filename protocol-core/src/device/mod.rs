@@ -130,7 +130,7 @@ pub trait Device {
     /// Returns the node ID or address in force; `None` if there is none.
     fn node_id(&self) -> Option<u8>;
 
-    /// Returns the number of answers, EMCYs and broadcasts dropped because of a full queue, bus-off, a change of the bit
-    /// rate or the loss of the address. The number is an upper bound. Lost cyclic frames are not counted.
+    /// Returns the number of answers, EMCYs and broadcasts dropped because of a full queue, bus-off, a change of the
+    /// bit rate or the loss of the address. The number is an upper bound. Lost cyclic frames are not counted.
     fn frames_dropped(&self) -> u32;
 }
