@@ -1,4 +1,5 @@
-//! The pending answers of a CANopen or ISOBUS node. Answers do not become outdated, so all are kept in order.
+//! The pending answers of a CANopen or ISOBUS node. Answers do not become outdated, so a newer answer never replaces an
+//! older one.
 
 use heapless::Vec;
 
@@ -8,11 +9,11 @@ use crate::frame::Frame;
 /// The capacity: one answer of each service to each of two clients.
 const ANSWERS: usize = 8;
 
-/// The queue of pending answers. If it is full, the newest answer is dropped, and the owner counts it.
+/// The queue of pending answers. If the queue is full, the newest answer is dropped; the owner counts dropped answers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Answers {
     waiting: Vec<Frame, ANSWERS>,
-    /// The number of answers taken by the controller since it was last idle.
+    /// The number of answers handed to the controller since the controller was last idle.
     taken: usize,
 }
 
@@ -41,7 +42,7 @@ impl Answers {
         had_room
     }
 
-    /// Returns the most urgent answer, the oldest among equals.
+    /// Returns the most urgent answer; among answers with the same identifier, the oldest.
     pub(crate) fn first(&self) -> Option<&Frame> {
         self.waiting.iter().min_by_key(|frame| frame.arbitration())
     }
@@ -74,8 +75,8 @@ impl Answers {
         self.taken = 0;
     }
 
-    /// Drops all answers, including those in the controller. Returns their maximum number: some mailboxes may hold
-    /// other frames.
+    /// Drops all answers, including those handed to the controller. Returns an upper bound of their number, because the
+    /// controller may have sent some answers already.
     pub(crate) fn clear(&mut self) -> u32 {
         let in_controller = core::mem::take(&mut self.taken).min(MAILBOXES);
         let all = self.waiting.len().saturating_add(in_controller);

@@ -1,6 +1,6 @@
 //! The CAN controller of a device: its trait, its filters and its error mode.
 //!
-//! The simulated controller and that of the board share these types, so that host tests run the flashed code.
+//! The simulated controller and the controller of the board share these types, so that host tests run the flashed code.
 
 use heapless::Vec;
 
@@ -15,12 +15,12 @@ pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
     /// retransmitted if the present attempt fails.
     fn abort(&mut self, which: Filter);
 
-    /// Sets the receive filters. From now on the controller accepts data frames that pass at least one of them, and may
-    /// reject others. Frames already received stay.
+    /// Sets the receive filters. From now on the controller accepts data frames that pass at least one filter, and may
+    /// reject all others. Frames already received stay.
     fn set_filters(&mut self, filters: &Filters);
 }
 
-/// The maximum number of transmit frames that a controller holds. All earlier frames have been sent.
+/// The maximum number of transmit frames that a controller holds at once.
 pub const MAILBOXES: usize = 3;
 
 /// An identifier filter: passes frames whose key equals `key` in the bits of `mask`.
@@ -65,8 +65,8 @@ pub enum BusErrorMode {
     /// An error counter is above 127: normal operation, but with passive error flags.
     ErrorPassive,
     /// The transmit error counter is above 255: no communication until recovery. The platform must drop the
-    /// controller's pending frames before it reports bus-off to the device, because they would be outdated after
-    /// recovery.
+    /// controller's pending frames before it reports bus-off to the device, because those frames would be outdated
+    /// after recovery.
     BusOff,
 }
 
@@ -132,7 +132,7 @@ impl BitRate {
         Self::ALL.into_iter().find(|rate| rate.table_index() == index)
     }
 
-    /// Returns the bit rate with this number of bits per second; `None` if there is none in CiA 301.
+    /// Returns the bit rate with this number of bits per second; `None` if CiA 301 does not define it.
     #[must_use]
     pub fn from_bits_per_second(bits: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.bits_per_second() == bits)

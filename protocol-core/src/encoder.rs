@@ -25,18 +25,19 @@ pub struct Shaft {
 /// Microseconds per minute: at one turn per minute the shaft covers 1/60 000 000 turn, a *part*, in each microsecond.
 const MINUTE_US: u64 = 60_000_000;
 
-/// The whole turns per microsecond whose addition makes even the highest reverse speed positive.
+/// The number of whole turns per microsecond added to a negative speed: enough to make every speed positive.
 const TURNS_FORWARDS: u64 = 36;
 const _: () = assert!(TURNS_FORWARDS * MINUTE_US > i32::MIN.unsigned_abs() as u64);
 
-/// The units per turn: the least common multiple of the 1/100 degrees and the parts of a turn, so that both are exact.
+/// The number of angle units per turn: the least common multiple of 36 000 (1/100 degrees) and 60 000 000 (*parts*), so
+/// that both are integer numbers of units.
 const TURN: u64 = 180_000_000;
 
 const UNITS_PER_CDEG: u32 = 5_000;
 const UNITS_PER_PART: u64 = 3;
 const _: () = assert!(UNITS_PER_CDEG as u64 * TURN_CDEG as u64 == TURN && UNITS_PER_PART * MINUTE_US == TURN);
 
-/// The ratio of steps to units, in lowest terms.
+/// The position steps per angle unit, as a fraction in lowest terms: 64 steps cover 703 125 units.
 const STEPS_IN_UNITS: u64 = 64;
 const UNITS_IN_STEPS: u64 = 703_125;
 const _: () = assert!(STEPS_IN_UNITS * TURN == UNITS_IN_STEPS * STEPS as u64);
@@ -49,12 +50,12 @@ const MINUTES: Ratio = Ratio::new(1, MINUTE_US, u64::MAX);
 const TURNS: Ratio = Ratio::new(1, TURN, UNITS_MAX);
 const STEPS_OF_UNITS: Ratio = Ratio::new(STEPS_IN_UNITS, UNITS_IN_STEPS, UNITS_MAX);
 
-/// A constant ratio below 1, applied to 64-bit numbers by multiplication: the Cortex-M4 cannot divide them in hardware.
+/// A constant ratio below 1, applied to 64-bit numbers by multiplication, because the Cortex-M4 has no 64-bit division.
 /// Saves 115 instructions per position.
 struct Ratio {
-    /// The power of two in the denominator, shifted out first.
+    /// The exponent of the denominator's power of two: the multiplicand is first shifted right by this many bits.
     twos: u32,
-    /// 2^(64 + shift) times the ratio without that power of two, rounded up.
+    /// The numerator over the odd part of the denominator, times 2^(64 + `shift`), rounded up.
     scaled: u64,
     shift: u32,
 }
@@ -70,8 +71,8 @@ impl Ratio {
         let exact = (numerator as u128) << (64 + shift);
         let scaled = exact / odd + 1;
         assert!(scaled <= u64::MAX as u128);
-        // The exact product is at least 1/odd below the next integer, and the computed one exceeds it by less than
-        // that.
+        // The exact product is at least 1/odd below the next integer, and the computed product exceeds the exact one by
+        // less than 1/odd: both have the same integer part.
         let excess = scaled * odd - exact;
         assert!((max >> twos) as u128 * excess < 1 << (64 + shift));
         Self { twos, scaled: scaled as u64, shift }
@@ -107,7 +108,7 @@ impl Shaft {
         STEPS_OF_UNITS.of(self.units_at(now)) as u32 & POSITION_MAX
     }
 
-    /// Returns the angle in units, including whole turns.
+    /// Returns the absolute angle, in units of 1/[`TURN`] turn, not reduced to one turn.
     #[inline]
     const fn units_at(&self, now: Instant) -> u64 {
         let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG as u64);
@@ -128,11 +129,11 @@ impl Default for Shaft {
     }
 }
 
-/// A preset: an offset between the raw position and the reported one.
+/// A preset: an offset between the raw position and the reported position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preset {
     value: u32,
-    /// The offset of the reported position from the raw one, below one turn.
+    /// The offset of the reported position from the raw position, below one turn.
     offset: u32,
 }
 
@@ -142,10 +143,11 @@ pub const POSITION_MAX: u32 = STEPS - 1;
 const _: () = assert!(STEPS.is_power_of_two());
 
 impl Preset {
-    /// No preset: the reported position is the raw one.
+    /// No preset: the reported position is the raw position.
     pub const NONE: Self = Self { value: 0, offset: 0 };
 
-    /// Returns the preset that changes the reading `position` to `value`; `None` above [`POSITION_MAX`].
+    /// Returns the preset that changes the reported position from `position` to `value`; `None` for a `value` above
+    /// [`POSITION_MAX`].
     #[must_use]
     pub const fn moved(self, position: u32, value: u32) -> Option<Self> {
         if value > POSITION_MAX {
@@ -160,7 +162,7 @@ impl Preset {
         self.value
     }
 
-    /// Converts a raw position to the reported one.
+    /// Converts a raw position to the reported position.
     #[must_use]
     pub const fn position(self, raw: u32) -> u32 {
         raw.wrapping_add(self.offset) & POSITION_MAX

@@ -14,7 +14,7 @@ const EXTENDED: u32 = 1 << 29;
 const KEPT: [u64; MAX_LEN] =
     [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
 
-/// Returns the key of an identifier: its bits, plus bit 29 for an extended one, as in a COB-ID object.
+/// Returns the key of an identifier: its bits, plus bit 29 for an extended identifier, as in a COB-ID object.
 #[inline]
 #[must_use]
 pub fn key(id: Id) -> u32 {
@@ -26,7 +26,7 @@ pub fn key(id: Id) -> u32 {
 
 /// Returns the arbitration value of a data frame with this [`key`]; the lower value wins the bus.
 ///
-/// A standard frame wins against an extended one with the same leading eleven bits (ISO 11898-1).
+/// A standard frame wins against an extended frame with the same leading eleven bits (ISO 11898-1).
 #[inline]
 #[must_use]
 pub const fn arbitration(key: u32) -> u32 {
@@ -42,7 +42,8 @@ pub const fn arbitration(key: u32) -> u32 {
 
 /// A classic CAN data or remote frame.
 ///
-/// The length is 0–8 by construction: CAN permits a raw DLC of 9–15, meaning 8, but it cannot be represented here.
+/// The length is 0–8 by construction. CAN also permits a raw DLC of 9–15, which means 8 bytes; such a DLC cannot be
+/// represented here.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
     key: u32,
@@ -219,8 +220,8 @@ impl embedded_can::Frame for Frame {
     }
 }
 
-/// Prints a frame like the manuals: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers with eight digits, `R` and the
-/// length for a remote frame.
+/// Formats a frame as in the manuals: `5A0: 43 18 10 01 19 00 00 01`. A 29-bit identifier has eight digits; a remote
+/// frame shows `R` and its length instead of data.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.id() {

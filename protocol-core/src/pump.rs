@@ -32,7 +32,8 @@ where
 {
     receive(device, can, now);
     device.poll(now);
-    // Before the client receives the answer to its change of the filters, so that it can rely on them.
+    // Set before any answer is sent, so that a client that receives the answer to its change can rely on the new
+    // filters.
     if let Some(filters) = device.take_filters() {
         can.set_filters(&filters);
     }

@@ -16,26 +16,27 @@ pub const fn after(instant: Instant, duration: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().saturating_add(duration.as_ticks()))
 }
 
-/// Adds a delay of a protocol or product, which is at most minutes.
+/// Adds a protocol or product delay of at most a few minutes.
 ///
-/// The sum does not saturate: the end of time is half a million years away, and a check would double the code. For
-/// durations chosen by a user see [`after`].
+/// The sum wraps instead of saturating: the tick counter lasts half a million years, and a check would double the code
+/// size. For user-chosen durations, see [`after`].
 #[inline]
 #[must_use]
 pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().wrapping_add(delay.as_ticks()))
 }
 
-/// Returns the time of a device for a call at `now`: at least `last`. A `now` from 2^63 ticks on, which no clock
-/// reaches, is treated as earlier: stopped timers are due at [`NEVER`], and adding a [delay](delayed) must not wrap.
+/// Returns `now`, or `last` if `now` is earlier, so that the device time never runs backwards. Also returns `last` for
+/// a `now` of 2^63 ticks or more, which no clock reaches: [`NEVER`] must not make stopped timers due, and adding a
+/// [delay](delayed) must not wrap.
 #[inline]
 #[must_use]
 pub(crate) const fn latest(last: Instant, now: Instant) -> Instant {
-    // As signed numbers such times are negative, so one comparison suffices.
+    // As signed numbers, times of 2^63 ticks or more are negative, so one comparison suffices.
     if now.as_ticks().cast_signed() < last.as_ticks().cast_signed() { last } else { now }
 }
 
-/// Returns the time elapsed from `earlier` to `later`; zero if `later` is not later.
+/// Returns the time elapsed from `earlier` to `later`; zero if `later` is before `earlier`.
 #[inline]
 #[must_use]
 pub const fn since(later: Instant, earlier: Instant) -> Duration {

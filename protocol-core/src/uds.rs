@@ -6,7 +6,7 @@ use heapless::Vec;
 use crate::frame::{Frame, Id, extended};
 use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, id, single_frame};
 
-/// The identifier of the node ID, the only writable one.
+/// The identifier of the node ID, the only writable identifier.
 pub const NODE_ID: Identifier = 0x1001;
 
 /// The CAN identifier of every answer to a write of the node ID, independent of the node (R: the manual says so three

@@ -38,7 +38,7 @@ impl Counters {
         self
     }
 
-    /// Returns the sums of both sets of counters, each at most 127.
+    /// Adds the counters of `other`; each sum is at most 127.
     #[must_use]
     pub fn plus(mut self, other: Self) -> Self {
         for (count, more) in self.0.iter_mut().zip(other.0) {
@@ -54,7 +54,7 @@ impl Counters {
         }
     }
 
-    /// Increments the counter of a fault, up to 127. Returns whether it changed.
+    /// Increments the counter of a fault, up to 127. Returns whether the counter changed.
     pub(super) fn count(&mut self, fault: Fault) -> bool {
         self.set(fault, self.get(fault).saturating_add(1).min(COUNTER_MAX))
     }

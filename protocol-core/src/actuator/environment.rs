@@ -13,9 +13,9 @@ pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
 pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
 /// The maximum temperature, °C.
 const TEMPERATURE_MAX: i32 = 120;
-/// The minimum temperature, °C, for the kinds that monitor it.
+/// The minimum temperature, °C, for the kinds that have a lower limit.
 const TEMPERATURE_MIN: i32 = -40;
-/// The temperature hysteresis, K: the fault clears only this far inside the limits (A).
+/// The temperature hysteresis, K: the fault clears only when the temperature is this far inside the limits (A).
 const TEMPERATURE_HYSTERESIS: i32 = 5;
 
 /// The limits of a monitored value: the allowed range, and the range that clears the fault.

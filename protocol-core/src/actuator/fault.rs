@@ -57,7 +57,7 @@ impl Fault {
         }
     }
 
-    /// Returns whether this is a fault of the spool position.
+    /// Returns whether the fault concerns the spool position.
     #[must_use]
     pub const fn is_of_spool(self) -> bool {
         matches!(self, Self::SpoolNotAtSetPoint | Self::FloatNotReached)
@@ -187,7 +187,7 @@ impl Iterator for FaultIter {
 pub enum InternalCause {
     /// Injected by the user.
     Injected,
-    /// The watchdog reset the processor. The caller clears the cause once it has been reported.
+    /// The watchdog reset the processor. The caller clears the cause once the internal error has been reported.
     Watchdog,
     /// The entire memory is damaged. The cause lasts until the next start.
     Memory,

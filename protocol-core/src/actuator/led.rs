@@ -27,9 +27,10 @@ pub struct Led {
 pub struct Condition {
     /// The active faults.
     pub faults: FaultSet,
-    /// Whether the device stays shut down until it is released.
+    /// Whether the device is shut down: regulation stays off until the protocol ends the shutdown.
     pub fault_hold: bool,
-    /// Whether regulation is disabled: no node ID, not enabled, hand operation, emergency stop, no address.
+    /// Whether regulation is disabled, for example by hand operation, an emergency stop, or a missing node ID or
+    /// address.
     pub disabled: bool,
     /// Whether the solenoids are off to save power.
     pub power_save: bool,
@@ -42,14 +43,15 @@ impl Led {
     pub const GREEN_FLASHING: Self = Self { color: Color::Green, flashing: true };
     /// Disabled; hold, hand operation and emergency stop count as disabled (A).
     pub const YELLOW: Self = Self { color: Color::Yellow, flashing: false };
-    /// Bus-off (R), or an internal error is active.
+    /// Bus-off is active (R), or the internal error is the active fault of highest priority.
     pub const RED: Self = Self { color: Color::Red, flashing: false };
-    /// Any fault other than bus-off and the internal error is active.
+    /// Bus-off is not active, and the active fault of highest priority is not the internal error.
     pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };
     /// A shutdown persists although its cause has cleared (A).
     pub const FAULT_HOLD: Self = Self::RED_FLASHING;
 
-    /// Returns the indication of a condition. If several apply, the one of highest precedence is shown.
+    /// Returns the LED state for a condition, by precedence: bus-off, the fault of highest priority, fault hold,
+    /// disabled, power save.
     #[must_use]
     pub fn of(condition: Condition) -> Self {
         let Condition { faults, fault_hold, disabled, power_save } = condition;

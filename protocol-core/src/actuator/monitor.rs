@@ -24,13 +24,13 @@ pub(super) const fn tolerance(target: Travel) -> Band {
 /// The evaluation of a monitored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
-    /// Whether the value exceeds its limit.
+    /// Whether the value is outside its allowed range.
     pub(super) trips: bool,
     /// Whether the value is in the range that clears an active fault.
     pub(super) clears: bool,
 }
 
-/// The monitor of one fault. The fault activates after its cause has lasted for the delay, and clears immediately.
+/// The monitor of one fault. The fault activates after its cause has lasted for the delay, and clears without delay.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Monitor {
     due: Instant,
@@ -39,7 +39,8 @@ pub(super) struct Monitor {
 }
 
 impl Monitor {
-    /// Creates the monitor of a fault. For constants only: the compiler checks that the delay fits.
+    /// Creates the monitor of a fault. For constant delays only: an assertion checks that the delay in microseconds
+    /// fits 32 bits.
     pub(super) const fn new(fault: Fault, delay: Duration) -> Self {
         assert!(delay.as_micros() <= u32::MAX as u64);
         Self { due: NEVER, delay_us: delay.as_micros() as u32, fault }
@@ -47,7 +48,8 @@ impl Monitor {
 
     /// Evaluates the monitored value.
     ///
-    /// A fault that activates and clears at once, while its cause lasts, activates again after another delay.
+    /// If a reading both trips and clears, the fault activates after the delay, clears immediately, and activates again
+    /// after another delay.
     pub(super) fn observe(&mut self, reading: Reading, faults: &mut FaultRegister, now: Instant) {
         if !faults.active.contains(self.fault) {
             if !reading.trips {
@@ -71,7 +73,8 @@ impl Monitor {
         }
     }
 
-    /// Like [`observe`](Self::observe), for an inactive fault that cannot activate now.
+    /// Starts or stops the delay like [`observe`](Self::observe), but never activates the fault. The fault must be
+    /// inactive and the delay not yet expired.
     #[inline]
     pub(super) fn watch(&mut self, trips: bool, now: Instant) {
         if !trips {
@@ -87,19 +90,19 @@ impl Monitor {
         delayed(now, Duration::from_micros(self.delay_us as u64))
     }
 
-    /// Restarts the delay.
+    /// Cancels the running delay; the next tripping reading starts a new delay.
     pub(super) const fn restart(&mut self) {
         self.due = NEVER;
     }
 
-    /// Restarts the delay if the fault has cleared.
+    /// Cancels the running delay if `cleared` contains the fault.
     pub(super) const fn restart_after(&mut self, cleared: FaultSet) {
         if cleared.contains(self.fault) {
             self.restart();
         }
     }
 
-    /// Returns the time at which the fault activates if the value does not change.
+    /// Returns the time at which the fault activates if the value does not change; [`NEVER`] if no delay is running.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }
@@ -119,13 +122,13 @@ impl TimeGuard {
         *self = Self { running: true, due: delayed(now, GUARD_TIME) };
     }
 
-    /// Handles a valid set-point: restarts the guard time and clears fault 8.
+    /// Handles a valid set-point: restarts the guard time of a running guard, and clears fault 8.
     pub(super) fn feed(&mut self, faults: &mut FaultRegister, now: Instant) {
         self.wind_up(now);
         faults.clear(Fault::TimeGuarding);
     }
 
-    /// Like [`feed`](Self::feed), while fault 8 is not active.
+    /// Like [`feed`](Self::feed), but does not clear fault 8, which must be inactive.
     #[inline]
     pub(super) fn wind_up(&mut self, now: Instant) {
         if self.running {

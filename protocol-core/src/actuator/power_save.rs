@@ -2,7 +2,7 @@
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The time for which set-point and spool must both be neutral.
+/// The time for which set-point and spool must both be neutral before the solenoids switch off.
 pub const POWER_SAVE_DELAY: Duration = Duration::from_millis(200);
 
 /// The state of power save.
@@ -12,15 +12,16 @@ pub(super) enum PowerSave {
     Off,
     /// The set-point is neutral, the spool is not. If undisturbed, the spool reaches neutral at this time.
     Returning(Instant),
-    /// The valve is blocked. Power save begins at this time, or later, once the spool is at rest.
+    /// The valve is blocked. Power save begins at this time or when the spool comes to rest, whichever is later.
     Waiting(Instant),
     /// The solenoids are off.
     On,
 }
 
 impl PowerSave {
-    /// Updates the state. `set_point` and `spool` state whether each is neutral, `rests` is the time at which the spool
-    /// comes to rest. The delay starts when both are neutral, which is *blocked* in the manual's introduction (R).
+    /// Updates the state. `set_point` and `spool` are true while the set-point and the spool are neutral; `rests` is
+    /// the time at which the spool comes to rest. The delay starts once both are neutral, which the manual's
+    /// introduction calls *blocked* (R).
     pub(super) fn update(&mut self, set_point: bool, spool: bool, rests: Instant, now: Instant) {
         let wait = |due: Instant| if due.max(rests) <= now { Self::On } else { Self::Waiting(due) };
         *self = match *self {
@@ -34,7 +35,7 @@ impl PowerSave {
         };
     }
 
-    /// Records when a returning spool reaches neutral.
+    /// Records the time at which a returning spool reaches neutral, computed by `back`.
     pub(super) fn note_return(&mut self, back: impl FnOnce() -> Instant) {
         if let Self::Returning(expected) = self {
             *expected = back();

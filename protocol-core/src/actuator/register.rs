@@ -5,8 +5,8 @@ use super::fault::{Fault, FaultSet, SPOOL_FAULTS};
 
 /// The fault changes since the last [`Valve::take_changes`](super::Valve::take_changes).
 ///
-/// Changes are reported by priority, activations first. A fault in both sets was activated, then cleared; a fault whose
-/// last change was an activation is not in `cleared`.
+/// The protocol reports activations first, each set in order of priority. A fault in both sets was activated, then
+/// cleared; a fault whose last change was an activation is not in `cleared`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// The faults that became active.

@@ -15,7 +15,7 @@ impl Position {
     /// +100 %: the B-port side.
     pub const MAX: Self = Self(Self::FULL);
 
-    /// Creates a position of −16384 … 16384; `None` outside.
+    /// Creates a position of −16384 … 16384; `None` outside this range.
     #[must_use]
     pub const fn new(raw: i16) -> Option<Self> {
         if raw >= -Self::FULL && raw <= Self::FULL { Some(Self(raw)) } else { None }
@@ -74,7 +74,7 @@ impl Scale {
         }
     }
 
-    /// Converts a value to a position; `None` beyond ±N.
+    /// Converts a value to a position; `None` outside ±N.
     #[must_use]
     pub fn to_position(self, value: i16) -> Option<Position> {
         let full = self.full();
@@ -111,7 +111,7 @@ impl Default for SetPoint {
     }
 }
 
-/// Returns `value × to / from`, rounded half away from zero. The factors here keep every product within 25 bits.
+/// Returns `value × to / from`, rounded half away from zero. With the factors used here, every product fits 25 bits.
 #[inline]
 fn rescale(value: i32, to: i32, from: i32) -> i32 {
     let half = from.wrapping_div(2);

@@ -50,7 +50,7 @@ pub enum SpoolFault {
     NoFloat,
 }
 
-/// The stroke times of a healthy spool, as measured on a real one.
+/// The stroke times of a healthy spool, as measured on a real spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpoolTimes {
     stroke_ms: u16,
@@ -65,7 +65,7 @@ impl SpoolTimes {
         Self { stroke_ms: SOLENOID_STROKE.as_millis() as u16, return_ms: SPRING_STROKE.as_millis() as u16 };
 
     /// Creates stroke times: `stroke_ms` for the solenoids from neutral to full stroke, `return_ms` for the springs
-    /// back. `None` outside [`RANGE_MS`](Self::RANGE_MS). The model is accurate to 0.4 %.
+    /// back. `None` outside [`RANGE_MS`](Self::RANGE_MS). The model reproduces the times to within 0.4 %.
     #[must_use]
     pub fn new(stroke_ms: u16, return_ms: u16) -> Option<Self> {
         let are_possible = [stroke_ms, return_ms].iter().all(|ms| Self::RANGE_MS.contains(ms));
@@ -111,7 +111,7 @@ pub struct SpoolSense {
     pub fault: SpoolFault,
     /// The position to which the hand lever pushes the spool.
     pub lever: Option<Position>,
-    /// The position measured by a sensor, if the board has one; replaces the model.
+    /// The position measured by a sensor, if the board has a sensor; overrides the model.
     pub measured: Option<Position>,
     /// The stroke times.
     pub times: SpoolTimes,
@@ -138,7 +138,7 @@ pub(super) enum Action {
 enum Influence {
     /// The spool follows the device alone.
     Device,
-    /// The device, on a faulty spool that can still move.
+    /// The spool follows the device, but with this fault.
     Faulty(SpoolFault),
     /// The lever or the sensor determines the position.
     At(Position),
@@ -195,14 +195,15 @@ impl Spool {
         }
     }
 
-    /// Returns whether the spool is healthy and influenced by the device only: it then moves steadily to its
-    /// destination and stays there.
+    /// Returns whether the spool is healthy and influenced by the device only. Such a spool moves at constant speed to
+    /// its destination and stays there.
     #[inline]
     pub(super) fn is_free(&self) -> bool {
         self.influence == Influence::Device
     }
 
-    /// Like [`act`](Self::act), for a new target of a [free](Self::is_free) spool: it moves straight to the target.
+    /// Like [`act`](Self::act), for a new target of a [free](Self::is_free) spool: the solenoids move the spool
+    /// straight to the target.
     #[inline]
     pub(super) fn retarget(&mut self, target: Travel, here: Travel, now: Instant) {
         self.action = Action::Move(target);

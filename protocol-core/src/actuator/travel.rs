@@ -12,8 +12,8 @@ use crate::time::{Duration, Instant, NEVER, delayed, since};
 pub(super) struct Travel(i32);
 
 impl Travel {
-    /// Steps of the full stroke: the least common multiple of the 16384 units of a [`Position`], 250 000 and 150 000
-    /// µs, eight times those, and 100 percent.
+    /// The number of steps in the full stroke: the least common multiple of 16384 (the units of a [`Position`]), the
+    /// stroke times of 250 000 and 150 000 µs, eight times each of these times (for a slow spool), and 100 (percent).
     pub(super) const FULL: i32 = 768_000_000;
     /// The number of steps in one unit of a [`Position`].
     const UNIT: i32 = Self::FULL / Position::FULL as i32;
@@ -36,8 +36,8 @@ impl Travel {
         Self(steps)
     }
 
-    /// Returns the travel `steps` further towards B, or towards A for negative `steps`. The sum of two full strokes
-    /// fits an i32.
+    /// Returns the travel `steps` further towards B, or towards A for negative `steps`. Cannot overflow, because two
+    /// full strokes fit an i32.
     pub(super) const fn shifted(self, steps: i32) -> Self {
         Self(self.0.wrapping_add(steps))
     }
@@ -70,8 +70,8 @@ impl Band {
         Self { low: centre.shifted(steps.wrapping_neg()).0, high: centre.shifted(steps).0 }
     }
 
-    /// Returns whether the band contains the travel. One comparison suffices: travel below the band wraps to a value
-    /// far above it.
+    /// Returns whether the band contains the travel. One comparison suffices: for travel below the band, the unsigned
+    /// difference wraps to a value above the width.
     pub(super) const fn contains(self, travel: Travel) -> bool {
         let width = self.high.wrapping_sub(self.low) as u32;
         travel.0.wrapping_sub(self.low) as u32 <= width
@@ -91,7 +91,7 @@ impl Rate {
         Self(divide(Travel::FULL, micros as i32))
     }
 
-    /// Returns the rate that covers the full stroke in about `millis`, accurate to 0.4 % up to 5000 ms.
+    /// Returns the rate that covers the full stroke in about `millis` milliseconds, accurate to 0.4 % up to 5000 ms.
     pub(super) const fn nearest(millis: u16) -> Self {
         Self(rounded(Travel::FULL, (millis as i32).saturating_mul(1000)))
     }
@@ -102,7 +102,7 @@ impl Rate {
     }
 }
 
-/// Returns a rounded quotient, at least 1: with rate 0 the spool would never arrive.
+/// Returns the rounded quotient, at least 1, because a spool with rate 0 would never arrive.
 const fn rounded(dividend: i32, divisor: i32) -> i32 {
     let halved = match divisor.checked_div(2) {
         Some(half) => dividend.saturating_add(half),
@@ -153,7 +153,7 @@ impl Leg {
         self.from.shifted(micros.wrapping_mul(self.velocity))
     }
 
-    /// Returns the first microsecond at which the line has reached `level`, which must lie on the line.
+    /// Returns the first microsecond at which the line has reached `level`, which must lie between `from` and `to`.
     #[inline]
     fn reaches(&self, level: i32) -> Instant {
         let way = level.abs_diff(self.from.0);
@@ -162,7 +162,7 @@ impl Leg {
         delayed(self.start, Duration::from_micros(u64::from(micros)))
     }
 
-    /// Returns the next time after `now` at which the line enters or leaves the band; [`NEVER`] if it does not.
+    /// Returns the next time after `now` at which the line enters or leaves the band; [`NEVER`] if there is none.
     fn crosses(&self, band: Band, now: Instant) -> Instant {
         if now >= self.end {
             return NEVER;
@@ -181,7 +181,7 @@ impl Leg {
     }
 }
 
-/// The path of the spool: the approach to a destination, and for a drifting spool a slow creep from there.
+/// The path of the spool: the approach to a destination and then, for a drifting spool, a slow creep.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
     approach: Leg,
@@ -201,7 +201,7 @@ impl Path {
         Self { approach: Leg::new(from, to, rate, now), creep: None }
     }
 
-    /// Continues the path from its destination to `to`.
+    /// Appends a creep from the destination of the path to `to`.
     pub(super) fn then(self, to: Travel, rate: Rate) -> Self {
         let Self { approach, .. } = self;
         Self { approach, creep: Some(Leg::new(approach.to, to, rate, approach.end)) }
@@ -216,7 +216,7 @@ impl Path {
     }
 
     /// Returns the next time after `now` at which the velocity may change; [`NEVER`] once the spool is at rest. The
-    /// last microsecond of a line can cover a shorter distance, so it counts as a separate line.
+    /// last microsecond of a line counts as a separate line, because it can cover a shorter distance.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         let ends = |leg: &Leg| {
             let last = Instant::from_ticks(leg.end.as_ticks().saturating_sub(1));
@@ -225,7 +225,7 @@ impl Path {
         ends(&self.approach).or_else(|| self.creep.as_ref().and_then(ends)).unwrap_or(NEVER)
     }
 
-    /// Returns the end of the approach, at which a spool without creep stays.
+    /// Returns the end of the approach, where a spool that does not creep stays.
     pub(super) const fn destination(&self) -> Travel {
         self.approach.to
     }
@@ -238,7 +238,8 @@ impl Path {
         }
     }
 
-    /// Returns the first microsecond after `now` at which the spool enters or leaves a band; [`NEVER`] if it does not.
+    /// Returns the first microsecond after `now` at which the spool enters or leaves a band; [`NEVER`] if there is
+    /// none.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));
         self.approach.crosses(band, now).min(creeps)

@@ -81,26 +81,25 @@ pub enum Drive {
     Hand,
     /// Emergency stop: solenoids off; spool-position faults are not monitored.
     EmergencyStop,
-    /// Follow the set-point; with a neutral one the valve is *blocked*.
+    /// Follow the set-point; with a neutral set-point the valve is *blocked*.
     Regulate(SetPoint),
 }
 
 /// A protocol-independent valve.
 ///
 /// The protocol supplies the inputs ([`sense`](Self::sense)), the permitted drive ([`drive`](Self::drive)) and each
-/// valid set-point ([`feed_guard`](Self::feed_guard)). After every call it reports the changes from
+/// valid set-point ([`feed_guard`](Self::feed_guard)). After every call the protocol reports the changes from
 /// [`take_changes`](Self::take_changes) on the bus. **A fault does not change the drive**: the protocol must stop
 /// regulation with `drive(Drive::Off, now)`.
 ///
-/// A call first handles the timers due up to its time, so the number of [`poll`](Self::poll)s and their order among
-/// frames of the same time do not matter. A time earlier than that of the last call counts as the time of that call. A
-/// late call handles its timers at their due times up to the first change of a fault, and the remaining ones at its own
-/// time.
+/// A call at `now` first handles the timers due up to `now`, so the number of [`poll`](Self::poll)s, and their order
+/// among frames of the same time, do not matter. A `now` before that of the last call counts as the time of the last
+/// call. A late call handles each timer at its due time until a fault changes, and the remaining timers at `now`.
 #[derive(Clone, Debug)]
 pub struct Valve {
     /// The earliest deadline.
     deadline: Instant,
-    /// The earliest deadline of the spool: a monitor, a band limit, power save.
+    /// The earliest deadline of the spool: of a monitor, a band crossing or power save.
     spool_due: Instant,
     now: Instant,
     config: ValveConfig,
@@ -154,7 +153,7 @@ impl Valve {
         self.step(now);
     }
 
-    /// Updates the inputs; cheap if they have not changed.
+    /// Updates the inputs; cheap for unchanged inputs.
     pub fn sense(&mut self, inputs: &ValveInputs, now: Instant) {
         let now = self.catch_up(now);
         if *inputs != self.inputs {
@@ -165,7 +164,7 @@ impl Valve {
         }
     }
 
-    /// Handles the timers that are due; costs one comparison if there are none.
+    /// Handles the timers that are due; costs one comparison if no timer is due.
     #[inline]
     pub fn poll(&mut self, now: Instant) {
         self.catch_up(now);
@@ -173,9 +172,9 @@ impl Valve {
 
     /// Changes the permitted drive.
     ///
-    /// An unchanged drive has no effect and restarts no timer. With a new set-point the spool moves, and the delay of
-    /// monitor 1 continues while the spool is outside the tolerance. When regulation begins after another drive,
-    /// monitors 1 and 2 restart.
+    /// An unchanged drive has no effect and restarts no timer. After a new set-point, the delay of monitor 1 continues
+    /// while the spool is outside the tolerance. Monitor 1 restarts when the new drive starts the spool monitors, see
+    /// [`SpoolMonitors`].
     pub fn drive(&mut self, drive: Drive, now: Instant) {
         let now = self.catch_up(now);
         if drive == self.drive {
@@ -196,8 +195,8 @@ impl Valve {
         self.schedule();
     }
 
-    /// Restarts monitor 1 if the spool has reached the tolerance since the last step. Must precede every change of the
-    /// movement.
+    /// Restarts monitor 1 if the spool has reached the tolerance since the last step. Must be called before every
+    /// change of the movement.
     fn note_arrival(&mut self, now: Instant) {
         if self.wanted().is_some_and(|band| band.contains(self.spool.at(now))) {
             self.at_set_point.restart();
@@ -211,22 +210,23 @@ impl Valve {
         self.schedule();
     }
 
-    /// Stops the time guard. An active fault 8 stays until [`feed_guard`](Self::feed_guard).
+    /// Stops the time guard. Fault 8, if active, stays active until [`feed_guard`](Self::feed_guard).
     pub fn stop_guard(&mut self, now: Instant) {
         self.catch_up(now);
         self.guard = TimeGuard::STOPPED;
         self.schedule();
     }
 
-    /// Handles a valid set-point, even one that is not applied: restarts a running guard, and clears fault 8.
+    /// Handles the arrival of a valid set-point, whether or not the set-point is applied: restarts a running guard, and
+    /// clears fault 8.
     pub fn feed_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);
         self.schedule();
     }
 
-    /// Applies a set-point: combines [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive). For a valve that is
-    /// already regulating, with no timer due, this saves 570 instructions per new set-point.
+    /// Applies a set-point: combines [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive). For a valve that
+    /// already follows a position, with no timer due, this saves 570 instructions per new set-point.
     // −5 instructions on an AVC and its AVEF, −10 on the image's RPDO → TPDO.
     #[inline(always)]
     pub fn command(&mut self, drive: Drive, now: Instant) {
@@ -252,7 +252,7 @@ impl Valve {
     }
 
     /// Returns whether a healthy spool follows a non-neutral position and no fault is active. Float, springs and power
-    /// save are then not involved, and the only spool deadline is that of monitor 1.
+    /// save are then not involved, and monitor 1 has the only spool deadline.
     #[inline]
     fn follows(&self) -> bool {
         matches!(self.drive, Drive::Regulate(SetPoint::Position(_)))
@@ -263,8 +263,8 @@ impl Valve {
 
     /// Like [`drive`](Self::drive), for a valve that [follows](Self::follows).
     ///
-    /// No crossing is scheduled, because the spool only approaches its target. Its arrival within the tolerance is
-    /// detected at the next call that moves it, or when monitor 1 is due.
+    /// No crossing is scheduled, because the spool only approaches its target. The arrival of the spool within the
+    /// tolerance is detected at the next call that changes the movement, or when monitor 1 is due.
     #[inline]
     fn follow(&mut self, to: Position, now: Instant) {
         let here = self.spool.at_in_cycle(now);
@@ -297,21 +297,22 @@ impl Valve {
         self.faults.counters.clear(faults);
     }
 
-    /// Sets all occurrence counters to 0 and returns the previous ones. Does not mark the counters for storage: the
-    /// caller stores the zeros.
+    /// Sets all occurrence counters to 0 and returns the previous counters. The counters are then not marked for
+    /// storage, because the caller stores the zeros.
     pub fn take_counters(&mut self) -> Counters {
         self.faults.counters_changed = false;
         core::mem::take(&mut self.faults.counters)
     }
 
-    /// Adds cleared counters back after their clearing could not be stored.
+    /// Restores cleared counters after their clearing could not be stored: adds them to the counts since then, and
+    /// marks the sums for storage.
     pub fn add_counters(&mut self, counters: Counters) {
         self.faults.counters = self.faults.counters.plus(counters);
         self.faults.counters_changed = true;
     }
 
-    /// Returns the fault changes since the previous call of this function. Must be called after every call that takes a
-    /// time.
+    /// Returns the fault changes since the previous call of this function. Must be called after every call with a time
+    /// parameter.
     #[inline]
     pub fn take_changes(&mut self) -> Changes {
         core::mem::take(&mut self.faults.changes)
@@ -363,8 +364,8 @@ impl Valve {
         self.spool.at_in_cycle(now.max(self.now)).position()
     }
 
-    /// Returns the travel of the spool from neutral towards the B-port, [`STROKE`](Self::STROKE) at full stroke. Exact
-    /// in each microsecond, for a simulation of the flow.
+    /// Returns the travel of the spool from neutral towards the B-port, [`STROKE`](Self::STROKE) at full stroke. The
+    /// travel is exact in each microsecond, for a simulation of the flow.
     #[must_use]
     pub fn opening(&self, now: Instant) -> i32 {
         self.travel(now).steps()
@@ -403,8 +404,8 @@ impl Valve {
         self.power_save == PowerSave::On
     }
 
-    /// Returns the time at which [`poll`](Self::poll) is next due, to the microsecond; [`NEVER`] if only a call can
-    /// change the state.
+    /// Returns the exact time at which [`poll`](Self::poll) is next due; [`NEVER`] if only another call can change the
+    /// state.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {

@@ -260,7 +260,7 @@ impl Entry {
         }
     }
 
-    /// Returns the number passed to [`with`](Row::with).
+    /// Returns the number set by [`with`](Row::with), such as the value of a constant.
     #[inline]
     pub(super) const fn number(&self) -> u32 {
         self.number
@@ -300,8 +300,8 @@ impl<B: Copy> Row<B> {
         })
     }
 
-    /// Sets the minimum and maximum for the EDS; the code behind the row enforces them. Without the feature `names` the
-    /// limits are dropped.
+    /// Sets the minimum and maximum for the EDS; the code behind the row enforces the limits. Without the feature
+    /// `names` the limits are dropped.
     #[must_use]
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     pub const fn within(self, low: i32, high: i32) -> Self {
@@ -455,7 +455,7 @@ impl<B: Copy> Dictionary<B> {
 /// The value of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value<'a> {
-    /// A number, in the low bits that its type has.
+    /// The raw bits of a number; bits beyond the size of its type are zero.
     Number(u32),
     /// A text.
     Text(&'a [u8]),

@@ -41,8 +41,8 @@ impl ErrorHistory {
         *self = Self::new();
     }
 
-    /// Adds an error to the history: the EMCY code, with the manufacturer's number in the upper half. A ninth error
-    /// displaces the oldest.
+    /// Adds an error to the history: the EMCY code, with the manufacturer-specific number in the upper 16 bits. A ninth
+    /// error displaces the oldest.
     pub(crate) fn enter(&mut self, code: u16, manufacturer: u16) {
         let newest = u32::from(manufacturer) << 16 | u32::from(code);
         let [a, b, c, d, e, f, g, _] = self.fields;
@@ -60,7 +60,7 @@ impl ErrorHistory {
         self.count = self.count.saturating_sub(1);
     }
 
-    /// Returns how often the history contains an error.
+    /// Returns the number of history entries with this code and manufacturer-specific number.
     #[must_use]
     pub(crate) fn times(&self, code: u16, manufacturer: u16) -> u8 {
         let field = u32::from(manufacturer) << 16 | u32::from(code);
@@ -94,11 +94,11 @@ impl ErrorHistory {
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     message: Emcy,
-    /// Whether the error history has an entry for the message. An EMCY repeated after reset communication has none.
+    /// Whether the error history has an entry for the message. An EMCY repeated after reset communication has no entry.
     entered: bool,
 }
 
-/// The pending EMCYs in order. A full queue drops its oldest message, so that the last one is always sent.
+/// The pending EMCYs in order. A full queue drops its oldest message, so that the newest message is always sent.
 ///
 /// A message handed to the controller stays queued until it is known to be sent.
 #[derive(Clone, Debug)]
@@ -160,8 +160,8 @@ impl EmcyQueue {
         Some(message)
     }
 
-    /// Requeues a message that the controller returned, before the messages not yet handed out. Returns `false` if
-    /// newer messages have displaced it.
+    /// Requeues a message that the controller returned, ahead of the messages not yet handed out. Returns `false` if
+    /// newer messages have displaced the message from the queue.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
         let is_it = |position: &usize| self.messages.get(*position).is_some_and(|waiting| waiting.message == message);
@@ -174,12 +174,12 @@ impl EmcyQueue {
         true
     }
 
-    /// Removes the messages of an error that are not known to be sent; the controller must hold none of them. Returns
-    /// the number of their history entries.
+    /// Removes the messages of an error that are not known to be sent; the controller must not hold any of them.
+    /// Returns the number of their history entries.
     ///
-    /// The message for the end of an error is removed together with that for its beginning: it is the first 0000 whose
-    /// error register lacks a bit of the error. If the beginning was displaced, the end stays, because its register is
-    /// correct.
+    /// The message for the end of an error is removed together with the message for its beginning. The end of an error
+    /// is the first later message with code 0000 whose error register lacks a bit of `register`. If the beginning was
+    /// displaced from the queue, the end stays, because its error register is correct.
     pub(crate) fn withdraw(&mut self, code: u16, register: u8) -> u8 {
         let mut entries: u8 = 0;
         let mut lasts = false;
@@ -193,7 +193,7 @@ impl EmcyQueue {
         entries
     }
 
-    /// Requeues the messages that the controller has dropped.
+    /// Requeues all messages that the controller held, after the controller has dropped its frames.
     pub(crate) const fn take_back(&mut self) {
         self.taken = 0;
     }
@@ -206,7 +206,7 @@ impl EmcyQueue {
     }
 
     fn drop_taken(&mut self) {
-        // At most three: rotating them out would take 200 bytes more.
+        // At most three messages: removing them by rotation would take 200 bytes more.
         for _ in 0..core::mem::take(&mut self.taken) {
             self.messages.remove(0);
         }

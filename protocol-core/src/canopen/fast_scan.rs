@@ -2,7 +2,7 @@
 
 use crate::wire::lss::{Address, FastScan, Part};
 
-/// The bit check that every unconfigured slave answers. It starts a scan.
+/// The bit-check value that starts a scan; every unconfigured slave answers it.
 const WHO_IS_THERE: u8 = 0x80;
 
 /// The progress of a scan: the part of the LSS address expected next.
@@ -20,7 +20,7 @@ impl ScanPosition {
         Self { part: 0 }
     }
 
-    /// Returns whether the slave with this LSS address answers the request.
+    /// Updates the position for a request. Returns whether the slave with this LSS address answers the request.
     pub(super) fn answers(&mut self, scan: FastScan, address: &Address) -> bool {
         if scan.bit_check == WHO_IS_THERE {
             self.part = 0;

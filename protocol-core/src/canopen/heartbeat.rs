@@ -12,7 +12,7 @@ const TICKS: u32 = UNIT.as_ticks() as u32;
 /// A product's rules for its heartbeat.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// The resolution of the period, in units; must not be 0. Periods are rounded up to a multiple.
+    /// The resolution of the period, in units; must not be 0. Periods are rounded up to a multiple of the resolution.
     pub(crate) resolution: u32,
     /// The maximum heartbeat time, in units.
     pub(crate) max: u16,
@@ -69,7 +69,8 @@ impl HeartbeatProducer {
         self.next = self.following(now);
     }
 
-    /// Returns whether a heartbeat is due, and schedules the next one a period after the due time.
+    /// Returns whether a heartbeat is due. If so, schedules the next heartbeat one period after the due time, or after
+    /// `now` if that time has already passed.
     pub(crate) fn poll(&mut self, now: Instant) -> bool {
         let due = now >= self.next;
         if due {

@@ -7,7 +7,7 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::cob_id::NodeId;
 use crate::wire::lss::{Address, Answer, Bound, FastScan, LssNodeId, Part, Request, SUCCESS};
 
-/// The bit timing table of CiA 305, the only supported one.
+/// The bit timing table of CiA 305, the only supported table.
 const CIA_TABLE: u8 = 0;
 
 /// The LSS state.
@@ -20,13 +20,13 @@ pub(crate) enum State {
     Configuration,
 }
 
-/// The effect on a pending node ID of switching to LSS waiting.
+/// The effect of a switch to LSS waiting on a pending node ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// A device without node ID boots with its stored one (CiA 305); in any other case the pending node ID takes effect
-    /// on reset communication.
+    /// A device without node ID boots with the pending node ID if that node ID is stored (CiA 305). In any other case
+    /// the pending node ID takes effect on reset communication.
     Boot,
 }
 
@@ -43,9 +43,9 @@ pub(crate) struct Rules {
     pub(crate) fast_scan_in: &'static [State],
     /// Whether the slave found by a fast scan enters configuration.
     pub(crate) fast_scan_selects: bool,
-    /// Whether node ID 255 removes the node ID.
+    /// Whether configuring node ID 255 removes the node ID.
     pub(crate) takes_node_id_away: bool,
-    /// The effect on a pending node ID of switching to LSS waiting.
+    /// The effect of a switch to LSS waiting on a pending node ID.
     pub(crate) on_waiting: OnWaiting,
     /// Whether NMT start drops the pending configuration.
     pub(crate) start_drops_pending: bool,
@@ -71,7 +71,7 @@ pub(crate) struct Identity<'a> {
 /// An action that a request demands of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand {
-    /// Store [`LssSlave::unstored`] as of this moment, then send [`Answer::Stored`].
+    /// Store [`LssSlave::unstored`] as it is now, then send [`Answer::Stored`].
     Store,
     /// Restart as after reset application, with this node ID.
     Restart(LssNodeId),
@@ -135,12 +135,12 @@ impl Layer {
     }
 }
 
-/// The activation of a bit rate: one delay before the switch, one after it.
+/// The activation of a bit rate: one delay before the switch, and the same delay after the switch.
 #[derive(Clone, Copy, Debug)]
 struct Activation {
     switch_at: Instant,
     end_at: Instant,
-    /// The new bit rate; `None` once it is in force.
+    /// The switch still to be made; `None` once made or cancelled.
     switch_to: Option<Switch>,
 }
 
@@ -149,8 +149,8 @@ struct Activation {
 pub(crate) struct Switch {
     /// The bit rate.
     pub(crate) bit_rate: BitRate,
-    /// Whether LSS configured the bit rate but has not stored it. False if LSS configured none: the present bit rate
-    /// then stays.
+    /// Whether the bit rate was configured by LSS but is not stored. `false` if no bit rate was configured: the present
+    /// bit rate then stays.
     pub(crate) unstored: bool,
 }
 
@@ -217,7 +217,7 @@ impl LssSlave {
         }
     }
 
-    /// Leaves LSS configuration on NMT start.
+    /// Enters LSS waiting on NMT start, and drops the pending configuration if [`Rules::start_drops_pending`] is set.
     pub(crate) fn start(&mut self, rules: &Rules) {
         if rules.start_drops_pending {
             self.end_configuration();
@@ -228,7 +228,7 @@ impl LssSlave {
         }
     }
 
-    /// Drops the pending configuration on reset communication; an activation continues.
+    /// Enters LSS waiting and drops the configuration, on reset communication. A bit-rate activation continues.
     pub(crate) fn end_configuration(&mut self) {
         let activation = self.activation;
         *self = Self { activation, ..Self::new() };
@@ -267,8 +267,8 @@ impl LssSlave {
         }
     }
 
-    /// Returns whether a slave without node ID, in waiting, has a new stored node ID: it then boots (CiA 305,
-    /// transition 4).
+    /// Returns whether the device must boot (CiA 305, transition 4): the slave is in waiting, has no node ID in force,
+    /// and its pending node ID is stored.
     #[must_use]
     pub(crate) fn boots(&self, node_id: Option<NodeId>) -> bool {
         let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
@@ -276,7 +276,7 @@ impl LssSlave {
         has_new && self.state == State::Waiting
     }
 
-    /// Returns the bit rate to apply now, once the first delay has passed.
+    /// Handles the delays of a bit-rate activation. Returns the bit rate to apply, once the first delay has passed.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Switch> {
         let activation = self.activation.as_mut()?;
         let switched = if now >= activation.switch_at { activation.switch_to.take() } else { None };

@@ -5,8 +5,8 @@ use heapless::VecView;
 
 use super::dictionary::{Entries, Entry, Group, Place, Value};
 
-/// Appends the values of a group's stored objects, read by `value_of`; the length precedes a text. `None` if a value is
-/// missing or does not fit.
+/// Appends the values of a group's stored objects, read by `value_of`; a text is preceded by its length. `None` if a
+/// value is missing or does not fit.
 pub(crate) fn encode<'a>(
     entries: Entries,
     group: Group,
@@ -51,7 +51,8 @@ impl<'a> Stored<'a> {
     }
 }
 
-/// Removes the first value.
+/// Removes the value of `entry` from the front of `rest` and decodes it. `None` if `rest` is too short or a text is too
+/// long.
 fn take<'a>(entry: &Entry, rest: &mut &'a [u8]) -> Option<Value<'a>> {
     let mut size = entry.size();
     if entry.is_text() {

@@ -63,11 +63,11 @@ pub(crate) struct Pdo {
     transmission: Transmission,
     count: u8,
     entries: [MappingEntry; ENTRIES],
-    /// The frame without data; its length is 0 while the PDO is off or maps nothing.
+    /// The template of the frame, with zeros as data; its length is 0 while the PDO is off or maps nothing.
     blank: Frame,
     /// The mapped objects of a PDO that is on.
     slots: Vec<Slot, ENTRIES>,
-    /// The data last sent.
+    /// The data last sent; `None` if nothing was sent or the frame may be lost.
     last: Option<Sample>,
 }
 
@@ -85,7 +85,7 @@ impl Sample {
 struct Slot {
     /// The position of the object in the dictionary.
     position: u8,
-    /// The shift of the object in bits, below 64.
+    /// The position of the object's lowest bit in the frame, below 64.
     shift: u8,
     mask: u32,
 }
@@ -93,7 +93,7 @@ struct Slot {
 impl Pdo {
     /// Creates a PDO that is off and maps nothing, for loading.
     #[must_use]
-    // The device is built in its final place: −1.2 KiB of stack of the smallest image.
+    // Inlined, so that the device is built in its final place: −1.2 KiB of stack of the smallest image.
     #[inline(always)]
     pub(crate) const fn new() -> Self {
         Self {
@@ -142,7 +142,7 @@ impl Pdo {
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for an unusable identifier, or on switching on without mapped objects;
     /// [`AbortCode::DEVICE_STATE`] for a different identifier while the PDO is on; [`AbortCode::PDO_TOO_LONG`] on
-    /// switching on with more than 64 bits.
+    /// switching on with more than 64 bits; [`AbortCode::NOT_MAPPABLE`] on switching on with an invalid loaded mapping.
     pub(crate) fn write_cob_id(
         &mut self,
         raw: u32,
@@ -324,13 +324,13 @@ impl Pdo {
         self.blank.carrying(sample.0.to_le_bytes())
     }
 
-    /// Counts a SYNC.
+    /// Counts a SYNC. Returns its effect on the TPDO.
     #[inline]
     pub(crate) const fn sync(&mut self) -> AtSync {
         if self.sends() { self.transmission.sync() } else { AtSync::Nothing }
     }
 
-    /// Returns whether a sample differs from the last one sent.
+    /// Returns whether a sample differs from the sample last sent.
     #[inline]
     pub(crate) fn has_changed(&self, sample: Sample) -> bool {
         self.last != Some(sample)
@@ -342,18 +342,18 @@ impl Pdo {
         self.last = Some(sample);
     }
 
-    /// Records the loss of a sent frame: its sample does not count as sent.
+    /// Records that a frame handed to the controller may be lost: its sample no longer counts as sent.
     pub(crate) const fn lost(&mut self) {
         self.last = None;
     }
 
-    /// Restarts the SYNC count and the event timer, on entering operational.
+    /// Restarts the SYNC count and the event timer; the next sample counts as changed.
     pub(crate) fn restart(&mut self, now: Instant) {
         self.last = None;
         self.transmission.restart(now, self.sends());
     }
 
-    /// Returns the time at which the event timer made the PDO due; `None` if it is not due.
+    /// Returns the due time of a transmission triggered by the event timer; `None` if no transmission is due.
     #[inline]
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         self.transmission.poll(now)
@@ -388,7 +388,7 @@ impl Pdo {
         }
     }
 
-    /// Checks and resolves the mapping. On an error nothing changes.
+    /// Checks and resolves the mapping, for frames with the identifier `id`. On an error nothing changes.
     fn switch_on(&mut self, id: Id, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         let entries = self.entries.get(..usize::from(self.count)).ok_or(AbortCode::PDO_TOO_LONG)?;
         if entries.is_empty() && !rules.may_be_empty {

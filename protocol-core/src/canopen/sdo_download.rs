@@ -33,7 +33,7 @@ impl Download {
         &self.data
     }
 
-    /// Appends a segment. Returns whether it is the last one.
+    /// Appends a segment. Returns whether it is the last segment.
     pub(super) fn segment(&mut self, segment: &Segment) -> Result<bool, AbortCode> {
         if segment.toggle != self.toggle {
             return Err(AbortCode::TOGGLE);

@@ -9,7 +9,7 @@ use super::sdo_upload::Upload;
 use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
-/// The timeout for the next segment; on its expiry the transfer is aborted (A).
+/// The maximum time until the next segment; the transfer is aborted afterwards (A).
 pub(crate) const SEGMENT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The multiplexer of an abort without a transfer in progress.
@@ -55,7 +55,7 @@ enum Transfer {
     Upload(Upload),
     /// The client sends segments.
     Download(Download),
-    /// The client waits for an action that its write demanded; the answer follows.
+    /// The write demanded an action of the device; the answer is deferred until the end of the action.
     Waiting(Place, Bytes),
 }
 
@@ -132,7 +132,7 @@ impl SdoServer {
         }
     }
 
-    /// Ends a download. `done` is the answer to a successful write.
+    /// Ends a download. Returns `done` after a successful write, otherwise an abort.
     pub(crate) fn written(&mut self, place: Place, done: Bytes, written: Result<(), AbortCode>) -> Bytes {
         self.cancel();
         match written {
@@ -147,7 +147,7 @@ impl SdoServer {
         self.transfer = Transfer::Waiting(place, done);
     }
 
-    /// Returns the object whose written value demanded an action that has not ended.
+    /// Returns the object of the write whose answer is [deferred](Self::wait); `None` if no answer is deferred.
     pub(crate) const fn waits_for(&self) -> Option<Place> {
         match self.transfer {
             Transfer::Waiting(place, _) => Some(place),
@@ -155,13 +155,13 @@ impl SdoServer {
         }
     }
 
-    /// Ends a write whose answer was [deferred](Self::wait), and returns the answer.
+    /// Ends a write whose answer was [deferred](Self::wait). Returns the answer; `None` if no answer is deferred.
     pub(crate) fn end(&mut self, result: Result<(), AbortCode>) -> Option<Bytes> {
         let Transfer::Waiting(place, done) = self.transfer else { return None };
         Some(self.written(place, done, result))
     }
 
-    /// Returns the abort of a transfer whose next segment is overdue; `None` if there is none.
+    /// Aborts a transfer whose next segment is overdue, and returns the abort message; `None` if no segment is overdue.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Bytes> {
         (now >= self.deadline()).then(|| self.break_off(AbortCode::TIMEOUT))
     }
@@ -230,8 +230,8 @@ impl SdoServer {
         }
     }
 
-    /// Aborts the transfer in progress, naming its object. A write with a deferred answer is not aborted, because its
-    /// client has already sent all data.
+    /// Ends the transfer in progress and returns the abort message, which names its object. A write with a deferred
+    /// answer continues, because its client has already sent all data.
     fn break_off(&mut self, code: AbortCode) -> Bytes {
         let object = match &self.transfer {
             Transfer::Upload(upload) => upload.object(),
@@ -258,7 +258,8 @@ fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a B
     Ok(Value::Text(data.get(..len).unwrap_or(&[])))
 }
 
-/// Returns a text of one to four characters in the form of an expedited answer.
+/// Returns the length and the bytes of a text of one to four characters, for an expedited answer; `None` for any other
+/// length.
 fn short_text(text: &[u8]) -> Option<(u8, u32)> {
     let size = u8::try_from(text.len()).ok().filter(|size| matches!(size, 1..=4))?;
     Some((size, number(text)))

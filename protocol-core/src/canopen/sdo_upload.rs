@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::dictionary::TEXT_MAX;
 use crate::wire::sdo::{AbortCode, Multiplexer, Segment};
 
-/// A segmented upload in progress. It copies the value, so that all segments are consistent.
+/// A segmented upload in progress, with a copy of the value, so that all segments are consistent.
 #[derive(Clone, Debug)]
 pub(super) struct Upload {
     object: Multiplexer,

@@ -18,11 +18,11 @@ const INHIBIT_UNIT_US: u64 = 100;
 /// The effect of a SYNC on a TPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtSync {
-    /// No effect: the TPDO is off, its type is not synchronous, or this is not the n-th SYNC of a type 1–240.
+    /// No effect: the TPDO is off, its type is not synchronous, or its type (1–240) requires further SYNCs.
     Nothing,
     /// The TPDO is due.
     Due,
-    /// The TPDO is due if its data differ from those last sent.
+    /// The TPDO is due if its data differ from the data last sent.
     OnChange,
 }
 
@@ -81,7 +81,7 @@ impl Transmission {
         self.kind = kind;
     }
 
-    /// Sets the inhibit time, in force from the next transmission.
+    /// Sets the inhibit time, in force from the next transmission. Ends a running inhibit time.
     pub(crate) const fn set_inhibit(&mut self, inhibit: u16) {
         self.inhibit = inhibit;
         self.inhibited_until = Instant::MIN;
@@ -98,8 +98,8 @@ impl Transmission {
         self.restart_timer(now, sends);
     }
 
-    /// Restarts the event timer if the PDO `sends`; it expires one period from now and then periodically. A running
-    /// inhibit time continues (A).
+    /// Restarts the event timer if the PDO `sends`; the first expiry is one period from now. Drops a transmission
+    /// delayed by the inhibit time. A running inhibit time continues (A).
     pub(crate) fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;
@@ -124,8 +124,8 @@ impl Transmission {
         AtSync::Due
     }
 
-    /// Returns the due time of a TPDO triggered by the event timer, once the inhibit time is over. Missed periods merge
-    /// into the last one, and later periods keep their phase.
+    /// Returns the due time of a TPDO triggered by the event timer, once the inhibit time is over. Of several missed
+    /// expiries only the last counts, and later expiries keep their phase.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;

@@ -6,7 +6,7 @@ use super::{Device, Kind, Protocol, Setup, StartCause};
 use crate::memory::Memory;
 use crate::time::Instant;
 
-/// A device of any product, stored inline: as large as the largest.
+/// A device of any product, stored inline: each value has the size of the largest product.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "a board has one device, and no allocator to put it elsewhere")]
 pub enum AnyDevice {

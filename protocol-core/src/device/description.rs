@@ -13,7 +13,8 @@ pub struct Capabilities {
     pub dummies: bool,
 }
 
-/// Passes every object of a new device to `each`, in dictionary order; `None` for a kind without an object dictionary.
+/// Passes every object of a new device to `each`, in dictionary order. Returns `None` for a kind without an object
+/// dictionary.
 pub fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Option<Capabilities> {
     match (kind, kind.protocol()) {
         (Kind::Pve(kind), Protocol::Canopen) => Some(pve::describe(kind, each)),

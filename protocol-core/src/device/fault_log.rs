@@ -40,7 +40,7 @@ impl FaultLogClock {
         self.due
     }
 
-    /// Returns whether a counter has changed since the last write began.
+    /// Returns whether a write of the present counters is needed but has not begun.
     #[must_use]
     pub fn is_dirty(&self) -> bool {
         self.due != NEVER
@@ -51,12 +51,13 @@ impl FaultLogClock {
         self.due = NEVER;
     }
 
-    /// Records the beginning of a write with cleared counters. The next change counts as the first one.
+    /// Records the beginning of a write with cleared counters. The next change counts as the first change.
     pub const fn clearing(&mut self) {
         *self = Self::new();
     }
 
-    /// Records the end of a write; a failed one is due again. Must not be called after a successful clearing.
+    /// Records the end of a write. A failed write is repeated after [`FAULT_LOG_INTERVAL`]. Must not be called after a
+    /// successful clearing.
     pub fn ended(&mut self, stored: bool, now: Instant) {
         self.earliest = delayed(now, FAULT_LOG_INTERVAL);
         if self.is_dirty() || !stored {

@@ -12,7 +12,7 @@ pub struct Inputs {
     pub internal_fault: bool,
     /// The error mode of the CAN controller.
     pub bus: BusErrorMode,
-    /// The inputs of the product. A device ignores those of another product.
+    /// The inputs of the product. A device ignores the inputs of another product.
     pub product: ProductInputs,
 }
 

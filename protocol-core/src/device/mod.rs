@@ -71,14 +71,14 @@ pub enum StartCause {
 
 /// A simulated device on the bus, independent of protocol and product.
 ///
-/// The time of a device never runs backwards: a `now` earlier than the last one counts as the last one, and so does a
-/// time from 2^63 µs on, which no clock reaches.
+/// The time of a device never runs backwards: a `now` before that of the previous call counts as the time of the
+/// previous call. So does a `now` of 2^63 µs or more, which no clock reaches.
 pub trait Device {
-    /// Handles a received frame. Returns whether it was for the device; other frames have no effect.
+    /// Handles a received frame. Returns whether the frame was for the device; other frames have no effect.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
     /// Returns the receive filters of the device after its start and after every change; `None` otherwise. The filters
-    /// pass every frame for the device, and possibly others.
+    /// pass every frame for the device, and possibly other frames.
     fn take_filters(&mut self) -> Option<Filters>;
 
     /// Updates the inputs. Must be called after the start and after every change of the inputs.
@@ -87,8 +87,8 @@ pub trait Device {
     /// Handles the timers that are due; cheap before [`deadline`](Self::deadline).
     fn poll(&mut self, now: Instant);
 
-    /// Returns a filter for frames that the controller may hold but must no longer send: [`Controller::abort`] them,
-    /// and call again until there are none.
+    /// Returns a filter for frames that the controller may hold but must no longer send. The caller passes the filter
+    /// to [`Controller::abort`], and calls again until the result is `None`.
     ///
     /// [`Controller::abort`]: crate::controller::Controller::abort
     fn take_abort(&mut self) -> Option<Filter>;
@@ -97,7 +97,7 @@ pub trait Device {
     /// controller then holds the frame, unless it is [given back](Self::give_back).
     fn next_frame(&mut self, now: Instant) -> Option<Frame>;
 
-    /// Requeues a frame that the controller rejected, or returned in favour of a more urgent one.
+    /// Requeues a frame that the controller rejected, or returned in favour of a more urgent frame.
     fn give_back(&mut self, frame: Frame);
 
     /// Records that by `now` the controller has sent all frames handed to it. Returns whether a further frame can now
@@ -130,7 +130,7 @@ pub trait Device {
     /// Returns the node ID or address in force; `None` if there is none.
     fn node_id(&self) -> Option<u8>;
 
-    /// Returns the number of frames dropped because of a full queue, bus-off or a change of the bit rate. Every lost
-    /// frame is counted.
+    /// Returns the number of answers, EMCYs and broadcasts dropped because of a full queue, bus-off, a change of the
+    /// bit rate or the loss of the address. The number is an upper bound. Lost cyclic frames are not counted.
     fn frames_dropped(&self) -> u32;
 }

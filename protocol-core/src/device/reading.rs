@@ -1,4 +1,4 @@
-//! Reading of the memory at a start: each record is checked, and corrupt ones are noted (SPEC 6).
+//! Reading of the memory at a start: each record is checked, and corrupt records are marked (SPEC 6).
 
 use crate::memory::{Memory, RecordKey, open};
 
@@ -18,7 +18,8 @@ impl<'a> Reading<'a> {
         Self { memory, corrupt: 0 }
     }
 
-    /// Decodes a record of this version; `None` if it was never written or is corrupt. A corrupt record is noted.
+    /// Decodes a record of this version; `None` if it was never written or is corrupt. A corrupt record is marked, see
+    /// [`is_corrupt`](Self::is_corrupt).
     pub fn record<T>(&mut self, key: RecordKey, version: u8, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         let decoded = decode(self.payload(key, version)?);
         if decoded.is_none() {

@@ -23,8 +23,8 @@ const OWN_WRITES: [Write; 3] = [
 
 /// The product's part of a memory write.
 pub trait Storing {
-    /// Appends the payload of a write, with the present state; `None` if there is none or it exceeds the size of a
-    /// record.
+    /// Appends the payload of a write, with the present state. `None` if the product has no payload for the record, or
+    /// if the payload exceeds the size of a record.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
     /// Handles the result of a write.
@@ -42,10 +42,10 @@ pub trait Application: Storing + Sized {
 
     /// Whether the device keeps a fault log.
     const FAULT_LOG: bool;
-    /// The version of the payloads of its records.
+    /// The payload version of the device's records.
     const RECORD_VERSION: u8;
-    /// The kinds of write of the product, in addition to those of all devices: pairs of record and requester. The queue
-    /// has a place for each.
+    /// The kinds of write (pairs of record and requester) of the product, in addition to those of all devices. The
+    /// queue has a place for each kind.
     const WRITES: &'static [Write];
 
     /// Creates an application without power.
@@ -85,8 +85,8 @@ pub trait Application: Storing + Sized {
     /// See [`Device::give_back`].
     fn give_back(&mut self, frame: Frame);
 
-    /// Records that the controller has sent all frames handed to it. Returns whether this may have changed more than
-    /// the pending frames, such as the deadline.
+    /// Records that the controller has sent all frames handed to it. Returns whether more than the pending frames may
+    /// have changed, such as the deadline.
     fn all_sent(&mut self, base: &mut Base) -> bool;
 
     /// Returns whether a pending frame may be sent now.
@@ -135,7 +135,7 @@ struct PendingRestart {
     handed_out: bool,
     /// Whether the fault log write in progress was begun for the restart.
     log_begun: bool,
-    /// Whether the write begun for the restart has failed; it is not repeated.
+    /// Whether the fault log write begun for the restart has failed; a failed write is not repeated.
     log_failed: bool,
 }
 
@@ -159,8 +159,9 @@ impl Base {
         self.now = latest(self.now, now);
     }
 
-    /// Requests a restart. Until it is carried out, the device handles frames by [`Application::handle_restarting`]
-    /// only; its timers keep running, including the time guard (A). Of two requested restarts the wider scope wins.
+    /// Requests a restart. Until the restart is carried out, the device handles frames by
+    /// [`Application::handle_restarting`] only; its timers keep running, including the time guard (A). Of two requested
+    /// restarts the wider scope wins.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_begun = false;
@@ -188,7 +189,7 @@ impl Base {
         self.fault_log.begun();
     }
 
-    /// Begins the next write. A changed fault log is always written before a restart (A), so that no count is lost.
+    /// Begins the next write. Before a restart, a changed fault log is written first (A), so that no count is lost.
     fn begin_write(&mut self) -> Option<Write> {
         let restart = &self.restart;
         if restart.is_due() && !restart.log_failed && self.fault_log.is_dirty() && self.writes.is_idle() {
@@ -203,7 +204,7 @@ impl Base {
         Some(write)
     }
 
-    /// Returns the next write or, if there is none, the restart.
+    /// Returns the next write or, if no write is waiting, the restart.
     // −9 instructions on each answer of the core alone.
     #[inline(never)]
     fn next_effect(&mut self, application: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
@@ -285,7 +286,7 @@ impl<A: Application> Runtime<A> {
         &self.application
     }
 
-    /// Handles a frame for the device. Most frames are rejected by their identifier first.
+    /// Handles a frame of a service. Most frames do not get here, because their identifier belongs to no service.
     // −49 instructions on a frame for nobody, −388 bytes of the core alone.
     #[inline(never)]
     fn take(&mut self, frame: &Frame, now: Instant, service: A::Service) {
@@ -304,7 +305,7 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Advances the time and handles the timers due by then. Called for every frame for the device.
+    /// Advances the time to `now` and handles the timers due by then. Called for every frame for the device.
     fn advance(&mut self, now: Instant) {
         self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {
@@ -366,7 +367,7 @@ impl<A: Application> Device for Runtime<A> {
 
     fn sense(&mut self, inputs: &Inputs, now: Instant) {
         self.base.go_to(now);
-        // Earlier deadlines see the old inputs, a deadline at `now` the new ones.
+        // A deadline before `now` is handled with the old inputs, a deadline at `now` with the new inputs.
         if self.base.now > self.deadline {
             self.run_timers();
         }

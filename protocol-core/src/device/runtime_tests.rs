@@ -208,7 +208,7 @@ fn what_a_frame_makes_due_at_once_acts_at_once() {
     assert_eq!(runtime.deadline(), after(START, Duration::from_millis(100)));
 }
 
-/// A deadline before `now` sees the old inputs, a deadline at `now` the new ones.
+/// A deadline before `now` is handled with the old inputs, a deadline at `now` with the new inputs.
 #[test]
 fn what_was_due_before_new_senses_acts_on_the_old_ones() {
     for (at, on_new) in [(100, true), (101, false)] {

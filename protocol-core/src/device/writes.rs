@@ -59,7 +59,7 @@ impl Write {
     }
 }
 
-/// The waiting writes, and the one in progress.
+/// The waiting writes, and the write in progress.
 #[derive(Clone, Debug)]
 pub struct Writes {
     queue: Vec<Write, PLACES, u8>,
@@ -74,8 +74,8 @@ impl Writes {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into a waiting one of the same kind: the newer value replaces the older; for DM3
-    /// the values are combined. The write in progress is not changed, because its record is already encoded.
+    /// Appends a write, or merges it into a waiting write of the same kind: the new value replaces the old value; for
+    /// DM3 both values are combined. The write in progress is not changed, because its record is already encoded.
     pub fn request(&mut self, write: Write) {
         let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
@@ -99,7 +99,8 @@ impl Writes {
         Some(*next)
     }
 
-    /// Ends the write in progress and returns it; `None` if there is none or it writes a different record.
+    /// Ends the write in progress and returns it; `None` if no write is in progress or the write is of a different
+    /// record.
     pub fn end(&mut self, record: RecordKey) -> Option<Write> {
         let first = self.queue.first()?;
         if !self.in_flight || first.record != record {
@@ -115,7 +116,7 @@ impl Writes {
         self.queue.contains(&write)
     }
 
-    /// Iterates over the waiting writes and the one in progress.
+    /// Iterates over the waiting writes and the write in progress.
     pub fn iter(&self) -> impl Iterator<Item = &Write> {
         self.queue.iter()
     }

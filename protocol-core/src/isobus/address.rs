@@ -16,8 +16,8 @@ use crate::wire::name::{CommandedAddress, Name};
 /// The time to wait for contending claims after the first claim, before any other message is sent.
 pub const CLAIM_WAIT: Duration = Duration::from_millis(250);
 
-/// The unit of the random cannot-claim delay, 0–255 times this long. All cannot-claims have the same identifier; the
-/// delay keeps controllers that lose together from colliding.
+/// The unit of the random delay before a cannot-claim, which is 0–255 units. All cannot-claims have the same
+/// identifier; the delay prevents collisions between controllers that lose their address at the same time.
 pub const CANNOT_CLAIM_STEP: Duration = Duration::from_micros(600);
 
 /// The minimum time between two claims sent against foreign use of the own address (ISO 11783-5).
@@ -48,7 +48,8 @@ pub struct AddressClaim {
 }
 
 impl AddressClaim {
-    /// Begins an address claim. The claim is pending; nothing else may be sent before it is [`sent`](Self::sent).
+    /// Begins an address claim. The claim is pending; no other message may be sent before the claim is
+    /// [`sent`](Self::sent).
     #[must_use]
     pub const fn new(name: Name, address: Address) -> Self {
         Self { name, address, state: State::Begun, next_objection: Instant::MIN }
@@ -56,8 +57,8 @@ impl AddressClaim {
 
     /// Records that the claim was sent. The first claim starts the wait.
     ///
-    /// In the range 128–247 another controller may choose its own address, and contend during the wait. Addresses
-    /// outside the range need no wait.
+    /// In the address range 128–247 other controllers can choose their own address, so the wait lasts [`CLAIM_WAIT`].
+    /// Addresses outside the range need no wait.
     pub const fn sent(&mut self, now: Instant) {
         if self.is_begun() {
             self.state = State::Waiting { until: delayed(now, self.wait()) };
@@ -191,8 +192,8 @@ impl AddressClaim {
         }
     }
 
-    /// Returns the time of the next cannot-claim, after a pseudo-random number of steps. The number is the top byte of
-    /// a product with an odd number, which depends on every bit of NAME and time.
+    /// Returns the time of the next cannot-claim, after a pseudo-random number of steps: the top byte of a product of
+    /// NAME, time and an odd constant, which depends on every bit of NAME and time.
     fn cannot_claim_at(&self, now: Instant) -> Instant {
         let mixed = (self.name.raw() ^ now.as_ticks()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let steps = mixed >> 56;

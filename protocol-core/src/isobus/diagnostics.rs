@@ -13,9 +13,9 @@ pub const PERIOD: Duration = Duration::from_millis(1000);
 #[derive(Clone, Debug)]
 pub struct Dm1 {
     active: Option<Trouble>,
-    /// The time of the last change not yet reported by a DM1. The next DM1 then restarts the period.
+    /// The time of the last change, until a DM1 reports the change and restarts the period.
     changed: Option<Instant>,
-    /// A trouble code that was active only at the time of the last change.
+    /// A momentary trouble code: set and cleared at the time of the last change.
     passing: Option<Trouble>,
     /// The time of the next periodic DM1.
     next: Instant,
@@ -24,16 +24,16 @@ pub struct Dm1 {
 }
 
 impl Dm1 {
-    /// Creates a DM1 without an active code; it is not sent.
+    /// Creates a DM1 without an active code; no DM1 is due.
     #[must_use]
     pub const fn new() -> Self {
         Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Sets the active code. Every change is reported immediately, even of the occurrence count only.
+    /// Sets the active code. Every change makes DM1 pending at once, even a change of the occurrence count only.
     ///
-    /// `at` is the time at which a frame can be sent, [`NEVER`] in bus-off. A code that is set and cleared at the same
-    /// time is reported only if its frame can be encoded at that time; a later DM1 carries only the present state.
+    /// `at` is the present time, or [`NEVER`] in bus-off. A code that is set and cleared at the same time is reported
+    /// only by a DM1 encoded at that time; a later DM1 carries only the present state.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {
@@ -61,7 +61,7 @@ impl Dm1 {
     pub fn render(&mut self, source: Address, now: Instant) -> Frame {
         if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
             self.rendered = Some(passing);
-            // If the bus does not take this message in time, the present state replaces it.
+            // If this message is not sent within a period, a DM1 with the present state replaces it.
             self.next = delayed(now, PERIOD);
         } else {
             if self.changed.take().is_some() {
@@ -98,8 +98,8 @@ impl Default for Dm1 {
     }
 }
 
-/// Returns the next time of a cycle after `due`. After a pause longer than a period the cycle restarts at `now`, so
-/// that missed messages are not sent in a burst.
+/// Returns the time one `period` after `due` or, after a pause longer than a period, one `period` after `now`, so that
+/// missed messages are not sent in a burst.
 pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
     let planned = delayed(due, period);
     if planned > now { planned } else { delayed(now, period) }

@@ -31,6 +31,6 @@ pub enum Outcome {
     Claimed,
     /// The address was lost to another controller: no frame may be sent with it.
     Lost,
-    /// The message was abandoned as a whole.
+    /// The entire message was abandoned.
     GivenUp,
 }

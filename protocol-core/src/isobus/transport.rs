@@ -10,8 +10,8 @@ use crate::time::{Duration, Instant, NEVER, delayed, since};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::tp::{self, Abort, Announcement, PACKET_LEN, Packet};
 
-/// The time between two packets (A). It is well inside the 50–200 ms of the standard, so that a packet delayed by a
-/// busy bus stays within them.
+/// The time between two packets (A). The standard permits 50–200 ms; a value well inside this range leaves room for
+/// delays on a busy bus.
 pub const PACKET_SPACING: Duration = Duration::from_millis(100);
 
 /// The maximum time between two packets that a receiver tolerates (T1).
@@ -24,8 +24,8 @@ pub const SEND_GAP: Duration = Duration::from_millis(200);
 /// The reason of a connection abort (A): the resources are needed for another task.
 const REFUSAL_REASON: u8 = 2;
 
-/// Encodes the connection abort that answers a request to send (RTS) to `own`: only broadcasts are received. Other
-/// connection frames, and senders without an address, are not answered.
+/// Encodes the connection abort that answers a request to send (RTS) to `own`, because only broadcasts are received.
+/// Other connection frames, and senders without an address, are not answered.
 #[must_use]
 pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Frame> {
     let pgn = tp::request_to_send(frame.eight()?)?;
@@ -46,7 +46,7 @@ pub enum Refused {
 struct Sending<const SIZE: usize> {
     announcement: Announcement,
     payload: Vec<u8, SIZE>,
-    /// The sequence number of the next frame, or of the one in the controller; 0 is the announcement.
+    /// The sequence number of the next frame, or of the frame in the controller; 0 is the announcement.
     sequence: u8,
     in_controller: bool,
     /// The time to queue the next frame; [`NEVER`] once queued.
@@ -89,7 +89,8 @@ impl<const SIZE: usize> BamSender<SIZE> {
         self.sending.is_some()
     }
 
-    /// Abandons the message because of bus-off, a restart or the loss of the address. Returns whether there was one.
+    /// Abandons the message because of bus-off, a restart or the loss of the address. Returns whether a message was
+    /// being sent.
     pub fn cancel(&mut self) -> bool {
         self.sending.take().is_some()
     }
@@ -110,7 +111,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
     }
 
-    /// Returns the group of the next frame, or of the one in the controller.
+    /// Returns the group of the next frame, or of the frame in the controller.
     #[must_use]
     pub fn pgn(&self) -> Pgn {
         match &self.sending {
@@ -141,7 +142,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
     }
 
-    /// Records that the frame in the controller was sent. The next one is due [`PACKET_SPACING`] after the actual
+    /// Records that the frame in the controller was sent. The next frame is due [`PACKET_SPACING`] after the actual
     /// sending, because packets must keep their distance even on a busy bus.
     pub fn sent(&mut self, now: Instant) {
         let Some(sending) = self.sending.as_mut().filter(|sending| sending.in_controller) else { return };
@@ -207,7 +208,7 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
         self.receiving.len()
     }
 
-    /// Handles a frame with this identifier; returns the message that it completes.
+    /// Handles a frame with this identifier. Returns the message that the frame completes.
     #[inline]
     #[must_use]
     pub fn handle(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
@@ -222,8 +223,8 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
         }
     }
 
-    /// Handles the announcement of a message. It ends the sender's previous message, even if the new one is not
-    /// received.
+    /// Handles the announcement of a message. The announcement ends the sender's previous message, even if the new
+    /// message is not received.
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
         if id.destination() != Address::GLOBAL {

@@ -42,8 +42,8 @@ impl Image {
         Self { contents: [const { Content::Absent }; RecordKey::ALL.len()], damaged: false }
     }
 
-    /// Resets the image in place to that of a memory never written. A second image would be large for the stack of a
-    /// small processor.
+    /// Resets the image in place to that of a memory never written, because a second image would be large for the stack
+    /// of a small processor.
     pub fn clear(&mut self) {
         self.contents.fill_with(Content::default);
         self.damaged = false;

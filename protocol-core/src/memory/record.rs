@@ -1,7 +1,7 @@
 //! A record: its key, and its encoding with version, length and CRC.
 //!
-//! A flash map keeps each record either old or new, but can return a flipped bit (SPEC 6). Therefore every record is
-//! sealed; a record that does not open counts as absent and raises the internal error.
+//! A flash map keeps each record complete, either old or new, but a bit can flip in the flash (SPEC 6). Therefore every
+//! record is sealed; a record that does not open counts as absent and raises the internal error.
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
@@ -61,7 +61,7 @@ pub fn begin(version: u8) -> Record {
 /// Completes a record with its length and CRC.
 ///
 /// # Errors
-/// [`StoreError`] if they do not fit.
+/// [`StoreError`] if length and CRC do not fit.
 pub fn complete(record: &mut Record) -> Result<(), StoreError> {
     let [_, len, payload @ ..] = record.as_mut_slice() else { return Err(StoreError) };
     *len = u8::try_from(payload.len()).map_err(|_| StoreError)?;

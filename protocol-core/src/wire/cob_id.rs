@@ -7,7 +7,7 @@ use crate::frame::{Id, StandardId, extended, standard};
 pub struct NodeId(u8);
 
 impl NodeId {
-    /// Creates a node ID of 1–127; `None` outside.
+    /// Creates a node ID of 1–127; `None` outside this range.
     #[inline]
     #[must_use]
     pub const fn new(raw: u8) -> Option<Self> {
@@ -65,7 +65,7 @@ impl Function {
     }
 }
 
-/// Returns the function and node ID of an identifier; `None` if it belongs to no node, and for PDOs 2 to 4.
+/// Returns the function and node ID of an identifier; `None` for an identifier of no node, and for PDOs 2 to 4.
 #[must_use]
 pub fn classify(id: StandardId) -> Option<(Function, NodeId)> {
     let (function, node) = (id.as_raw() & !0x7F, id.as_raw() & 0x7F);
@@ -149,9 +149,9 @@ impl CobId {
         self.0 & (Self::EXTENDED | Self::IDENTIFIER)
     }
 
-    /// Returns whether a PDO, SYNC, EMCY or EMCY consumer may use the identifier: a 29-bit one if `extended`, or an
-    /// 11-bit one that is not restricted. CiA 301 (7.3.5) restricts those of NMT, the default SDOs, EMCY, error control
-    /// and LSS (SPEC 4.1).
+    /// Returns whether a PDO, SYNC, EMCY or EMCY consumer may use the identifier: a 29-bit identifier if `extended`, or
+    /// an 11-bit identifier that is not restricted. CiA 301 (7.3.5) restricts the identifiers of NMT, the default SDOs,
+    /// EMCY, error control and LSS (SPEC 4.1).
     #[must_use]
     pub const fn is_usable(self, extended: bool) -> bool {
         if self.is_extended() {

@@ -33,7 +33,7 @@ impl Lamp {
 /// The maximum occurrence count.
 pub const MAX_COUNT: u8 = 127;
 
-/// The second byte, which marks flashing lamps: always the same.
+/// The second byte of a message, the flash status of the lamps: always 0xFF.
 const FLASH_STATUS: u8 = 0xFF;
 
 /// The fill byte after the trouble code of a single frame.

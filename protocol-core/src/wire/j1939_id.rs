@@ -30,8 +30,8 @@ impl Address {
 
 /// A parameter group number as carried in three bytes.
 ///
-/// In an identifier it has 18 bits, and in PDU1 format its low byte is 0. A request can contain any 24 bits; they are
-/// kept, so that a refusal can repeat them.
+/// In an identifier the number has 18 bits, and in PDU1 format its low byte is 0. A request can contain any 24 bits;
+/// all of them are kept, so that a refusal can repeat them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pgn(u32);
 
@@ -106,8 +106,8 @@ impl Pgn {
     }
 }
 
-/// The two page bits and the eight bits of PDU format. In PDU1 format they determine the group, so they are examined
-/// first.
+/// The two page bits and the eight bits of PDU format. In PDU1 format these ten bits determine the group, so they are
+/// examined first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Format(u16);
 
@@ -133,7 +133,7 @@ impl Format {
     }
 }
 
-/// The priority of a message, 0–7, lowest first.
+/// The priority of a message, from 0 (highest) to 7.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Priority(u8);
 

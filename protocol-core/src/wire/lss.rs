@@ -49,7 +49,7 @@ impl Bound {
     pub const ALL: [Self; 6] =
         [Self::Exactly(0), Self::Exactly(1), Self::AtLeast(2), Self::AtMost(2), Self::AtLeast(3), Self::AtMost(3)];
 
-    /// Returns whether a slave satisfies the bound.
+    /// Returns whether an LSS address satisfies the bound with this limit.
     #[must_use]
     pub fn holds(self, limit: u32, address: &Address) -> bool {
         match self {
@@ -187,7 +187,7 @@ pub enum Answer {
     Identified,
 }
 
-/// The error code of a successful configuration or store; the product defines the others.
+/// The error code of a successful configuration or store; the product defines the other error codes.
 pub const SUCCESS: u8 = 0;
 
 /// The number that answers an inquiry of the node ID if the slave has none.

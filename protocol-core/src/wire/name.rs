@@ -88,7 +88,8 @@ impl Name {
         self.0
     }
 
-    /// Encodes an address claim, `18EEFFyy` with the NAME. From [`Address::NULL`] it is a cannot-claim.
+    /// Encodes an address claim, `18EEFFyy` with the NAME. With the source [`Address::NULL`], the frame is a
+    /// cannot-claim.
     #[inline]
     #[must_use]
     pub fn claim(self, source: Address) -> Frame {

@@ -61,7 +61,7 @@ impl State {
     /// All states.
     pub const ALL: [Self; 4] = [Self::Initialising, Self::PreOperational, Self::Operational, Self::Stopped];
 
-    /// Returns the code of the state in a heartbeat; that of initialising is the boot-up.
+    /// Returns the code of the state in a heartbeat; the code of initialising marks the boot-up.
     #[inline]
     #[must_use]
     pub const fn code(self) -> u8 {

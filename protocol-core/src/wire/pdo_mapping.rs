@@ -14,8 +14,8 @@ pub struct MappingEntry {
 impl MappingEntry {
     /// An unused entry, beyond the number of mapped objects (A).
     ///
-    /// CiA 301 does not define it. Configuration tools write it to all entries before writing new ones, and it is the
-    /// default in a HAT.
+    /// CiA 301 does not define this value. Configuration tools write it to all entries before writing new entries, and
+    /// it is the default in a HAT.
     pub const UNUSED: Self = Self::parse(0);
 
     /// Decodes an entry: index, sub-index, length.

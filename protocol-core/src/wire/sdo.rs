@@ -43,7 +43,7 @@ pub struct Segment {
     pub last: bool,
     /// The number of used bytes in `data`, 0–7.
     pub len: u8,
-    /// The bytes; a server fills those beyond `len` with zeros.
+    /// The bytes; a server fills the bytes beyond `len` with zeros.
     pub data: [u8; 7],
 }
 
@@ -101,7 +101,8 @@ pub enum Request {
     DownloadSegment(Segment),
     /// The client aborts the transfer.
     Abort(Multiplexer, u32),
-    /// A block transfer, network indication or reserved command; the multiplexer is that in the bytes, if any.
+    /// A block transfer, network indication or reserved command. The multiplexer is decoded even if the command has
+    /// none.
     Unknown(Multiplexer),
 }
 
@@ -160,7 +161,7 @@ pub enum Answer {
     },
     /// A segment of an upload.
     UploadSegment(Segment),
-    /// The object was written, or its segments can follow.
+    /// The object was written, or the server is ready for its segments.
     DownloadDone(Multiplexer),
     /// A download segment was accepted.
     DownloadSegmentDone {

@@ -7,7 +7,7 @@ use crate::frame::Frame;
 /// The number of payload bytes in a packet.
 pub const PACKET_LEN: usize = 7;
 
-/// The minimum size of a message; smaller ones fit a single frame.
+/// The minimum size of a message; smaller messages fit a single frame.
 pub const MIN_SIZE: u16 = 9;
 
 /// The maximum size of a message: 255 packets.
@@ -25,7 +25,7 @@ const ABORT: u8 = 0xFF;
 /// The fill byte of unused and reserved bytes.
 const FILL: u8 = 0xFF;
 
-/// A broadcast announce message: the description of the packets that follow.
+/// A broadcast announce message (BAM), which announces the packets of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Announcement {
     /// The number of payload bytes.

@@ -3,7 +3,7 @@
 
 use crate::frame::{ExtendedId, Frame, Id, extended, key};
 
-/// A node on a net, as carried in the identifiers: three bits of net, eight bits of node.
+/// A UDS address, as carried in the identifiers: three bits of net and eight bits of node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address(u16);
 
@@ -27,7 +27,7 @@ impl Address {
     }
 }
 
-/// Priority 110, extended data page 1, data page 1, type of service 11.
+/// The fixed bits of an identifier: priority 0b110, extended data page 1, data page 1, type of service 0b11.
 const BASE: u32 = 0x1BC0_0000;
 
 /// Returns the identifier of a message from `source` to `destination` (R: the manual prints one identifier for both
@@ -57,7 +57,7 @@ pub fn key_to(destination: Address) -> u32 {
 pub const READ: u8 = 0x22;
 /// Service 0x2E, write data by identifier.
 pub const WRITE: u8 = 0x2E;
-/// The difference between the service of a positive answer and that of its request.
+/// The difference between the service of a positive answer and the service of its request.
 const POSITIVE: u8 = 0x40;
 /// The service of a negative answer.
 const NEGATIVE: u8 = 0x7F;

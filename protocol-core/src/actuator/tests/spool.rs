@@ -204,7 +204,8 @@ fn other_times_count_from_where_it_is() {
     assert_eq!([125, 250, 375].map(|at| rig.position(at)), [8192, 12288, 16384]);
 }
 
-/// The monitors apply to the spool as configured: a measured stroke too slow for them is a fault, as with a real valve.
+/// The monitors apply to the spool as configured: a measured stroke that is too slow for the monitors is a fault, as
+/// with a real valve.
 #[test]
 fn a_stroke_slower_than_the_monitors_is_a_fault() {
     // 85 % of the stroke within 500 ms.

@@ -9,12 +9,14 @@ use super::super::travel::{Band, Travel};
 use super::{Drive, SpoolMonitors, Valve};
 use crate::time::{Instant, NEVER};
 
-/// The band of monitor 1 in a shutdown, if the monitor runs there (A): neutral, which ends the shutdown. With a wider
-/// band, a spool held just outside neutral would prolong the shutdown without a fault.
+/// The band that monitor 1 allows in a shutdown, if the monitor runs then (A): the neutral band, because a shutdown can
+/// end only in neutral. With a wider band, a spool held just outside neutral would prolong the shutdown without a
+/// fault.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// The maximum number of deadlines handled in a late call. Fewer lie between two fault changes: the spool moves and
-/// stops once by solenoids and once by springs, and crosses each band at most twice each way.
+/// The maximum number of deadlines that a late call handles separately. Between two fault changes there are fewer,
+/// because the spool moves and stops once by solenoids and once by springs, and crosses each band at most twice each
+/// way.
 const CATCH_UP_STEPS: u32 = 16;
 
 impl Valve {
@@ -27,7 +29,7 @@ impl Valve {
         }
     }
 
-    /// Handles the timers due up to `now`, each at its own time where possible. Returns the effective time of the call.
+    /// Handles the timers due up to `now`, each at its due time where possible. Returns the effective time of the call.
     #[inline]
     pub(super) fn catch_up(&mut self, now: Instant) -> Instant {
         self.now = self.now.max(now);
@@ -37,7 +39,8 @@ impl Valve {
         self.now
     }
 
-    /// Steps from deadline to deadline until a fault changes: the protocol must handle the change first.
+    /// Steps from deadline to deadline up to `now`. After a fault change, all remaining deadlines are handled at `now`,
+    /// because the protocol must handle the change first.
     // −10 instructions on an SDO download and on an AVEF.
     #[inline(never)]
     fn run(&mut self, now: Instant) {
@@ -57,7 +60,7 @@ impl Valve {
         self.step(now);
     }
 
-    /// Evaluates the entire valve at `now`; must not be earlier than a previous step.
+    /// Evaluates the entire valve at `now`, which must not be earlier than the previous step.
     pub(super) fn step(&mut self, now: Instant) {
         self.environment.observe(self.inputs.supply_mv, self.inputs.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);

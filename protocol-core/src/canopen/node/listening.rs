@@ -1,4 +1,4 @@
-//! The identifiers that the node receives, computed when one of them changes rather than for every frame.
+//! The identifiers that the node receives, computed when an identifier changes rather than for every frame.
 
 use super::objects::Communication;
 use super::product::Rules;
@@ -31,10 +31,10 @@ const SERVICES: usize = 6;
 /// A key that no frame has.
 const NONE: u32 = u32::MAX;
 
-// One filter for each service, and one for the other protocol.
+// One filter for each service, and one filter for the other protocol.
 const _: () = assert!(SERVICES < FILTERS);
 
-/// Returns the group bit of a key. For a standard identifier the group is its function code.
+/// Returns a mask with the group bit of a key. The group of a standard identifier is its function code.
 const fn group(key: u32) -> u32 {
     1_u32.wrapping_shl(key >> 7)
 }
@@ -46,11 +46,11 @@ pub(super) struct Listening {
     keys: [u32; SERVICES],
     /// The filter for the frames of the non-CANopen protocol.
     other: Filter,
-    /// The [groups](group) of all keys. Most frames on the bus are in none of them.
+    /// A bit mask of the [groups](group) of all keys. Most frames on the bus belong to none of these groups.
     groups: u32,
     /// The node ID; 0 if there is none.
     node: u8,
-    /// Whether the controller has these filters.
+    /// Whether these filters have been handed out to the controller.
     told: bool,
 }
 
@@ -72,7 +72,7 @@ impl Listening {
             *emcy_consumer = objects.emcy_consumer.key().unwrap_or(NONE);
             new.other = rules.other_protocol.map_or(new.other, |filter| filter(node_id));
             new.node = node_id.get();
-            // (A) The consumed EMCY, an emergency stop, has precedence over an RPDO or SYNC configured with its
+            // (A) The consumed EMCY, an emergency stop, has precedence over an RPDO or SYNC configured with the same
             // identifier.
             for key in [rpdo, sync] {
                 if *key == *emcy_consumer {
@@ -80,7 +80,7 @@ impl Listening {
                 }
             }
         }
-        // The mask may ignore a bit of the group.
+        // The mask may ignore a bit of the group: both values of that bit are included.
         let others = group(new.other.key) | group(new.other.key | !new.other.mask);
         // `NONE` falls into the last group, where frames are rare.
         new.groups = new.keys.into_iter().fold(others, |groups, key| groups | group(key));
@@ -140,7 +140,7 @@ impl Listening {
         }
     }
 
-    /// Returns whether an NMT command addresses this node or all; most commands address other nodes.
+    /// Returns whether an NMT command addresses this node or all nodes; most commands address other nodes.
     fn is_addressed(&self, frame: &Frame) -> bool {
         let [_, node, ..] = frame.bytes();
         *node == 0 || *node == self.node

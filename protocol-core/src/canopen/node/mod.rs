@@ -78,16 +78,16 @@ pub(crate) struct Node<P: Product> {
     rate_is_new: bool,
     /// The node ID configured by LSS, to be in force after the restart that LSS demanded.
     activated: Option<LssNodeId>,
-    /// The configuration by LSS that is in force but not stored: the node ID until power-off, the bit rate until the
-    /// next start.
+    /// The LSS configuration that is in force but not stored. The node ID is kept until power-off, the bit rate until
+    /// reset application.
     held: Configuration,
     /// The number of LSS store requests not yet answered.
     lss_stores: u32,
     /// The configuration to store, as of the store request. NMT start drops a pending configuration, but not a
     /// requested store (A).
     to_store: Configuration,
-    /// Enters operational without a command once boot-up and EMCYs are sent. An NMT command before that cancels this
-    /// (A).
+    /// Whether the node enters operational without an NMT command once boot-up and EMCYs are sent. An earlier NMT
+    /// command cancels the automatic start (A).
     starts_itself: bool,
     /// The product that supplies the dictionary and rules.
     product: PhantomData<P>,
@@ -115,8 +115,8 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Begins a start: resets the communication and applies the stored node ID and bit rate. Returns the node ID in
-    /// force.
+    /// Begins a start: resets the communication and applies the node ID that LSS configured or, without one, the stored
+    /// node ID. Returns the node ID in force.
     ///
     /// Reset application also applies the stored bit rate and clears the error history. A bit-rate activation continues
     /// over reset communication.
@@ -219,8 +219,8 @@ impl<P: Product> Node<P> {
         self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline()).min(tpdo)
     }
 
-    /// Records whether the controller is bus-off. Bus-off loses the controller's frames: answers are dropped and
-    /// counted, the boot-up and EMCYs are queued again. The NMT state stays (A); a product with 0x1029 calls
+    /// Records whether the controller is bus-off. On bus-off the controller drops its frames: answers are dropped and
+    /// counted; the boot-up and EMCYs are queued again. The NMT state does not change (A); a product with 0x1029 calls
     /// [`behave`](Self::behave).
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
@@ -258,16 +258,17 @@ impl<P: Product> Node<P> {
         Some((tpdo.key()?, tpdo.mapping()))
     }
 
-    /// Called after a change of the reported values: replaces a TPDO that the controller may hold, if TPDOs are sampled
-    /// when sent.
+    /// Replaces a TPDO that the controller may hold, after a change of the reported values. No effect if the product
+    /// samples TPDOs when due.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
             self.pending.renew_tpdo();
         }
     }
 
-    /// Queues the EMCY of a new error and enters its code into the history, with the manufacturer's number in the upper
-    /// half. Has no effect while EMCYs are off or without a node ID. Returns whether the EMCY was queued.
+    /// Enters a new error into the history, with the manufacturer-specific number in the upper 16 bits, and queues its
+    /// EMCY if the NMT state permits EMCYs. No effect while EMCYs are off or without a node ID. Returns whether the
+    /// error was entered.
     pub(crate) fn tell_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
@@ -291,7 +292,7 @@ impl<P: Product> Node<P> {
         self.pending.queue_answer(answer, mute);
     }
 
-    /// Answers the SDO client that waits for this task.
+    /// Answers the SDO client, if any, that waits for this task: positively if `stored`, otherwise with an abort.
     pub(crate) fn end_task(&mut self, task: P::Task, stored: bool) {
         let behind = self.sdo.waits_for().and_then(|place| P::DICTIONARY.behind(place.position));
         let is_awaited = matches!(behind, Some(Object::Signature(awaited)) if awaited == task);
@@ -301,7 +302,8 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Answers the oldest LSS store request, or all of them if `is_last`, which means that no further write is pending.
+    /// Answers the oldest LSS store request. If `is_last`, which means that no further write is pending, answers all
+    /// requests.
     pub(crate) fn end_lss_store(&mut self, stored: bool, is_last: bool) {
         let error = if stored { lss::SUCCESS } else { P::RULES.lss.store_error };
         let answers = if is_last { self.lss_stores } else { self.lss_stores.min(1) };
@@ -311,14 +313,14 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns whether LSS stored a node ID for a node without one that is in LSS waiting: the node then needs reset
-    /// communication.
+    /// Returns whether the node needs reset communication, because LSS has stored a node ID while the node is in LSS
+    /// waiting without a node ID in force.
     pub(crate) fn boots(&self) -> bool {
         self.lss.boots(self.objects.node_id)
     }
 
-    /// Begins an LSS store. Returns the configuration as of the store request, completed with the parts in force but
-    /// unstored.
+    /// Begins an LSS store. Returns the configuration as of the store request; missing values come from the
+    /// configuration in force but unstored.
     pub(crate) fn begin_lss_store(&mut self) -> Configuration {
         core::mem::take(&mut self.to_store).or(self.held)
     }
@@ -384,7 +386,7 @@ impl<P: Product> Node<P> {
         self.listening.take_filters()
     }
 
-    /// Queues a TPDO that became due at `at`.
+    /// Queues a TPDO that became due at `at`, unless the node must not send.
     #[inline]
     fn queue_tpdo(&mut self, product: &P, at: Instant) {
         if !self.is_mute() {
@@ -393,7 +395,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Samples the mapped objects if the product samples a TPDO when it becomes due.
+    /// Samples the mapped objects if the product samples a TPDO when due; otherwise returns [`Sample::NOTHING`].
     #[inline]
     fn sample_when_due(&self, product: &P, at: Instant) -> Sample {
         if P::RULES.tpdo.sampled_when_due { self.sample_tpdo(product, at) } else { Sample::NOTHING }

@@ -25,7 +25,8 @@ pub(crate) enum Object<A, T> {
     Signature(T),
 }
 
-/// The communication objects held by the node. The row supplies the sub-index of objects that have several of one kind.
+/// The communication objects held by the node. For objects with several sub-indices of one kind, the row supplies the
+/// sub-index.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum NodeObject {
     /// 0x1003:0
@@ -34,7 +35,7 @@ pub(crate) enum NodeObject {
     ErrorField,
     /// 0x1005
     SyncCobId,
-    /// 0x1014: follows the node ID until it is stored.
+    /// 0x1014: follows the node ID until a value is stored.
     EmcyCobId,
     /// 0x1017
     HeartbeatTime,

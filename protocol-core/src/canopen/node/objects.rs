@@ -112,8 +112,8 @@ impl Communication {
         }
     }
 
-    /// Loads a stored value without checks, which were made when it was written. Only objects of the product and of the
-    /// node are stored.
+    /// Loads a stored value without checks, because the value was checked when written. Only objects of the product and
+    /// of the node are stored.
     fn put<P: Product>(&mut self, scope: Reset, place: Place, value: Value<'_>, product: &mut P) {
         match P::DICTIONARY.behind(place.position) {
             Some(Object::Product(object)) if scope == Reset::Application => product.load(object, value),
@@ -138,7 +138,7 @@ impl Communication {
         }
     }
 
-    /// Returns the value of the mapped object at a position.
+    /// Returns the value of the mapped object at a dictionary position.
     #[inline]
     pub(super) fn sample<P: Product>(&self, position: u8, product: &P, now: Instant) -> u32 {
         match P::DICTIONARY.behind(position) {
@@ -229,7 +229,7 @@ impl Communication {
     }
 }
 
-/// Returns the number of a value. None of the node's own objects is a text.
+/// Returns the number in a value; 0 for a text, which no object of the node has.
 pub(super) fn number(value: Value<'_>) -> u32 {
     value.number().unwrap_or(0)
 }

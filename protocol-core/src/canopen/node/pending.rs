@@ -1,7 +1,8 @@
-//! The pending frames. A frame is encoded when the controller can take it, with the state of that moment.
+//! The pending frames of a node. A heartbeat is encoded when the controller can take a frame, with the NMT state of
+//! that moment; so is a TPDO, unless the product samples TPDOs when due.
 //!
 //! Answers keep their order. Of several boot-ups, heartbeats or TPDOs only the latest is sent. EMCYs keep their order,
-//! and the last one is always sent.
+//! and the newest EMCY is always sent.
 
 use heapless::Vec;
 
@@ -21,7 +22,7 @@ use crate::wire::nmt::{State, heartbeat};
 /// The number of identifiers that can be aborted at once: heartbeat, TPDO and EMCY.
 const ABORTS: usize = 3;
 
-/// The progress of the boot-up. All other frames wait for it, because an EMCY could otherwise overtake it.
+/// The progress of the boot-up. All other frames wait for the boot-up, because a more urgent EMCY could overtake it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BootUp {
     Pending,
@@ -41,7 +42,7 @@ enum Candidate {
     Heartbeat,
 }
 
-/// A cyclic frame, of which only the latest pending one is sent.
+/// The state of a cyclic frame: a new frame replaces an older unsent frame.
 #[derive(Clone, Debug)]
 pub(super) struct Latest {
     pending: bool,
@@ -52,7 +53,7 @@ pub(super) struct Latest {
 impl Latest {
     const NONE: Self = Self { pending: false, taken: None };
 
-    /// Drops the pending frame. Returns the key of a frame that the controller may hold.
+    /// Drops the pending frame. Returns the key of the frame that the controller may hold; `None` if there is none.
     const fn clear(&mut self) -> Option<u32> {
         self.pending = false;
         self.taken.take()
@@ -111,7 +112,7 @@ impl Pending {
         self.boot_up = BootUp::Pending;
     }
 
-    /// Queues a heartbeat and aborts an older one in the controller.
+    /// Queues a heartbeat and aborts an older heartbeat in the controller.
     pub(super) fn queue_heartbeat(&mut self) {
         self.clear_heartbeat();
         self.heartbeat.pending = true;
@@ -123,14 +124,14 @@ impl Pending {
         self.abort(taken);
     }
 
-    /// Replaces a heartbeat that the controller may hold, because the state has changed.
+    /// Replaces a heartbeat that the controller may hold, because the NMT state has changed.
     pub(super) fn renew_heartbeat(&mut self) {
         if self.heartbeat.taken.is_some() {
             self.queue_heartbeat();
         }
     }
 
-    /// Queues a TPDO and aborts an older one in the controller.
+    /// Queues a TPDO and aborts an older TPDO in the controller.
     #[inline]
     pub(super) fn queue_tpdo(&mut self, sample: Sample) {
         self.clear_tpdo();
@@ -173,7 +174,7 @@ impl Pending {
         }
     }
 
-    /// Drops all EMCYs; `key` identifies those that the controller may hold.
+    /// Drops all EMCYs, also in the controller; `key` is the key of their identifier.
     pub(super) fn drop_emcys(&mut self, key: Option<u32>) {
         self.abort(key.filter(|_| self.emcys.is_taken()));
         self.emcys.clear();
@@ -190,7 +191,8 @@ impl Pending {
         self.boot_up == BootUp::Done && self.emcys.is_empty()
     }
 
-    /// Handles bus-off, on which the controller drops its frames.
+    /// Handles bus-off, on which the controller drops its frames: drops heartbeat, TPDO and answers, and requeues the
+    /// boot-up and the EMCYs.
     pub(super) fn bus_lost(&mut self) {
         self.heartbeat = Latest::NONE;
         self.tpdo = Latest::NONE;
@@ -201,7 +203,7 @@ impl Pending {
         }
     }
 
-    /// Begins a period of silence: also aborts all frames in the controller.
+    /// Begins a period of silence: like bus-off, but also aborts all frames in the controller.
     pub(super) fn silence(&mut self) {
         self.bus_lost();
         self.aborts.clear();
@@ -274,7 +276,8 @@ impl Pending {
         }
     }
 
-    /// Drops all answers, including those that the controller may lose, and counts them.
+    /// Drops all pending answers, including those already handed to the controller, and adds them to the dropped count
+    /// (an upper bound).
     fn drop_answers(&mut self) {
         let dropped = self.answers.clear();
         self.count_dropped(dropped);
@@ -286,7 +289,7 @@ impl Pending {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a pending frame may be sent now; none may be before the platform has taken a new bit rate.
+    /// Returns whether a pending frame may be sent now; `false` until the platform has taken a new bit rate.
     // −17 instructions on RPDO → TPDO of the core alone, −19 on an SDO.
     #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {
@@ -348,13 +351,13 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns whether an abort would also hit EMCYs in the controller. If a TPDO has the identifier of EMCYs, an
-    /// outdated TPDO is still sent, so that no EMCY is lost (A).
+    /// Returns whether an abort would also hit EMCYs in the controller, because a TPDO has the identifier of EMCYs.
+    /// Such an abort is skipped, so that no EMCY is lost; the outdated TPDO is then sent (A).
     fn is_of_emcys(&self, abort: Filter) -> bool {
         self.pending.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }
 
-    /// Takes back a frame that the controller rejected, or returned in favour of a more urgent one.
+    /// Requeues a frame that the controller rejected, or returned in favour of a more urgent frame.
     pub(crate) fn give_back(&mut self, frame: Frame) {
         let emcys = self.objects.emcy.key();
         let pending = &mut self.pending;
@@ -396,7 +399,7 @@ impl<P: Product> Node<P> {
         pending.emcys.sent();
     }
 
-    /// Hands the TPDO to the controller, with the sample of its due time or a new one.
+    /// Hands the TPDO to the controller, with the sample of its due time or a new sample.
     // −6 instructions on an SDO transfer with a sensor.
     #[inline(never)]
     fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {

@@ -57,7 +57,7 @@ pub(crate) trait Product: Sized {
     /// Reads an object.
     fn read(&self, object: Self::Object, now: Instant) -> Value<'_>;
 
-    /// Returns the value of a mappable object; 0 for any other.
+    /// Returns the value of an object in a PDO; 0 for a text.
     fn sample(&self, object: Self::Object, now: Instant) -> u32;
 
     /// Returns the value of an object in a new device.
@@ -72,10 +72,10 @@ pub(crate) trait Product: Sized {
     /// An abort code if the value or the state forbids the write; nothing changes then.
     fn write(&mut self, object: Self::Object, value: Value<'_>, now: Instant) -> Result<(), AbortCode>;
 
-    /// Loads a stored or default value without checks, because it was checked when written.
+    /// Loads a stored or default value without checks, because the value was checked when written.
     fn load(&mut self, object: Self::Object, value: Value<'_>);
 
-    /// Returns the default of a stored object whose row has none.
+    /// Returns the default of a stored object whose row leaves the default to the product.
     fn default(&self, object: Self::Object) -> Value<'static>;
 
     /// Applies the values of an RPDO in mapping order; invalid values are dropped.

@@ -46,7 +46,7 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns the reset that an NMT command requests.
+    /// Returns the reset that an NMT command requests; `None` for any other command or frame.
     pub(crate) fn reset_demanded(&self, frame: &Frame) -> Option<Reset> {
         if self.listening.service(frame) != Some(Service::Nmt) {
             return None;
@@ -183,7 +183,8 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Writes one of the node's objects. Applies new identifiers, and drops frames that the write switched off.
+    /// Writes one of the node's objects. Applies new identifiers, and drops the pending frames of a service that the
+    /// write switched off.
     fn write_own(
         &mut self,
         object: (NodeObject, u8),

@@ -102,8 +102,8 @@ fn a_withdrawn_error_takes_the_entries_of_its_own_messages() {
     }
 }
 
-/// The beginning was displaced by newer messages and keeps its history entry. The end stays, because its register is
-/// correct.
+/// The beginning was displaced by newer messages and keeps its history entry. The end stays, because its error register
+/// is correct.
 #[test]
 fn an_end_whose_begin_has_overflowed_is_not_withdrawn() {
     let mut queue = EmcyQueue::new();

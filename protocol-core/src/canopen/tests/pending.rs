@@ -87,8 +87,8 @@ fn an_emcy_is_not_aborted_with_a_tpdo_under_its_identifier() {
     assert_eq!(rig.node.take_abort(), None);
 }
 
-/// Both have equal arbitration values, so a controller may send either first: the node hands out the TPDO only once the
-/// EMCY is sent.
+/// The EMCY and the TPDO have equal arbitration values, so a controller may send either first: the node hands out the
+/// TPDO only once the EMCY is sent.
 #[test]
 fn an_emcy_before_a_tpdo_under_its_identifier() {
     let mut rig = operational();

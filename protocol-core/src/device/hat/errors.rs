@@ -64,8 +64,8 @@ impl Errors {
         Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
-    /// Encodes the EMCY for the end of an error, even while others last (R: a valve reports only the end of the last
-    /// one). The error register shows the remaining errors.
+    /// Encodes the EMCY for the end of an error, even while other errors last (R: a valve reports only the end of the
+    /// last error). The error register shows the remaining errors.
     pub(super) fn end(self) -> Emcy {
         Emcy { code: NO_ERROR, register: self.register(), manufacturer: [0; 5] }
     }

@@ -53,7 +53,7 @@ pub struct HatSensor {
     pub(super) node: Node<HatObjects>,
     /// The stored node ID and bit rate.
     layer: Layer,
-    /// The node ID and bit rate in the write in progress; `None` for an unchanged one.
+    /// The node ID and bit rate in the write in progress; `None` for an unchanged value.
     layer_in_flight: Configuration,
     /// The task that an SDO client is waiting for.
     task: Option<Task>,
@@ -61,7 +61,7 @@ pub struct HatSensor {
     task_failed: bool,
     /// A bit mask of the damaged records, by position.
     damaged: u8,
-    /// The errors that had a history entry when they were last reported.
+    /// The errors that were entered into the history when last reported.
     entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
@@ -130,8 +130,8 @@ impl HatSensor {
         }
     }
 
-    /// Returns the stored node ID and bit rate. For a damaged record a node ID is assumed, because only a new sensor
-    /// can lack one.
+    /// Reads the stored node ID and bit rate, or those of a new memory if none are stored. If the record is damaged and
+    /// a new memory has no node ID, returns the defaults of "load", because only a new sensor can lack a node ID.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
         let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
@@ -187,7 +187,7 @@ impl Application for HatSensor {
         }
     }
 
-    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending one.
+    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending restart.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -254,8 +254,8 @@ impl Application for HatSensor {
     }
 
     /// Starts with the contents of the memory: both resets load both parameter groups, reset application also the bit
-    /// rate. Errors that persist over reset communication are reported again, but entered into the history only if they
-    /// are not yet in it.
+    /// rate. Errors that persist over reset communication are reported again; an error without a history entry is also
+    /// entered into the history.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);
@@ -297,7 +297,7 @@ impl Application for HatSensor {
         base.fill(&reading);
     }
 
-    /// Reports a watchdog reset, and its end.
+    /// Reports a watchdog reset as a controller error and, unless an internal fault is injected, the end of that error.
     fn watchdog_reset(&mut self, base: &mut Base) {
         self.set_error(Error::Controller, true, base);
         self.set_error(Error::Controller, self.internal_fault, base);

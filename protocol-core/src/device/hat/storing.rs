@@ -41,8 +41,8 @@ const fn value_of(task: Task) -> u8 {
 }
 
 impl HatSensor {
-    /// Begins a task for an SDO client. A newer task for a record not yet written replaces the older one, whose client
-    /// has given up.
+    /// Begins a task for an SDO client. A waiting write of the same record changes to the new task, because the client
+    /// of the older task has given up.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         self.task = Some(task);
         self.task_failed = false;

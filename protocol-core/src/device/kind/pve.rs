@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind with this name; `None` if there is none.
+    /// Returns the kind with this name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)

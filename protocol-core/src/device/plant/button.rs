@@ -4,7 +4,7 @@ use super::Plant;
 use crate::actuator::{SpoolFault, ValveInputs};
 use crate::device::{Inputs, ProductInputs};
 
-/// The faults that the button injects; each press selects the next one.
+/// The faults that the button injects; each press selects the next fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Injection {
     /// A healthy device.

@@ -11,8 +11,8 @@ use crate::device::{Inputs, ProductInputs};
 use crate::encoder::Shaft;
 use crate::time::Instant;
 
-/// A change of the plant, limited to the range of its [word](Self::word). Printed as in a console line: `supply_mv
-/// 8500`.
+/// A change of the plant, printed as in a console line: `supply_mv 8500`. [`apply`](Self::apply) accepts only values in
+/// the range of its [word](Self::word).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
     /// Valves: the supply, in millivolt.
@@ -48,7 +48,7 @@ pub enum Inapplicable {
 }
 
 impl Change {
-    /// Parses a word and its value; `None` if either is invalid.
+    /// Parses a word and its value; `None` for an unknown word or a malformed value. The range is not checked.
     #[must_use]
     pub fn parse(word: &str, value: &str) -> Option<Self> {
         Some(match word {

@@ -133,7 +133,7 @@ pub enum Value {
     Word(&'static str),
 }
 
-/// The product of a device, as far as the plant distinguishes it.
+/// The types of product that the plant distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// A valve.

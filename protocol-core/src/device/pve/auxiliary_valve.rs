@@ -27,7 +27,7 @@ struct Shutdown {
 #[derive(Clone, Debug)]
 pub(super) struct AuxiliaryValve {
     pub(super) valve: Valve,
-    /// The last valid command; block before the first one.
+    /// The last valid command; block before the first command.
     command: Command,
     /// Whether the time guard runs; it starts with the first valid command (A).
     guarded: bool,
@@ -79,8 +79,8 @@ impl AuxiliaryValve {
         self.apply(now);
     }
 
-    /// Blocks the valve with the solenoids off until the restart. The restart may be delayed by the bus and the memory;
-    /// until then commands and the time guard have no effect.
+    /// Blocks the valve with the solenoids off until the restart. The bus and the memory may delay the restart; until
+    /// then commands and the time guard have no effect.
     pub(super) fn switch_off(&mut self, now: Instant) {
         self.block(now);
         self.valve.drive(Drive::Off, now);
@@ -92,7 +92,7 @@ impl AuxiliaryValve {
         if !changes.activated.is_empty() {
             self.shutdown = Some(Shutdown { faults: self.in_shutdown().union(changes.activated), neutral: 0 });
             self.apply(now);
-            // Switching the drive off can clear a fault just activated, but not activate one.
+            // Switching the drive off can clear a fault just activated, but cannot activate a fault.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);
@@ -100,7 +100,8 @@ impl AuxiliaryValve {
         changes
     }
 
-    /// Returns the previously active faults: those counted that are neither active nor part of the shutdown.
+    /// Returns the previously active faults: the faults with a non-zero occurrence counter that are neither active nor
+    /// part of the shutdown.
     pub(super) fn previously_active_faults(&self) -> FaultSet {
         let counters = self.valve.counters();
         let counted: FaultSet = FaultSet::ALL.into_iter().filter(|fault| counters.get(*fault) > 0).collect();
@@ -128,7 +129,8 @@ impl AuxiliaryValve {
         if self.shutdown.is_some() { State::Blocked } else { self.command.state() }
     }
 
-    /// Returns the set-point of the reported [`state`](Self::state).
+    /// Returns the set-point of the last command; neutral during a shutdown, in hand operation and in an emergency
+    /// stop.
     pub(super) fn set_point(&self) -> SetPoint {
         match drive(self.command) {
             Drive::Regulate(set_point) if self.shutdown.is_none() => set_point,
@@ -140,8 +142,8 @@ impl AuxiliaryValve {
         self.shutdown.map_or(FaultSet::EMPTY, |shutdown| shutdown.faults)
     }
 
-    /// Counts neutral commands while no fault is active. The second consecutive one ends the shutdown, and has no
-    /// further effect.
+    /// Counts consecutive neutral commands while no fault is active and the spool is in neutral. The second such
+    /// command ends the shutdown and otherwise acts as a block command.
     fn recover(&mut self, now: Instant) {
         let Some(shutdown) = &mut self.shutdown else { return };
         let counts = self.valve.faults().is_empty() && self.command.is_neutral() && self.valve.in_neutral(now);

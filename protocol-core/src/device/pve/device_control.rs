@@ -104,7 +104,7 @@ impl DeviceControl {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
             self.shut_down(now);
-            // Switching the drive off can clear a fault just activated, but not activate one.
+            // Switching the drive off can clear a fault just activated, but cannot activate a fault.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);

@@ -31,7 +31,7 @@ impl<'a> Found<'a> {
         if let Some(layer) = found.payload(RecordKey::LocalLayer, |payload| LocalLayer::decode(kind, payload)) {
             found.local_layer = layer;
         } else if found.reading.is_corrupt(RecordKey::LocalLayer) && setup.node_id.is_none() {
-            // A corrupt record had a node ID: only a new device can lack one.
+            // A corrupt record contained a node ID, because only a new device can lack a node ID.
             found.local_layer = LocalLayer::new(Setup::new(kind));
         }
         if let Some(log) = found.payload(RecordKey::FaultLog, FaultLog::decode) {
@@ -40,7 +40,8 @@ impl<'a> Found<'a> {
         found
     }
 
-    /// Decodes a record; `None` if it was never written or is corrupt. A corrupt record is noted.
+    /// Decodes a record; `None` if it was never written or is corrupt. A corrupt record is marked, see
+    /// [`Reading::is_corrupt`].
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         self.reading.record(key, VERSION, decode)
     }

@@ -48,7 +48,7 @@ const RULES: Rules = Rules {
     extended_ids: false,
     nmt: nmt::Rules::NONE,
     heartbeat: heartbeat::Rules {
-        // Periods are rounded up to a multiple of this (A).
+        // Periods are rounded up to a multiple of 10 ms (A).
         resolution: 10,
         max: HEARTBEAT_MAX,
     },

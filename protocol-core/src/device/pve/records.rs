@@ -176,8 +176,7 @@ pub(super) struct FaultLog {
     pub(super) counters: Counters,
 }
 
-/// The last byte of a fault log. Earlier versions stored the previously active faults there; they follow from the
-/// counters.
+/// The last byte of a fault log. Earlier versions stored the previously active faults there, which the counters imply.
 const RESERVED: u8 = 0;
 
 impl FaultLog {

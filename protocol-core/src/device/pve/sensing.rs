@@ -5,8 +5,8 @@ use crate::controller::BusErrorMode;
 use crate::device::Inputs;
 use crate::time::Instant;
 
-/// The fault causes among the inputs of the device, except those of its valve. Unlike the faults, they persist over a
-/// restart.
+/// The fault causes that are inputs of the device but not of its valve: internal fault and bus-off. Unlike the faults,
+/// these causes persist over a restart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Causes {
     internal_fault: bool,
@@ -17,7 +17,7 @@ impl Causes {
     /// No causes: a healthy device.
     pub(super) const NONE: Self = Self { internal_fault: false, bus_off: false };
 
-    /// Applies the inputs, even unchanged ones. Returns whether the controller is bus-off.
+    /// Applies the inputs, even unchanged inputs. Returns whether the controller is bus-off.
     pub(super) fn sense(&mut self, valve: &mut Valve, inputs: &Inputs, now: Instant) -> bool {
         if let Some(sensed) = inputs.valve() {
             valve.sense(sensed, now);

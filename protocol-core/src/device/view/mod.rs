@@ -41,8 +41,8 @@ pub struct ValveView {
     pub dsm: Option<DeviceState>,
     /// The state of the auxiliary valve as reported in AVEF, blocked during a shutdown. `None` on CANopen.
     pub command: Option<ValveState>,
-    /// The set-point: on CANopen the last one accepted, object 0x6300; on ISOBUS that of `command`, neutral for a
-    /// command without a flow.
+    /// The set-point: on CANopen the last accepted set-point, object 0x6300; on ISOBUS the set-point of `command`,
+    /// neutral except for extend, retract and float.
     pub set_point: SetPoint,
     /// Whether the solenoids are energised.
     pub solenoids: bool,

@@ -37,15 +37,15 @@ pub(super) struct Groups {
     request: Group,
     connection: Group,
     other_protocol: Filter,
-    /// Whether the controller has these filters.
+    /// Whether these filters have been handed out to the controller.
     told: bool,
 }
 
 /// A request to all.
 const REQUEST_TO_ALL: Group = group(Pgn::REQUEST, Address::GLOBAL);
 
-/// The groups from the transport protocol's data packets to the address claim, with any destination. They are adjacent,
-/// and most frames are outside this range.
+/// The range of groups that contains TP.DT, TP.CM and address claimed, with any destination. Most frames are outside
+/// this range.
 const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
     group(Pgn::TP_DATA, Address::new(0))..=group(Pgn::ADDRESS_CLAIMED, Address::GLOBAL);
 
@@ -55,7 +55,7 @@ const GROUP: u32 = 0x3_FFFF << 8;
 const NONE: Group = u32::MAX;
 /// The bits of a key that hold the source.
 const SOURCE: u32 = 0xFF;
-/// The bits of a key above those of an identifier: they distinguish extended identifiers.
+/// The bits of a key above the 29 bits of an identifier, which distinguish extended from standard identifiers.
 const EXTENDED: u32 = !0x1FFF_FFFF;
 
 const fn group(pgn: Pgn, destination: Address) -> Group {
@@ -84,7 +84,7 @@ impl Groups {
     /// service.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
-        // A standard identifier has at most three bits of a group, so it matches none.
+        // The key of a standard identifier has at most three bits in the group field, so it matches no group.
         let group: Group = frame.key() & GROUP;
         if group == self.command {
             return Some(Service::Command);

@@ -1,6 +1,7 @@
 //! The status messages of a node: at most one frame of each kind is pending.
 
-/// A status message, in order of arbitration. It is encoded when the controller can take it, with the present state.
+/// A status message, in order of arbitration. The message is encoded when the controller can take a frame, with the
+/// present state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Message {

@@ -7,8 +7,8 @@
 //! serve     the handling of received frames
 //! ```
 //!
-//! The services hold the pending messages; the node encodes the most urgent one when the controller can take a frame. A
-//! frame waiting in the controller is aborted before a newer message of its kind is queued.
+//! The services hold the pending messages; the node encodes the most urgent message when the controller can take a
+//! frame. A frame waiting in the controller is aborted before a newer message of its kind is queued.
 
 mod groups;
 mod messages;
@@ -250,7 +250,7 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns the trouble code of the last DM1; `None` while a DM1 is unsent.
+    /// Returns the trouble code of the last DM1; `None` while a DM1 is unsent, or if the last DM1 had no code.
     #[must_use]
     pub fn told(&self) -> Option<Trouble> {
         let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.pending.contains(Message::Dm1);
@@ -289,7 +289,8 @@ impl<const DM2: usize> Node<DM2> {
         self.render(now, product, message)
     }
 
-    /// Selects by identifier, which is the order of arbitration because every frame here is an extended data frame.
+    /// Encodes the most urgent of the pending messages and answers. Comparing keys suffices, because every frame here
+    /// is an extended data frame.
     fn render_among_answers(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let before_answers =
             |message: &Message| self.answers.first().is_none_or(|answer| self.key_of(*message) < answer.key());

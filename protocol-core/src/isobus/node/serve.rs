@@ -155,7 +155,7 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Queues a message and aborts its older frame in the controller.
     ///
-    /// In bus-off only DM1 is queued; it reports the state at the time of recovery.
+    /// In bus-off only DM1 is queued; the DM1 is encoded after recovery, with the state at that time.
     pub(super) fn queue(&mut self, message: Message) {
         if self.bus_off && message != Message::Dm1 {
             return;
@@ -174,10 +174,9 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Queues the next frame of the running broadcast if due, or abandons a broadcast that the bus has delayed too
-    /// long.
+    /// Queues the next frame of the running broadcast if due. Abandons a broadcast that the bus has delayed too long.
     pub(super) fn continue_broadcast(&mut self, now: Instant) {
-        // The identifier of the frame in the controller; `poll` may end the broadcast.
+        // The identifier of the frame in the controller; read before `poll`, which may end the broadcast.
         let key = self.key_of(Message::Packet);
         let announced = self.bam.pgn() == Pgn::TP_DATA;
         match self.bam.poll(now) {
@@ -198,7 +197,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Drops all pending messages except DM1, and no longer tracks those in the controller.
+    /// Drops all pending messages except DM1, all answers and a running broadcast, and stops tracking the frames in the
+    /// controller. Counts the dropped answers and the broadcast.
     pub(super) fn give_up_all(&mut self) {
         let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
         self.pending = MessageSet::EMPTY;

@@ -69,7 +69,8 @@ fn only_addresses_of_128_to_247_wait() {
     }
 }
 
-/// After the wait, at most once in five seconds, and never without an address.
+/// A foreign use of the address is answered only after the wait, at most once in five seconds, and never without an
+/// address.
 #[test]
 fn a_foreign_frame_under_the_own_address_is_objected_to() {
     let mut claim = AddressClaim::new(NAME, OWN);

@@ -348,7 +348,8 @@ fn a_broadcast_that_has_not_begun_waits() {
     assert_eq!(rig.node.dropped(), 0);
 }
 
-/// Neither while the DM1 waits in the controller, nor after the controller returned it or lost it in bus-off.
+/// A code does not count as reported while its DM1 waits in the controller, nor after the controller returned the DM1
+/// or lost it in bus-off.
 #[test]
 fn a_code_is_told_when_its_dm1_is_on_the_bus() {
     let mut rig = Rig::claimed();
@@ -368,7 +369,8 @@ fn a_code_is_told_when_its_dm1_is_on_the_bus() {
     assert_eq!(rig.node.told(), Some(LEAK));
 }
 
-/// Not during the wait after the claim; then once, and again after five seconds.
+/// The node does not object during the wait after the claim; it objects once after the wait, and again after five
+/// seconds.
 #[test]
 fn another_controller_under_the_own_address() {
     let mut rig = Rig::new();

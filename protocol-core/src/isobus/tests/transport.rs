@@ -118,7 +118,7 @@ fn a_message_whose_gap_is_too_long_is_given_up() {
     }
 }
 
-/// After the controller returns a packet, that packet is the next one again.
+/// After the controller returns a packet, that packet is again the next packet.
 #[test]
 fn a_frame_that_is_taken_back_is_rendered_again() {
     let mut sender = Sender::new();

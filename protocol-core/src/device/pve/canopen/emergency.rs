@@ -35,8 +35,8 @@ impl CanopenValve {
         }
     }
 
-    /// Reports a start: an error-reset EMCY after every boot-up (R), and the faults that persist over reset
-    /// communication, without counting them again.
+    /// Reports a start with an error-reset EMCY (R). After reset communication, reports the active faults again without
+    /// counting them; after reset application, applies the persisting fault causes to the valve.
     pub(super) fn tell_start(&mut self, scope: Restart, base: &Base) {
         self.node.send_emcy(Emcy::default());
         let valve = &mut self.objects.control.valve;

@@ -1,9 +1,10 @@
 //! The progress of a "load" and its execution in the memory (SPEC 4.5, 6).
 //!
-//! A start that finds the restore flag set uses the defaults: it stores them, then clears the flag. A "save" during
-//! this time replaces the defaults; it is acknowledged only after the flag is cleared, because the next start would
-//! otherwise overwrite the saved parameters. A "load" by a client sets the flag for the next start, and a later "save"
-//! leaves it set (R). Once the defaults are stored, setting the flag for a client also completes the executed "load".
+//! A start that finds the restore flag set executes a "load": the device uses the defaults, stores them, and then
+//! clears the flag. A "save" in the meantime stores its parameters instead of the defaults. The "save" is acknowledged
+//! only after the flag is cleared, because the next start would otherwise overwrite the saved parameters. A client's
+//! "load" sets the flag for the next start, and a later "save" leaves the flag set (R). Once the defaults are stored, a
+//! write that sets the flag for a client also completes the executed "load".
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
@@ -21,10 +22,10 @@ pub(super) enum Executed {
     FlagUncleared,
 }
 
-/// The "load" that a client requested for the next start. While there is one, the flag is written as set.
+/// The "load" that a client requested for the next start. While a request exists, the flag is written as set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Demanded {
-    /// No request, or one that could not be stored.
+    /// No request, or a request that could not be stored.
     No,
     /// The write of the flag is queued or in progress.
     Unstored,
@@ -32,7 +33,7 @@ enum Demanded {
     Stored,
 }
 
-/// The restore flag: the progress of the executed "load", and the requested one.
+/// The restore flag: the progress of the executed "load", and the requested "load".
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     pub(super) executed: Executed,
@@ -46,7 +47,7 @@ impl Load {
         Self { executed: Executed::Done, demanded: Demanded::No, retry_at: NEVER }
     }
 
-    /// Creates the state of a start that does or does not execute a "load".
+    /// Creates the state at a start; `executes` states whether the start executes a "load".
     pub(super) const fn found(executes: bool) -> Self {
         let executed = if executes { Executed::DefaultsUnstored } else { Executed::Done };
         Self { executed, ..Self::new() }
@@ -79,8 +80,8 @@ impl Load {
         self.demanded != Demanded::No
     }
 
-    /// Handles the result of a write of the flag. `is_last` states that no equal write is queued; the result then also
-    /// decides a client's "load".
+    /// Handles the result of a write of the flag. If `is_last`, no equal write is queued, and the result also decides a
+    /// client's "load".
     pub(super) fn flag_written(&mut self, stored: bool, is_last: bool, now: Instant) {
         if is_last && self.demanded == Demanded::Unstored {
             self.demanded = if stored { Demanded::Stored } else { Demanded::No };
@@ -88,8 +89,8 @@ impl Load {
         if !stored {
             self.failed(now);
         } else if self.executed == Executed::FlagUncleared {
-            // While the defaults are not stored, only a client has the flag written, as set; this does not complete the
-            // executed "load".
+            // Before the defaults are stored, the flag is written only for a client, as set. Such a write does not
+            // complete the executed "load".
             self.executed = Executed::Done;
             self.retry_at = NEVER;
         }

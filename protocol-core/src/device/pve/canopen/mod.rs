@@ -49,9 +49,9 @@ pub struct CanopenValve {
     /// The stored node ID and bit rate.
     local_layer: LocalLayer,
     load: Load,
-    /// The node ID and bit rate in the write in progress; `None` for an unchanged one.
+    /// The node ID and bit rate in the write in progress; `None` for an unchanged value.
     layer_in_flight: Configuration,
-    /// The counters cleared by the write in progress; restored if it fails.
+    /// The counters cleared by the write in progress; restored if the write fails.
     cleared: Counters,
     causes: Causes,
 }
@@ -124,7 +124,7 @@ impl Application for CanopenValve {
         }
     }
 
-    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending one.
+    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending restart.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -205,7 +205,7 @@ impl Application for CanopenValve {
         let reset = match scope {
             Restart::Communication => {
                 self.objects.control.shut_down(now);
-                // A fault that fell due while the restart was pending is counted and entered before it is reported
+                // A fault that fell due while the restart was pending must be counted and entered before it is reported
                 // again.
                 self.apply_changes(base);
                 Reset::Communication
@@ -218,7 +218,7 @@ impl Application for CanopenValve {
         };
         let node_id = self.node.reset(reset, stored);
         if scope == Restart::Application {
-            // The defaults depend on the node ID: without one, the load waits for a start with one.
+            // The defaults depend on the node ID: without a node ID, the "load" waits for a start with a node ID.
             self.load = Load::found(load_is_set && node_id.is_some());
         }
         let parameters = parameters.filter(|_| !self.load.replaces_stored());

@@ -74,7 +74,7 @@ impl CanopenValve {
         }
     }
 
-    /// Answers the SDO client of a task once the last of its equal writes has ended.
+    /// Answers the SDO client of a task if `is_last`: the last of the equal writes has ended.
     fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
         if is_last {
             self.node.end_task(task, stored);
@@ -112,7 +112,7 @@ impl Storing for CanopenValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Handles the result of a write. Of several equal writes the last one decides the answer to the SDO client.
+    /// Handles the result of a write. Of several equal writes, the last write decides the answer to the SDO client.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;

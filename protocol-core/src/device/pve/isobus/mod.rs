@@ -54,7 +54,7 @@ pub struct IsobusValve {
     node: Node<DM2_MAX>,
     pub(super) auxiliary: AuxiliaryValve,
     clearing: Vec<Clearing, CLEARINGS>,
-    /// The faults that a DM3 asked to clear and that have not occurred since that request.
+    /// The faults that a DM3 asked to clear and that have not occurred since that DM3.
     clearable: FaultSet,
     causes: Causes,
 }
@@ -66,8 +66,8 @@ impl IsobusValve {
         &self.auxiliary.valve
     }
 
-    /// Reports the fault changes in DM1 and to the fault log. A fault that has occurred again is no longer cleared by
-    /// DM3.
+    /// Reports the fault changes in DM1 and to the fault log. A waiting DM3 no longer clears a fault that has occurred
+    /// again.
     fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         let changes = self.auxiliary.take_changes(now);
@@ -84,7 +84,8 @@ impl IsobusValve {
         }
     }
 
-    /// Stores a permitted commanded address; the valve then restarts with it.
+    /// Requests the write of a commanded address if the product permits the address. The valve restarts once the
+    /// address is stored.
     fn store_address(&self, address: Address, base: &mut Base) {
         if self.setup.kind.node_ids().contains(&address.get()) {
             let write = Write::new(RecordKey::LocalLayer, Requester::CommandedAddress);
@@ -154,8 +155,8 @@ impl Application for IsobusValve {
         }
     }
 
-    /// Handles address claims only (A): the address is defended or lost until the restart. The valve is already off,
-    /// and a commanded address received now is lost like any broadcast.
+    /// While a restart is pending, handles address claims only, to defend or lose the address (A). The valve is already
+    /// off, and a commanded address received now is ignored.
     fn handle_restarting(&mut self, service: Service, frame: &Frame, base: &mut Base) {
         if service == Service::Claim {
             self.node.handle(service, frame, base.now());
@@ -206,7 +207,7 @@ impl Application for IsobusValve {
     fn all_sent(&mut self, base: &mut Base) -> bool {
         self.node.all_sent(base.now());
         let valve = &mut self.auxiliary.valve;
-        // A watchdog reset is momentary: the cause is cleared once reported on the bus.
+        // A watchdog reset is momentary: its cause is cleared once the fault has been reported on the bus.
         if valve.is_active(Fault::Internal)
             && self.node.told().is_some_and(|told| told.dtc == codes(Fault::Internal).dtc)
         {

@@ -42,7 +42,7 @@ pub(super) fn name(factory: &Factory) -> Name {
     })
 }
 
-/// Returns the address of a local layer, or the default address without one.
+/// Returns the address of a local layer; without a stored address, the default address.
 pub(super) fn address(setup: &Setup, layer: LocalLayer) -> Address {
     Address::new(layer.node_id.unwrap_or(setup.kind.default_node_id()))
 }

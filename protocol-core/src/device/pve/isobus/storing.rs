@@ -27,7 +27,7 @@ pub(super) struct Clearing {
 }
 
 impl IsobusValve {
-    /// Handles DM3. An empty list needs no write.
+    /// Handles DM3. If no fault was previously active, DM3 is acknowledged without a write.
     pub(super) fn clear_previously_active(&mut self, request: Request, base: &mut Base) {
         let asked = self.auxiliary.previously_active_faults();
         if asked.is_empty() {
@@ -50,8 +50,9 @@ impl IsobusValve {
         }
     }
 
-    /// Clears the counters once their clearing is stored, and answers every DM3 whose faults the write covers. After a
-    /// failure, a DM3 that the next write also covers is answered by that write (A).
+    /// Handles the result of a DM3 write for the faults `asked`. On success, clears their counters. Then answers every
+    /// DM3 whose faults are all in `asked`; after a failure, a DM3 that a queued write also covers is answered after
+    /// that write (A).
     fn end_clearing(&mut self, asked: FaultSet, stored: bool, base: &Base) {
         let mut later = FaultSet::EMPTY;
         if stored {
@@ -87,7 +88,7 @@ impl Storing for IsobusValve {
 
     /// Handles the result of a write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        // While a restart is pending no timer runs: a fault due by now is counted before DM3 clears its counters.
+        // While a restart is pending no timer runs: a fault due by now must be counted before DM3 clears its counter.
         self.auxiliary.valve.poll(base.now());
         self.apply_changes(base);
         let position = write.record.position() as u8;
