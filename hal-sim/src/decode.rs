@@ -52,7 +52,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     let mut all_read = true;
     let mut line = String::new();
     loop {
-        // A reader may wait for the explanation of the recording so far.
+        // Flushes before a read that may block, so that all explanations so far are visible.
         if reader.may_wait() && !is_read(out.flush())? {
             return Ok(all_read);
         }

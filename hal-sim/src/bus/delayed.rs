@@ -7,7 +7,7 @@ use protocol_core::time::{Instant, NEVER, after};
 use super::faults::Handed;
 use super::transmit::Transmit;
 
-/// The maximum number of delayed frames of a device or gateway. Its application keeps further frames.
+/// The maximum number of delayed frames of a device or gateway. The application must keep further frames.
 const MAX: usize = 256;
 
 /// The maximum number of delayed copies and frames; further copies are not sent.
@@ -27,7 +27,7 @@ struct Delayed {
     wait: Wait,
     /// Whether later frames with the same identifier may overtake this frame.
     is_overtaken: bool,
-    /// Whether a swapped frame must wait until this frame is sent.
+    /// Whether this frame must be sent before the frame with which it was swapped.
     is_next: bool,
     /// Whether the frame is a copy made by a fault.
     is_copy: bool,
@@ -42,7 +42,7 @@ enum Wait {
     Until(Instant),
     /// A free mailbox in the controller.
     Room,
-    /// The sender's next frame, but no longer than until a point in time.
+    /// The sender's next frame, but at the latest this time.
     Next(Instant),
     /// The transmission of the frame with which this frame was swapped.
     Sent,
@@ -79,8 +79,8 @@ impl DelayedFrames {
         self.0.clear();
     }
 
-    /// Drops the frames with these identifiers that wait for a free mailbox, as if they were in one. Frames that a
-    /// fault still delays are kept, unless `which` is [`Filter::ALL`].
+    /// Drops the frames that pass `which` and wait for a free mailbox: the application considers them sent to a
+    /// mailbox. Frames that a fault still delays are dropped only by [`Filter::ALL`].
     pub(super) fn abort(&mut self, which: Filter) {
         let is_all = which == Filter::ALL;
         self.0.retain(|delayed| !which.passes(&delayed.frame) || !(is_all || delayed.wait == Wait::Room));
@@ -95,8 +95,8 @@ impl DelayedFrames {
         })
     }
 
-    /// Delays a frame. It is handed over no earlier than delayed frames with the same identifier, unless those may be
-    /// overtaken.
+    /// Delays a frame. The handover is not earlier than that of delayed frames with the same identifier, unless those
+    /// frames may be overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
         let Handed { frame, late, is_overtaken, is_copy, is_own, swaps } = handed;
         if is_copy && self.0.len() >= MAX_COPIES {
@@ -127,8 +127,8 @@ impl DelayedFrames {
         self.0.iter().position(|delayed| matches!(delayed.wait, Wait::Next(_)))
     }
 
-    /// Moves the frame at index `swapped` behind the sender's next frame. `next` is the index of that frame if it is
-    /// delayed, otherwise the number of delayed frames.
+    /// Places the frame at index `swapped` after the sender's next frame. `next` is the index of the next frame if a
+    /// fault delays it, otherwise the number of delayed frames.
     pub(super) fn follow(&mut self, swapped: usize, next: usize) {
         if let Some(next) = self.0.get_mut(next) {
             next.is_next = true;
@@ -137,7 +137,8 @@ impl DelayedFrames {
         self.0.insert(next.min(self.0.len()), swapped);
     }
 
-    /// Hands the due frames to the controller, as far as it accepts them. Returns whether it accepted any.
+    /// Hands the due frames to the controller; a refused frame waits for a free mailbox. Returns whether any frame was
+    /// accepted.
     pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get(place).copied() {
@@ -175,7 +176,8 @@ impl DelayedFrames {
         has_released
     }
 
-    /// Returns the time of the next handover; frames that wait for a free mailbox are not considered.
+    /// Returns the time of the next handover. Frames that wait for a free mailbox or behind a swapped frame are not
+    /// considered.
     pub(super) fn next_due(&self) -> Instant {
         let dues =
             self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent).filter_map(|delayed| match delayed.wait {

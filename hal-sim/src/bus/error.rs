@@ -5,7 +5,7 @@
 pub enum BusError {
     /// The sender read back a bit that differs from the bit it sent.
     Bit,
-    /// A listener detected a violation of the stuffing rule, because the sender was cut off or has another bit rate.
+    /// A listener detected a violation of the stuffing rule, because the sender was cut off or uses another bit rate.
     Stuff,
     /// No controller acknowledged the frame.
     Acknowledgement,

@@ -8,11 +8,11 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use super::fault::{ALWAYS, Delay, Fault, FaultEffect, FaultError, FaultKind, MAX_FAULTS};
 use super::{Event, EventKind};
 
-/// The faults of a bus, in the order in which they were added. Each fault acts on the result of the previous ones.
+/// The faults of a bus, in the order in which they were added. Each fault acts on the result of the previous faults.
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     list: Vec<Active>,
-    /// Whether any fault or any delay of answers acts between sending applications and their controllers.
+    /// Whether any fault acts between a sending application and its controller, or any device delays its answers.
     pub(super) at_senders: bool,
     /// Whether any device delays its answers.
     is_slow: bool,
@@ -43,7 +43,7 @@ struct Active {
     fault: Fault,
     begins: Instant,
     ends: Instant,
-    /// The number of frames that the fault can still affect.
+    /// The number of frames that the fault can still affect; `u32::MAX` is unlimited.
     left: u32,
     struck: u64,
     random: fastrand::Rng,
@@ -58,7 +58,7 @@ pub struct FaultState {
     pub fault: Fault,
     /// The number of affected frames.
     pub struck: u64,
-    /// Whether the fault will affect no further frames: its duration or its count is exhausted.
+    /// Whether the fault will affect no further frames, because its duration has elapsed or its count is used up.
     pub is_over: bool,
 }
 
@@ -70,7 +70,7 @@ pub(super) struct Handed {
     pub(super) late: Duration,
     /// Whether later frames with the same identifier may overtake this frame.
     pub(super) is_overtaken: bool,
-    /// The maximum wait for the sender's next frame, if the two are to be swapped.
+    /// The maximum wait for the sender's next frame; `None` unless this frame is to be swapped.
     pub(super) swaps: Option<Duration>,
     /// Whether the frame is a copy made by a fault.
     pub(super) is_copy: bool,
@@ -116,7 +116,7 @@ impl Struck {
 }
 
 impl Faults {
-    /// Adds a fault. It replaces an expired fault with the same name, or any expired fault when the list is full.
+    /// Adds a fault. Replaces an expired fault with the same name, or the first expired fault if the list is full.
     pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         fault.check()?;
         if fault.name.is_empty() {
@@ -146,7 +146,7 @@ impl Faults {
         Ok(())
     }
 
-    /// Ends a fault by name; returns whether it existed.
+    /// Ends a fault by name; returns whether the fault existed.
     pub(super) fn end(&mut self, name: &str) -> bool {
         let before = self.list.len();
         self.list.retain(|active| *active.fault.name != *name);
@@ -240,7 +240,8 @@ impl Faults {
         events
     }
 
-    /// Applies the first matching fault on the wire to an attempt. Returns the fault event, if any.
+    /// Counts an attempt for the first fault on the wire that affects it. Returns the event of this fault, if any; the
+    /// caller applies the effect.
     pub(super) fn on_wire(
         &mut self,
         sender: &Arc<str>,
@@ -258,7 +259,8 @@ impl Faults {
         })
     }
 
-    /// Returns the frames to insert by `now`, each with its fault event. A fault listed in `busy` skips its frame.
+    /// Returns the frames to insert by `now`, at most one per fault, each with its fault event. Schedules the next
+    /// insertions. A fault listed in `busy` skips its frame.
     pub(super) fn insert(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Frame, Event)> {
         let mut inserted = Vec::new();
         for active in self.list.iter_mut().filter(|active| active.next <= now) {
@@ -283,7 +285,7 @@ impl Active {
         self.left == 0 || self.ends <= now || is_inserted
     }
 
-    /// Decides whether the fault affects a frame; counts an affected frame.
+    /// Decides whether the fault affects a frame, at random if the probability is below 1. Counts an affected frame.
     fn strikes(&mut self, sender: &str, frame: &Frame, now: Instant) -> bool {
         let can = self.begins <= now && !self.is_over(now) && self.fault.frames.passes(sender, frame);
         if !can || self.random.u32(..ALWAYS) >= self.fault.probability {

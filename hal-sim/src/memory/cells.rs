@@ -40,7 +40,7 @@ impl Cells {
         }
     }
 
-    /// Returns mutable cells within one sector.
+    /// Returns the `len` cells from offset `start`, for writing. All of them must be in the same sector.
     pub(super) fn change(&mut self, start: usize, len: usize) -> &mut [u8] {
         let (sector, place) = (&mut self.sectors[start / SECTOR], start % SECTOR);
         if sector.len() < place + len {
