@@ -125,7 +125,7 @@ impl Scenario {
     }
 }
 
-/// Refuses a `never` after which no time passes, because it would check a single instant at most.
+/// Refuses a `never` after which no time passes, because such a `never` would check at most one instant.
 fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
     // The scenario continues until every `never` with a duration has ended.
     if steps.iter().any(|step| step.never.as_ref().is_some_and(|never| never.span.is_some())) {
