@@ -63,7 +63,7 @@ impl Waits {
         });
     }
 
-    /// Completes the waits for a frame that was just sent.
+    /// Completes the waits whose pattern matches a frame that was just sent.
     pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord, completed: &mut Completed) {
         self.0.retain_mut(|Wait { what, ticket, .. }| {
             let Awaited::Frame(pattern, other) = what else { return true };

@@ -109,8 +109,8 @@ impl World {
         client
     }
 
-    /// Takes the named client of a cloned world, with the frames that the original had not yet transferred. The client
-    /// already receives before this call. Returns `None` if the client is unknown or already taken.
+    /// Takes the named client of a cloned world, with the frames that were not yet transferred when the world was
+    /// cloned, and the frames received since then. Returns `None` if the client is unknown or already taken.
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
         let is_it = |connection: &&mut Connection| {
             let is_there = connection.untaken && !connection.queues.lock().client_gone;

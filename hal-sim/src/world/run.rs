@@ -190,7 +190,7 @@ impl World {
         }
     }
 
-    /// Defers the service of a device with a slow cycle to its next cycle. Returns false if the device need not wait.
+    /// Defers the service of a device with a slow cycle to its next cycle. Returns whether the service was deferred.
     fn defer(&mut self, id: NodeId) -> bool {
         let Node { power, electronics, write, .. } = &self.nodes[id.0];
         let cycle = electronics.cycle_from(self.now);
