@@ -79,7 +79,7 @@ impl DelayedFrames {
         self.0.clear();
     }
 
-    /// Drops the frames that pass `which` and wait for a free mailbox: the application considers them sent to a
+    /// Drops the frames that pass `which` and wait for a free mailbox, because the application expects them to be in a
     /// mailbox. Frames that a fault still delays are dropped only by [`Filter::ALL`].
     pub(super) fn abort(&mut self, which: Filter) {
         let is_all = which == Filter::ALL;

@@ -144,7 +144,7 @@ pub struct Masks<T> {
 pub enum FaultEffect {
     /// The named receivers do not receive the frame; an empty list means all receivers.
     Lost(Vec<Arc<str>>),
-    /// The sending controller receives the frame from its application later by this time.
+    /// The handover of the frame to the sending controller is delayed by this time.
     Delayed(Duration),
     /// The frame is sent this many additional times.
     Repeated(u32),

@@ -240,8 +240,8 @@ impl Faults {
         events
     }
 
-    /// Counts an attempt for the first fault on the wire that affects it. Returns the event of this fault, if any; the
-    /// caller applies the effect.
+    /// Counts an attempt for the first fault on the wire that affects the attempt. Returns the event of this fault, if
+    /// any; the caller applies the effect.
     pub(super) fn on_wire(
         &mut self,
         sender: &Arc<str>,

@@ -257,7 +257,7 @@ impl Bus {
         self.injectors.push(Box::new(injector));
     }
 
-    /// Sets the requested disturbance, replacing any earlier one.
+    /// Sets the requested disturbance, replacing any earlier disturbance.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.disturbance = disturbance;
     }
@@ -332,7 +332,7 @@ impl Bus {
         self.faults.inserts(fault)
     }
 
-    /// Drops the queued frames of a client except the one on the wire.
+    /// Drops the queued frames of a client except the frame on the wire.
     pub(crate) fn drop_waiting(&mut self, id: PortId, now: Instant) {
         let is_sending = self.is_sending(id);
         self.ports[id.0].transmit.drop_waiting(is_sending);

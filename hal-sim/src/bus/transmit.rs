@@ -103,7 +103,7 @@ impl Transmit {
         }
     }
 
-    /// Drops the queued frames of a client except the one on the wire.
+    /// Drops the queued frames of a client except the frame on the wire.
     pub(super) fn drop_waiting(&mut self, is_sending: bool) {
         if let Self::Queue(queue) = self {
             queue.truncate(usize::from(is_sending));

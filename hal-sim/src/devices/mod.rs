@@ -134,8 +134,8 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
     Ok(devices)
 }
 
-/// Assigns the next free serial number to each device without one, starting at the default of its kind. Explicit
-/// numbers take precedence.
+/// Assigns the next free serial number, starting at the default of the kind, to each device without a serial number.
+/// Explicit numbers take precedence.
 fn number(devices: &mut [NamedDevice]) {
     let mut taken: Vec<_> =
         devices.iter().filter_map(|device| Some(device.setup.kind.known_by(device.setup.serial?))).collect();

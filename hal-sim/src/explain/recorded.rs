@@ -25,9 +25,9 @@ const ENCODER: u16 = 406;
 /// The strength of the evidence for a sender's kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Evidence {
-    /// The sender sent a PDO that resembles the default TPDO of a valve.
+    /// A PDO of the sender resembles the default TPDO of a valve.
     Likeness,
-    /// The sender responded for an object, or claimed an address with a NAME, that is unique to its kind.
+    /// An object in an SDO response, or a NAME, identifies the kind of the sender.
     Proof,
 }
 

@@ -226,7 +226,7 @@ impl Flash {
         self.noise = fastrand::Rng::with_seed(seed);
     }
 
-    /// Flips a bit by its index; no effect if the index is beyond the end.
+    /// Inverts the bit at an index; no effect beyond the end of the flash.
     pub fn flip_bit(&mut self, bit: usize) {
         if bit / 8 < SIZE {
             self.cells.change(bit / 8, 1)[0] ^= 1 << (bit % 8);

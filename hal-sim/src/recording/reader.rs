@@ -103,10 +103,10 @@ impl Reader {
     }
 
     /// Reads a recording from `source`, whose content determines the format. A text whose first line is neither ASC nor
-    /// candump is read in the format `ending`.
+    /// candump is read as ASC if `ending` is [`Format::Asc`], otherwise as candump.
     ///
     /// # Errors
-    /// If `source` cannot be read or has an unsupported binary format.
+    /// If `source` cannot be read, or its first bytes show an unsupported or damaged format.
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;

@@ -19,7 +19,7 @@ pub struct Outcome {
     /// The virtual time at the end.
     pub(super) end: Instant,
     pub(super) failures: Vec<Failure>,
-    /// The trace of the bus with the notes of the steps; empty if it was not requested.
+    /// The trace of the bus with the notes of the steps; empty if no trace was requested.
     pub(super) trace: String,
 }
 

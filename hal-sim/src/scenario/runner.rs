@@ -111,8 +111,8 @@ enum Goal<'a> {
 }
 
 impl<'a, B: Target> Runner<'a, B> {
-    /// Fails the scenario before it begins if it expects a state that the target cannot read. Returns whether it
-    /// failed.
+    /// Fails the scenario before the first step if a step expects a state that the target cannot read. Returns whether
+    /// the scenario failed.
     fn refuse_states(&mut self) -> bool {
         for step in &self.scenario.steps {
             let expected = step.expect.as_ref().map(|expect| &expect.what);

@@ -178,7 +178,7 @@ impl History {
         }
     }
 
-    /// Records an event and returns it with its report.
+    /// Records a frame or a reported error. Returns the event with its message, if any.
     pub(super) fn keep(&mut self, event: Event, world: &World) -> Happened {
         let error = self.errors.note(&event);
         let device = self.places.get(&event.who).copied();

@@ -39,7 +39,7 @@ pub(super) struct Sender {
 #[derive(Clone, Debug)]
 struct Outgoing {
     frame: Frame,
-    /// The time at which the frame is withdrawn if it is still unsent.
+    /// The time at which the frame is withdrawn if still unsent.
     deadline: Instant,
     /// The command that completes when the frame is sent; `None` for later transmissions of a cyclic frame.
     ticket: Option<Ticket>,
