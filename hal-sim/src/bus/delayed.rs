@@ -10,10 +10,10 @@ use super::transmit::Transmit;
 /// The maximum number of delayed frames of a device or gateway. The application must keep further frames.
 const MAX: usize = 256;
 
-/// The maximum number of delayed copies and frames; further copies are not sent.
+/// The maximum number of delayed frames including copies; further copies are not sent.
 const MAX_COPIES: usize = 4096;
 
-/// The maximum number of answers in a slow application (A); further ones are dropped.
+/// The maximum number of pending answers of a slow application (A); further answers are dropped.
 const MAX_ANSWERS: usize = 32;
 
 /// Delayed frames, in the order in which the application sent them.
@@ -31,7 +31,7 @@ struct Delayed {
     is_next: bool,
     /// Whether the frame is a copy made by a fault.
     is_copy: bool,
-    /// An answer that the slow application itself delays.
+    /// Whether the frame is an answer delayed by the slow application itself.
     is_own: bool,
 }
 
@@ -58,18 +58,18 @@ impl DelayedFrames {
         self.0.is_empty()
     }
 
-    /// Returns whether no further frame can be delayed. The application must keep it.
+    /// Returns whether the maximum number of frames is delayed; copies do not count.
     pub(super) fn is_full(&self) -> bool {
         self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.is_copy).count() >= MAX
     }
 
-    /// Returns whether a slow application has no room for another answer.
+    /// Returns whether the maximum number of answers of a slow application is pending.
     pub(super) fn is_full_of_answers(&self) -> bool {
         self.0.len() >= MAX_ANSWERS && self.0.iter().filter(|delayed| delayed.is_own).count() >= MAX_ANSWERS
     }
 
-    /// Returns whether no delayed frame is still with the application: a slow answer, or a frame that waits for a free
-    /// mailbox. The application knows nothing of frames that a fault delays.
+    /// Returns whether the application has no pending frame here: no slow answer, and no frame that waits for a free
+    /// mailbox. Frames delayed by a fault do not count, because the application considers them sent.
     pub(super) fn is_idle(&self) -> bool {
         self.0.iter().all(|delayed| delayed.is_copy || !(delayed.is_own || delayed.wait == Wait::Room))
     }
@@ -114,7 +114,7 @@ impl DelayedFrames {
         self.0.push(Delayed { frame, wait, is_overtaken, is_next: false, is_copy, is_own });
     }
 
-    /// Lets a frame wait for a free mailbox.
+    /// Queues a frame for a free mailbox.
     pub(super) fn queue(&mut self, frame: &Frame) {
         let room = Wait::Room;
         let frame =

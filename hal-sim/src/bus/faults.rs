@@ -12,9 +12,10 @@ use super::{Event, EventKind};
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     list: Vec<Active>,
-    /// Whether any fault acts between a sending application and its controller, or any device delays its answers.
+    /// Whether frames can be delayed or changed between a sending application and its controller: by a fault, or by a
+    /// slow application.
     pub(super) at_senders: bool,
-    /// Whether any device delays its answers.
+    /// Whether any device delays its answers, or queues frames in front of its controller.
     is_slow: bool,
     /// Whether any fault acts between receiving controllers and their applications.
     pub(super) at_receivers: bool,
@@ -74,7 +75,7 @@ pub(super) struct Handed {
     pub(super) swaps: Option<Duration>,
     /// Whether the frame is a copy made by a fault.
     pub(super) is_copy: bool,
-    /// The slow application itself delays the frame.
+    /// Whether the slow application itself delays the frame.
     pub(super) is_own: bool,
 }
 
@@ -105,7 +106,7 @@ impl Struck {
         Self { frames: vec![Handed::at_once(frame)], events: Vec::new() }
     }
 
-    /// Adds a delay to all frames.
+    /// Adds a delay by the slow application itself to all frames.
     pub(super) fn delayed(mut self, late: Duration) -> Self {
         for handed in &mut self.frames {
             handed.late += late;
@@ -160,7 +161,7 @@ impl Faults {
         self.sort_out();
     }
 
-    /// Sets whether any device delays its answers.
+    /// Sets whether any device delays its answers, or queues frames in front of its controller.
     pub(super) fn slow_down(&mut self, is_slow: bool) {
         self.is_slow = is_slow;
         self.sort_out();
@@ -214,8 +215,8 @@ impl Faults {
         Some(struck).filter(|struck| !struck.events.is_empty())
     }
 
-    /// Applies the faults between the receiving controllers and their applications. Returns one event per applied
-    /// fault.
+    /// Counts a frame for each fault that loses the frame at receivers. Returns one event per such fault; the caller
+    /// withholds the frame from these receivers.
     pub(super) fn at_receivers(
         &mut self,
         sender: &Arc<str>,
@@ -298,7 +299,7 @@ impl Active {
         true
     }
 
-    /// Takes back the count of a frame that the fault has not changed.
+    /// Uncounts a frame that the fault left unchanged.
     fn miss(&mut self) {
         self.struck -= 1;
         if self.is_limited() {
@@ -310,8 +311,8 @@ impl Active {
         self.fault.count.is_some() || matches!(self.fault.kind, FaultKind::Insert { every: None, .. })
     }
 
-    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` if the fault changes
-    /// nothing, or does not act between the sending application and its controller.
+    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` if the frames are
+    /// unchanged, or the fault does not act between the sending application and its controller.
     fn act(&mut self, frames: &mut Vec<Handed>, now: Instant) -> Option<FaultEffect> {
         Some(match &self.fault.kind {
             FaultKind::Corrupt(corruption) => {

@@ -146,8 +146,8 @@ impl Bus {
         taken
     }
 
-    /// Sets the delay of a device's answers, `None` for no delay; and whether its frames queue for a free mailbox instead
-    /// of staying with a device that runs only once per cycle.
+    /// Sets the delay of a device's answers, or `None` for no delay. If `queues`, frames queue for a free mailbox,
+    /// because a device with a slow cycle could offer them again only in its next cycle.
     pub(crate) fn slow_down(&mut self, id: PortId, answers: Option<SlowAnswers>, queues: bool) {
         self.ports[id.0].answers = answers.map(Box::new);
         self.ports[id.0].queues = queues;

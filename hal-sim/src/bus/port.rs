@@ -35,9 +35,10 @@ pub struct Port {
     pub(super) delayed: DelayedFrames,
     /// The delay of the device's answers, if any.
     pub(super) answers: Option<Box<SlowAnswers>>,
-    /// Whether frames without a free mailbox queue in front of the controller.
+    /// Whether frames queue in front of the controller while no mailbox is free.
     pub(super) queues: bool,
-    /// The frames that the controller returned for more urgent ones. Faults have already been applied to them.
+    /// The frames that more urgent frames displaced from the controller. Faults have already been applied to these
+    /// frames.
     pub(super) returned: Vec<Frame>,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// The acceptance filters of a device's controller; `None` accepts all frames.

@@ -80,7 +80,7 @@ impl Scenario {
             return Err(at(0)("no steps; add steps = [{ expect = \"720#00\" }]".to_owned()));
         }
         let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
-        // Refuses steps that cannot be executed before the scenario runs.
+        // The trial run refuses steps that cannot be executed.
         let mut simulation = scenario.simulation(0);
         simulation.send_as(OWN);
         let mut trial = Trial::new(simulation, scenario.devices.clone(), strict);

@@ -24,7 +24,7 @@ pub(super) struct Trial {
     strict: bool,
     /// The identifiers of the active cyclic frames.
     cyclic: Vec<Id>,
-    /// The names of the faults, without the numbers that default names may get.
+    /// The names of all faults so far. A number appended to a default name is not included.
     faults: Vec<String>,
 }
 
@@ -207,7 +207,7 @@ impl Trial {
         let request: FaultRequest = file::table(change)?;
         let command = Command::Fault(request.fault().map_err(|Invalid(reason)| reason)?);
         match self.simulation.execute(command.clone()) {
-            // Earlier faults may have expired by then.
+            // A conflict is accepted, because earlier faults may have expired by the time of this step.
             Ok(_) | Err(Refusal::Conflict(_)) => {}
             Err(refusal) => return Err(refusal.to_string()),
         }
@@ -217,7 +217,7 @@ impl Trial {
         Ok(command)
     }
 
-    /// Checks that a fault to be ended exists, and ends it in the trial simulation.
+    /// Ends a fault in the trial simulation. Refuses a name that no earlier step has given to a fault.
     fn end(&mut self, name: String) -> Result<Command, String> {
         let is_known = self.faults.contains(&name);
         let command = Command::EndFaults(Some(name).filter(|name| name != "all"));

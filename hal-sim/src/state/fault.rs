@@ -406,7 +406,7 @@ impl FaultRequest {
     }
 }
 
-/// Names the key of a refused value.
+/// Prefixes the message about a refused value with its key.
 fn within(key: &'static str) -> impl FnOnce(Invalid) -> Invalid {
     move |Invalid(reason)| Invalid(format!("{key}: {reason}"))
 }

@@ -120,7 +120,7 @@ impl World {
         let Node { port, memory, power, .. } = &mut self.nodes[id.0];
         let Power::On(device) = power else { return };
         let image = memory.read_image();
-        // All of its own frames are sent; those that a fault delays are on their way.
+        // The application has sent all its frames before a restart. Frames delayed by a fault are still sent.
         self.bus.drop_waiting(*port, now);
         device.restart(scope, &image, now);
         let rate = device.bit_rate();

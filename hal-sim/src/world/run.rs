@@ -67,7 +67,7 @@ impl World {
     /// A device stores only after all its frames are sent. Frames still pending after [`FLUSH_PATIENCE`] are dropped.
     pub fn flush_all(&mut self) {
         let now = self.now;
-        // Slow applications do not wait for their cycle.
+        // During the shutdown, slow applications do not wait for their next cycle.
         let cycles: Vec<Duration> =
             self.nodes.iter_mut().map(|node| std::mem::take(&mut node.electronics.electronics.cycle)).collect();
         for id in self.devices() {
