@@ -48,8 +48,8 @@ pub enum LinkError {
     Stops,
 }
 
-/// The number of internal angle units in 1/100 degree: the full stroke in spool steps, times the microseconds of a
-/// second, times 2. The factor 2 avoids the fraction 1/2 of the trapezoid formula.
+/// The number of internal angle units in 1/100 degree: the full stroke in units of [`Valve::opening`], times the
+/// microseconds of a second, times 2. The factor 2 avoids the fraction 1/2 of the trapezoid formula.
 const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
