@@ -36,7 +36,7 @@ pub enum DecodeError {
 }
 
 /// Explains a recording line by line to `out`, and passes a message about each unreadable line to `warn`. Returns
-/// whether every line was readable. Ends without an error if the reader of `out` has closed it.
+/// whether every line was readable. If `out` is a closed pipe, decoding ends early without an error.
 ///
 /// # Errors
 /// [`DecodeError`] if the recording cannot be read or `out` cannot be written.
@@ -52,7 +52,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     let mut all_read = true;
     let mut line = String::new();
     loop {
-        // A reader may wait for the explanation of the recording so far.
+        // Flushes before a read that may block, so that all explanations so far are visible.
         if reader.may_wait() && !is_read(out.flush())? {
             return Ok(all_read);
         }
@@ -92,7 +92,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     Ok(all_read)
 }
 
-/// Returns whether `out` still has a reader.
+/// Returns whether `out` still has a reader; passes on all other write errors.
 fn is_read(written: io::Result<()>) -> Result<bool, DecodeError> {
     match written {
         Ok(()) => Ok(true),

@@ -4,8 +4,7 @@
 //!
 //! [`bus`] and [`memory`] form the lowest layer, the simulated hardware: CAN controllers on one bus, and a flash with
 //! its record store. [`world`] runs devices on this hardware event by event, each with its controller and its plant.
-//! [`devices`] configures the devices. [`log`] and [`explain`] observe a bus: the first records its frames, the second
-//! explains them.
+//! [`devices`] configures the devices. [`log`] records the frames on a bus, and [`explain`] explains them.
 //!
 //! ```text
 //! world/    devices, bus and plant in virtual time, event by event
@@ -59,7 +58,6 @@
 //! [`World::set_plant`] sets faults of the valve, [`World::fault`] faults of the communication. [`World::disturb`] and
 //! [`World::force_bus_off`] disturb the bus, [`World::power`] switches the supply, and [`World::link`] mounts an angle
 //! sensor on the boom that the valve moves.
-//! the valve moves.
 #![forbid(unsafe_code)]
 
 pub mod bus;

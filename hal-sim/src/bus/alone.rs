@@ -1,4 +1,4 @@
-//! A CAN controller without a bus: its owner takes the frames from the mailboxes.
+//! A CAN controller without a bus. The caller takes the frames from the mailboxes.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use protocol_core::frame::Frame;
 use super::port::Port;
 
 impl Port {
-    /// Creates a device controller without a bus. Its mailboxes are empty and it receives nothing.
+    /// Creates a device controller without a bus. The mailboxes start empty; no frames are received.
     #[must_use]
     pub fn alone(name: &str, rate: BitRate) -> Self {
         Self::of_device(Arc::from(name), rate)

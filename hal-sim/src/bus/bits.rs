@@ -3,7 +3,7 @@
 use crc::{CRC_15_CAN, Crc, Table};
 use protocol_core::frame::{Frame, Id};
 
-/// A 16-byte-wide lookup table, which computes the CRC of a whole frame in one step.
+/// The CRC of CAN, with a lookup table that processes a whole frame (up to 16 bytes) in one step.
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_15_CAN);
 const CRC_BITS: u32 = 15;
 
@@ -27,7 +27,7 @@ const STUFF_AFTER: u8 = 5;
 /// A frame from start of frame to the end of the CRC sequence, before stuffing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBits {
-    /// The frame in the lowest `len` bits, the first bit on the wire highest. A 0 bit is dominant.
+    /// The frame in the lowest `len` bits. The first bit on the wire is the most significant bit; 0 is dominant.
     pub(super) value: u128,
     pub(super) len: u32,
 }
@@ -89,8 +89,7 @@ impl FrameBits {
 
     /// Returns the number of stuff bits among the first `len` bits.
     pub(super) fn stuff_bits(self, len: u32) -> u32 {
-        // The table is indexed by whole bytes. Alternating bits that end recessive pad the first byte before the start
-        // of frame.
+        // The table is indexed by whole bytes, so alternating bits pad the first byte before the start of frame.
         let bits = ALTERNATING << len | self.value >> (self.len - len);
         let unused = (u128::BITS - len) as usize / 8;
         let (mut state, mut sum) = (0, 0_u16);
@@ -104,12 +103,13 @@ impl FrameBits {
     }
 }
 
-/// Alternating dominant and recessive bits that end recessive: padding without a run of equal bits.
+/// Padding before the start of frame: alternating bits that end recessive, so that the padding adds no stuff bits.
 const ALTERNATING: u128 = 0x5555_5555_5555_5555_5555_5555_5555_5555;
 
 /// The number of states in the table: the states of [`run`], rounded up to a power of two.
 const STATES: usize = 16;
-/// The mask of the next state in a table entry. The state is shifted so that it can index the next look-up.
+/// The mask of the next state in a table entry. The state is in the high byte, so that the next table index is the
+/// state combined with the next byte.
 const STATE: u16 = (STATES as u16 - 1) << 8;
 /// The mask of the number of stuff bits in a table entry.
 const COUNT: u16 = 0xFF;
@@ -158,7 +158,6 @@ const fn step(state: u8, byte: u8) -> u16 {
 pub struct Difference {
     /// The bit position on the wire, including stuff bits, counted from 0 at the start of frame.
     pub bit: u32,
-    /// Whether the frame that [`FrameBits::first_difference`] was called on is dominant at this bit, and the other
-    /// recessive.
+    /// `true` if `self` of [`FrameBits::first_difference`] is dominant at this bit and `other` is recessive.
     pub dominant: bool,
 }

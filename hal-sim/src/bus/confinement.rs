@@ -6,7 +6,7 @@ use protocol_core::controller::BusErrorMode;
 const PASSIVE_FROM: u16 = 128;
 /// The transmit error counter value from which the controller is bus-off.
 const BUS_OFF_FROM: u16 = 256;
-/// The value that a receive error counter above 127 takes after a successful reception; the standard allows 119 to 127.
+/// The new value of a receive error counter above 127 after a successful reception. The standard allows 119 to 127.
 const RECEIVED_WHILE_PASSIVE: u16 = 119;
 /// The upper limit of the receive error counter: higher values would not change the mode.
 const RECEIVE_LIMIT: u16 = 255;
@@ -61,7 +61,7 @@ impl Confinement {
         self.settle();
     }
 
-    /// Raises the transmit error counter after a missing acknowledgement, but only if the controller is error-active: a
+    /// Raises the transmit error counter after a missing acknowledgement, unless the controller is error-passive: a
     /// lone node never goes bus-off.
     pub(super) fn no_acknowledgement(&mut self) {
         if self.mode == BusErrorMode::ErrorActive {
@@ -69,8 +69,8 @@ impl Confinement {
         }
     }
 
-    /// Raises the receive error counter after an error in another controller's frame. If `first`, this controller sent
-    /// the first error flag: it detects dominant bits after its own flag.
+    /// Raises the receive error counter after an error in another controller's frame: by 1, or by 9 if this controller
+    /// sent the `first` error flag, because it then detects a dominant bit after its own flag.
     pub(super) const fn receive_error(&mut self, first: bool) {
         let raised = self.receive + if first { 1 + 8 } else { 1 };
         self.receive = if raised < RECEIVE_LIMIT { raised } else { RECEIVE_LIMIT };

@@ -1,4 +1,4 @@
-//! The ports with pending frames, in arbitration order; the last entry wins.
+//! The ports with pending frames. The ports that may send are sorted in arbitration order; the last entry wins.
 
 use super::PortId;
 
@@ -15,7 +15,7 @@ pub(super) enum Contends {
     Ready(u32),
 }
 
-/// The arbitration rank of a port: the arbitration key, then the port number.
+/// The rank of a port in the arbitration: the arbitration key, then the port number. The lowest rank wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Rank(u64);
 
@@ -36,7 +36,7 @@ impl Rank {
 /// The ports with pending frames.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contenders {
-    /// The ports that may send, most urgent last. Among equal keys, the lowest port number is last.
+    /// The ports that may send, in descending order of rank: the last entry wins.
     ready: Vec<Rank>,
     /// The ports that may not send yet, unordered.
     waiting: Vec<PortId>,
@@ -82,7 +82,7 @@ impl Contenders {
         }
     }
 
-    /// Moves the waiting ports for which `key` returns an arbitration key to the ready ports.
+    /// Moves each waiting port for which `key` returns an arbitration key to the ready ports.
     pub(super) fn promote(&mut self, mut key: impl FnMut(PortId) -> Option<u32>) {
         let mut place = 0;
         while let Some(id) = self.waiting.get(place).copied() {
@@ -96,7 +96,7 @@ impl Contenders {
         }
     }
 
-    /// Adds the ports that win the arbitration to `into`: usually one, or several with equal keys.
+    /// Appends the ports that win the arbitration to `into`: usually one port, or several with equal keys.
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
         let Some((first, others)) = self.ready.split_last() else { return };
         into.push(first.id());
@@ -108,7 +108,7 @@ impl Contenders {
         }
     }
 
-    /// Returns the index of a port in `ready`, or its insertion point.
+    /// Returns the index of `rank` in `ready`, or the index at which to insert `rank`.
     fn place_of(&self, rank: Rank) -> usize {
         self.ready.partition_point(|other| *other > rank)
     }

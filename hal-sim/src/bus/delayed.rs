@@ -7,13 +7,13 @@ use protocol_core::time::{Instant, NEVER, after};
 use super::faults::Handed;
 use super::transmit::Transmit;
 
-/// The maximum number of delayed frames of a device or gateway. Its application keeps further frames.
+/// The maximum number of delayed frames of a device or gateway. The application must keep further frames.
 const MAX: usize = 256;
 
-/// The maximum number of delayed copies and frames; further copies are not sent.
+/// The maximum number of delayed frames including copies; further copies are not sent.
 const MAX_COPIES: usize = 4096;
 
-/// The maximum number of answers in a slow application (A); further ones are dropped.
+/// The maximum number of pending answers of a slow application (A); further answers are dropped.
 const MAX_ANSWERS: usize = 32;
 
 /// Delayed frames, in the order in which the application sent them.
@@ -27,11 +27,11 @@ struct Delayed {
     wait: Wait,
     /// Whether later frames with the same identifier may overtake this frame.
     is_overtaken: bool,
-    /// Whether a swapped frame must wait until this frame is sent.
+    /// Whether this frame must be sent before the frame with which it was swapped.
     is_next: bool,
     /// Whether the frame is a copy made by a fault.
     is_copy: bool,
-    /// An answer that the slow application itself delays.
+    /// Whether the frame is an answer delayed by the slow application itself.
     is_own: bool,
 }
 
@@ -42,7 +42,7 @@ enum Wait {
     Until(Instant),
     /// A free mailbox in the controller.
     Room,
-    /// The sender's next frame, but no longer than until a point in time.
+    /// The sender's next frame, but at the latest this time.
     Next(Instant),
     /// The transmission of the frame with which this frame was swapped.
     Sent,
@@ -58,18 +58,18 @@ impl DelayedFrames {
         self.0.is_empty()
     }
 
-    /// Returns whether no further frame can be delayed. The application must keep it.
+    /// Returns whether the maximum number of frames is delayed; copies do not count.
     pub(super) fn is_full(&self) -> bool {
         self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.is_copy).count() >= MAX
     }
 
-    /// Returns whether a slow application has no room for another answer.
+    /// Returns whether the maximum number of answers of a slow application is pending.
     pub(super) fn is_full_of_answers(&self) -> bool {
         self.0.len() >= MAX_ANSWERS && self.0.iter().filter(|delayed| delayed.is_own).count() >= MAX_ANSWERS
     }
 
-    /// Returns whether no delayed frame is still with the application: a slow answer, or a frame that waits for a free
-    /// mailbox. The application knows nothing of frames that a fault delays.
+    /// Returns whether the application has no pending frame here: no slow answer, and no frame that waits for a free
+    /// mailbox. Frames delayed by a fault do not count, because the application considers them sent.
     pub(super) fn is_idle(&self) -> bool {
         self.0.iter().all(|delayed| delayed.is_copy || !(delayed.is_own || delayed.wait == Wait::Room))
     }
@@ -85,8 +85,8 @@ impl DelayedFrames {
         self.0.clear();
     }
 
-    /// Drops the frames with these identifiers that wait for a free mailbox, as if they were in one. Frames that a
-    /// fault still delays are kept, unless `which` is [`Filter::ALL`].
+    /// Drops the frames that pass `which` and wait for a free mailbox, because the application expects them to be in a
+    /// mailbox. Frames that a fault still delays are dropped only by [`Filter::ALL`].
     pub(super) fn abort(&mut self, which: Filter) {
         let is_all = which == Filter::ALL;
         self.0.retain(|delayed| !which.passes(&delayed.frame) || !(is_all || delayed.wait == Wait::Room));
@@ -101,8 +101,8 @@ impl DelayedFrames {
         })
     }
 
-    /// Delays a frame. It is handed over no earlier than delayed frames with the same identifier, unless those may be
-    /// overtaken.
+    /// Delays a frame. The handover is not earlier than that of delayed frames with the same identifier, unless those
+    /// frames may be overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
         let Handed { frame, late, is_overtaken, is_copy, is_own, swaps } = handed;
         if is_copy && self.0.len() >= MAX_COPIES {
@@ -120,7 +120,7 @@ impl DelayedFrames {
         self.0.push(Delayed { frame, wait, is_overtaken, is_next: false, is_copy, is_own });
     }
 
-    /// Lets a frame wait for a free mailbox.
+    /// Queues a frame for a free mailbox.
     pub(super) fn queue(&mut self, frame: &Frame) {
         let room = Wait::Room;
         let frame =
@@ -133,8 +133,8 @@ impl DelayedFrames {
         self.0.iter().position(|delayed| matches!(delayed.wait, Wait::Next(_)))
     }
 
-    /// Moves the frame at index `swapped` behind the sender's next frame. `next` is the index of that frame if it is
-    /// delayed, otherwise the number of delayed frames.
+    /// Places the frame at index `swapped` after the sender's next frame. `next` is the index of the next frame if a
+    /// fault delays it, otherwise the number of delayed frames.
     pub(super) fn follow(&mut self, swapped: usize, next: usize) {
         if let Some(next) = self.0.get_mut(next) {
             next.is_next = true;
@@ -143,7 +143,8 @@ impl DelayedFrames {
         self.0.insert(next.min(self.0.len()), swapped);
     }
 
-    /// Hands the due frames to the controller, as far as it accepts them. Returns whether it accepted any.
+    /// Hands the due frames to the controller; a refused frame waits for a free mailbox. Returns whether any frame was
+    /// accepted.
     pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get(place).copied() {
@@ -181,7 +182,8 @@ impl DelayedFrames {
         has_released
     }
 
-    /// Returns the time of the next handover; frames that wait for a free mailbox are not considered.
+    /// Returns the time of the next handover. Frames that wait for a free mailbox or behind a swapped frame are not
+    /// considered.
     pub(super) fn next_due(&self) -> Instant {
         let dues =
             self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent).filter_map(|delayed| match delayed.wait {

@@ -3,9 +3,9 @@
 /// An error that destroys a frame (ISO 11898-1, error types).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusError {
-    /// The sender read back a bit that differs from the bit it sent.
+    /// The sender read back a bit that differs from the sent bit.
     Bit,
-    /// A listener detected a violation of the stuffing rule, because the sender was cut off or has another bit rate.
+    /// A listener detected a violation of the stuffing rule, because the sender was cut off or uses another bit rate.
     Stuff,
     /// No controller acknowledged the frame.
     Acknowledgement,

@@ -2,7 +2,7 @@
 //!
 //! The bus simulates the wire and reports the events that a controller would detect. The external controller owns the
 //! mailboxes, the filters, the error counters that software reads, and the decision to recover from bus-off. It offers
-//! one frame at a time, the most urgent one, and offers again after each event.
+//! only its most urgent frame to the bus, and renews the offer after each event.
 
 use std::collections::vec_deque::Drain;
 use std::sync::Arc;
@@ -55,7 +55,8 @@ impl Bus {
         }
     }
 
-    /// Sets the frame that a controller sends next. No effect while its previous frame is on the wire.
+    /// Sets the frame that a controller offers for the next arbitration. No effect while a frame of the controller is
+    /// on the wire. A listen-only controller offers no frame.
     pub fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();
@@ -63,7 +64,7 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Starts the recovery of a bus-off controller: it counts sequences of 11 recessive bits from now.
+    /// Starts the recovery of a bus-off controller, which counts sequences of 11 recessive bits from now on.
     pub fn start_recovery(&mut self, id: PortId, now: Instant) {
         let port = &self.ports[id.0];
         if port.mode() == BusErrorMode::BusOff && port.recovery.is_none() {

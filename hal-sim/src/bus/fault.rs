@@ -77,10 +77,10 @@ pub enum FaultKind {
     Repeat {
         /// The number of copies, from 1 to [`MAX_REPEATS`].
         times: u32,
-        /// The time between two copies.
+        /// The time from the frame to the first copy, and from one copy to the next.
         after: Duration,
     },
-    /// The frame is swapped with the sender's next frame and follows it immediately, even if that frame is delayed.
+    /// The frame is sent immediately after the sender's next frame, even if a fault delays the next frame.
     Swap {
         /// The maximum wait for the next frame; after this time, the frame is sent without a swap.
         within: Duration,
@@ -111,7 +111,8 @@ pub enum Delay {
     Constant(Duration),
     /// A uniformly distributed delay between two inclusive bounds.
     Uniform(Duration, Duration),
-    /// A delay to the next multiple of this period since the start of the fault, so that frames arrive in bursts.
+    /// A delay to the next multiple of this period, so that frames arrive in bursts. The periods begin at the start of
+    /// the fault.
     Burst(Duration),
 }
 
@@ -143,7 +144,7 @@ pub struct Masks<T> {
 pub enum FaultEffect {
     /// The named receivers do not receive the frame; an empty list means all receivers.
     Lost(Vec<Arc<str>>),
-    /// The frame reaches the sending controller later by this time.
+    /// The handover of the frame to the sending controller is delayed by this time.
     Delayed(Duration),
     /// The frame is sent this many additional times.
     Repeated(u32),
@@ -177,7 +178,7 @@ pub enum FaultError {
         /// The names on the bus.
         known: String,
     },
-    /// A parameter is out of range or contradicts another one.
+    /// A parameter is out of range or contradicts another parameter.
     #[error("{0}")]
     Invalid(&'static str),
 }
@@ -201,7 +202,7 @@ impl Fault {
     /// Validates the parameters of the fault.
     ///
     /// # Errors
-    /// [`FaultError::Invalid`] if a parameter is out of range or contradicts another one.
+    /// [`FaultError::Invalid`] if a parameter is out of range or contradicts another parameter.
     pub fn check(&self) -> Result<(), FaultError> {
         let refuse = |reason| Err(FaultError::Invalid(reason));
         if self.probability > ALWAYS {

@@ -8,13 +8,13 @@ use protocol_core::time::Duration;
 
 use super::fault::{ALWAYS, Corruption, Delay, Fault, FaultEffect, FaultKind, FrameFilter, Masks};
 
-/// A time in milliseconds, with decimals only where they are needed.
+/// A time, written in milliseconds, with three decimals unless it is a whole number.
 struct Ms(Duration);
 
 /// Names, separated by commas.
 struct Names<'a>(&'a [Arc<str>]);
 
-/// Bytes in hex.
+/// Bytes, written in hex without the trailing zero bytes.
 struct Hex<'a>(&'a [u8]);
 
 impl Display for Ms {
@@ -41,7 +41,7 @@ impl Display for Hex<'_> {
 }
 
 impl Fault {
-    /// Returns a name made of the kind and the identifier: `lose-220`.
+    /// Returns a name made of the kind and the identifier, if any: `lose-220`.
     #[must_use]
     pub fn default_name(&self) -> String {
         let id = match &self.kind {

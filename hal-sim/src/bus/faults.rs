@@ -8,13 +8,14 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use super::fault::{ALWAYS, Delay, Fault, FaultEffect, FaultError, FaultKind, MAX_FAULTS};
 use super::{Event, EventKind};
 
-/// The faults of a bus, in the order in which they were added. Each fault acts on the result of the previous ones.
+/// The faults of a bus, in the order in which they were added. Each fault acts on the result of the previous faults.
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     list: Vec<Active>,
-    /// Whether any fault or any delay of answers acts between sending applications and their controllers.
+    /// Whether frames can be delayed or changed between a sending application and its controller: by a fault, or by a
+    /// slow application.
     pub(super) at_senders: bool,
-    /// Whether any device delays its answers.
+    /// Whether any device delays its answers, or queues frames in front of its controller.
     is_slow: bool,
     /// Whether any fault acts between receiving controllers and their applications.
     pub(super) at_receivers: bool,
@@ -43,7 +44,7 @@ struct Active {
     fault: Fault,
     begins: Instant,
     ends: Instant,
-    /// The number of frames that the fault can still affect.
+    /// The number of frames that the fault can still affect; `u32::MAX` is unlimited.
     left: u32,
     struck: u64,
     random: fastrand::Rng,
@@ -58,7 +59,7 @@ pub struct FaultState {
     pub fault: Fault,
     /// The number of affected frames.
     pub struck: u64,
-    /// Whether the fault will affect no further frames: its duration or its count is exhausted.
+    /// Whether the fault will affect no further frames, because its duration has elapsed or its count is used up.
     pub is_over: bool,
 }
 
@@ -70,11 +71,11 @@ pub(super) struct Handed {
     pub(super) late: Duration,
     /// Whether later frames with the same identifier may overtake this frame.
     pub(super) is_overtaken: bool,
-    /// The maximum wait for the sender's next frame, if the two are to be swapped.
+    /// The maximum wait for the sender's next frame; `None` unless this frame is to be swapped.
     pub(super) swaps: Option<Duration>,
     /// Whether the frame is a copy made by a fault.
     pub(super) is_copy: bool,
-    /// The slow application itself delays the frame.
+    /// Whether the slow application itself delays the frame.
     pub(super) is_own: bool,
 }
 
@@ -105,7 +106,7 @@ impl Struck {
         Self { frames: vec![Handed::at_once(frame)], events: Vec::new() }
     }
 
-    /// Adds a delay to all frames.
+    /// Adds a delay by the slow application itself to all frames.
     pub(super) fn delayed(mut self, late: Duration) -> Self {
         for handed in &mut self.frames {
             handed.late += late;
@@ -116,7 +117,7 @@ impl Struck {
 }
 
 impl Faults {
-    /// Adds a fault. It replaces an expired fault with the same name, or any expired fault when the list is full.
+    /// Adds a fault. Replaces an expired fault with the same name, or the first expired fault if the list is full.
     pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         fault.check()?;
         if fault.name.is_empty() {
@@ -146,7 +147,7 @@ impl Faults {
         Ok(())
     }
 
-    /// Ends a fault by name; returns whether it existed.
+    /// Ends a fault by name; returns whether the fault existed.
     pub(super) fn end(&mut self, name: &str) -> bool {
         let before = self.list.len();
         self.list.retain(|active| *active.fault.name != *name);
@@ -160,7 +161,7 @@ impl Faults {
         self.sort_out();
     }
 
-    /// Sets whether any device delays its answers.
+    /// Sets whether any device delays its answers, or queues frames in front of its controller.
     pub(super) fn slow_down(&mut self, is_slow: bool) {
         self.is_slow = is_slow;
         self.sort_out();
@@ -214,8 +215,8 @@ impl Faults {
         Some(struck).filter(|struck| !struck.events.is_empty())
     }
 
-    /// Applies the faults between the receiving controllers and their applications. Returns one event per applied
-    /// fault.
+    /// Counts a frame for each fault that loses the frame at receivers. Returns one event per such fault; the caller
+    /// withholds the frame from these receivers.
     pub(super) fn at_receivers(
         &mut self,
         sender: &Arc<str>,
@@ -240,7 +241,8 @@ impl Faults {
         events
     }
 
-    /// Applies the first matching fault on the wire to an attempt. Returns the fault event, if any.
+    /// Counts an attempt for the first fault on the wire that affects the attempt. Returns the event of this fault, if
+    /// any; the caller applies the effect.
     pub(super) fn on_wire(
         &mut self,
         sender: &Arc<str>,
@@ -258,7 +260,8 @@ impl Faults {
         })
     }
 
-    /// Returns the frames to insert by `now`, each with its fault event. A fault listed in `busy` skips its frame.
+    /// Returns the frames to insert by `now`, at most one per fault, each with its fault event. Schedules the next
+    /// insertions. A fault listed in `busy` skips its frame.
     pub(super) fn insert(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Frame, Event)> {
         let mut inserted = Vec::new();
         for active in self.list.iter_mut().filter(|active| active.next <= now) {
@@ -283,7 +286,7 @@ impl Active {
         self.left == 0 || self.ends <= now || is_inserted
     }
 
-    /// Decides whether the fault affects a frame; counts an affected frame.
+    /// Decides whether the fault affects a frame, at random if the probability is below 1. Counts an affected frame.
     fn strikes(&mut self, sender: &str, frame: &Frame, now: Instant) -> bool {
         let can = self.begins <= now && !self.is_over(now) && self.fault.frames.passes(sender, frame);
         if !can || self.random.u32(..ALWAYS) >= self.fault.probability {
@@ -296,7 +299,7 @@ impl Active {
         true
     }
 
-    /// Takes back the count of a frame that the fault has not changed.
+    /// Uncounts a frame that the fault left unchanged.
     fn miss(&mut self) {
         self.struck -= 1;
         if self.is_limited() {
@@ -308,8 +311,8 @@ impl Active {
         self.fault.count.is_some() || matches!(self.fault.kind, FaultKind::Insert { every: None, .. })
     }
 
-    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` if the fault changes
-    /// nothing, or does not act between the sending application and its controller.
+    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` if the frames are
+    /// unchanged, or the fault does not act between the sending application and its controller.
     fn act(&mut self, frames: &mut Vec<Handed>, now: Instant) -> Option<FaultEffect> {
         Some(match &self.fault.kind {
             FaultKind::Corrupt(corruption) => {

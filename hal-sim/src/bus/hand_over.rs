@@ -1,4 +1,4 @@
-//! The handover of frames from an application to its CAN controller, with the faults that act between them.
+//! The handover of frames from an application to its CAN controller, including the faults that act on this path.
 
 use std::convert::Infallible;
 
@@ -12,7 +12,7 @@ use super::port::{Port, SlowAnswers};
 use super::transmit::Transmit;
 use super::{Bus, PortId};
 
-/// A device's view of its CAN controller, behind the communication faults.
+/// A device's view of its CAN controller. Communication faults act on the frames that the device sends.
 pub struct DeviceCan<'a> {
     bus: &'a mut Bus,
     id: PortId,
@@ -61,8 +61,8 @@ impl Controller for DeviceCan<'_> {
 }
 
 impl Bus {
-    /// Queues a frame of the application for transmission. Returns a less urgent frame if it displaces one. The caller
-    /// must call [`refresh`](Self::refresh) afterwards.
+    /// Queues a frame of the application for transmission. Returns the less urgent frame that it displaces, if any. The
+    /// caller must call [`refresh`](Self::refresh) afterwards.
     ///
     /// # Errors
     /// `WouldBlock` if the controller cannot accept the frame now.
@@ -146,15 +146,15 @@ impl Bus {
         taken
     }
 
-    /// Sets the delay of a device's answers, `None` for no delay; and whether its frames queue for a free mailbox instead
-    /// of staying with a device that runs only once per cycle.
+    /// Sets the delay of a device's answers, or `None` for no delay. If `queues`, frames queue for a free mailbox,
+    /// because a device with a slow cycle could offer them again only in its next cycle.
     pub(crate) fn slow_down(&mut self, id: PortId, answers: Option<SlowAnswers>, queues: bool) {
         self.ports[id.0].answers = answers.map(Box::new);
         self.ports[id.0].queues = queues;
         self.faults.slow_down(self.ports.iter().any(|port| port.answers.is_some() || port.queues));
     }
 
-    /// Hands the due frames of a port to its controller, as far as the controller accepts them.
+    /// Hands the due frames of a port to its controller, and updates the list of ports with delayed frames.
     pub(super) fn release(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         port.used |= port.delayed.release(&mut port.transmit, now);

@@ -36,7 +36,7 @@ pub struct BitErrors {
 }
 
 impl BitErrors {
-    /// Creates an injector that flips one bit in `one_in` on average; `None` for zero.
+    /// Creates an injector that inverts one of `one_in` bits on average; `None` if `one_in` is 0.
     #[must_use]
     pub fn one_in(one_in: u64, seed: u64) -> Option<Self> {
         Some(Self { threshold: u64::MAX.checked_div(one_in)?, random: fastrand::Rng::with_seed(seed) })

@@ -1,4 +1,4 @@
-//! The listeners at one bit rate, indexed by filter: a frame costs only the ports whose filters accept it.
+//! The listeners at one bit rate, indexed by filter, so that only the ports whose filters accept a frame are visited.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -14,11 +14,11 @@ pub(super) struct Group {
     pub(super) rate: BitRate,
     /// The members, sorted by port number.
     pub(super) members: Vec<PortId>,
-    /// The number of members that acknowledge: all except silent ones.
+    /// The number of members that acknowledge: all except those in listen-only mode.
     pub(super) audible: usize,
-    /// The number of error-active members that are not silent: their error flags destroy a frame.
+    /// The number of error-active members that are not in listen-only mode. Their error flags destroy a frame.
     pub(super) active: usize,
-    /// The members with a receive error counter above 0. A received frame changes only their counters.
+    /// The members with a receive error counter above 0: a successful reception changes no other counters.
     pub(super) counting: Vec<PortId>,
     /// The members that receive every frame, because they have no filters.
     open: Vec<PortId>,

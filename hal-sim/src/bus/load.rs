@@ -2,7 +2,7 @@
 
 use super::clock::Nanos;
 
-/// The number of parts of a second.
+/// The number of equal parts into which a second is divided.
 const PARTS: usize = 100;
 const SECOND: Nanos = 1_000_000_000;
 const PART: Nanos = SECOND / PARTS as Nanos;

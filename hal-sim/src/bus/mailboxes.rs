@@ -21,7 +21,7 @@ struct Mailbox {
     frame: Frame,
     /// Whether the frame is on the wire and cannot be displaced.
     on_wire: bool,
-    /// Whether the frame is dropped if its attempt fails.
+    /// Whether the frame was aborted on the wire and is dropped if this attempt fails.
     aborted: bool,
 }
 
@@ -59,7 +59,7 @@ impl Mailboxes {
         }
     }
 
-    /// Ends the attempt on the wire: removes the frame after success, keeps it for a retry after failure.
+    /// Ends the attempt on the wire. Removes the frame if it was sent or aborted, otherwise keeps it for a retry.
     pub(super) fn sent(&mut self, success: bool) {
         self.waiting.retain_mut(|mailbox| {
             let done = std::mem::take(&mut mailbox.on_wire) && (success || mailbox.aborted);
@@ -67,7 +67,7 @@ impl Mailboxes {
         });
     }
 
-    /// Drops the pending frames with these identifiers. A frame on the wire is not retransmitted if it fails.
+    /// Drops the pending frames that pass `which`. A frame on the wire is not retransmitted if it fails.
     pub(super) fn abort(&mut self, which: Filter) {
         self.waiting.retain_mut(|mailbox| {
             let meant = which.passes(&mailbox.frame);

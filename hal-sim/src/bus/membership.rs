@@ -86,8 +86,8 @@ impl Bus {
         }
     }
 
-    /// Counts a transmit error of an error-passive port that lost a bit, and restarts its bus integration. Its passive
-    /// error flag does not stop the winning frame and cannot end before that frame.
+    /// Handles an error-passive port that lost a bit to another sender: counts a transmit error and restarts bus
+    /// integration. The passive error flag does not stop the winning frame and cannot end before that frame.
     pub(super) fn fall_out_of_step(&mut self, id: PortId, at: Instant) {
         self.change(id, at, Confinement::transmit_error);
         let port = &mut self.ports[id.0];
@@ -127,7 +127,7 @@ impl Bus {
         }
         if to == BusErrorMode::BusOff {
             port.ready_at = Nanos::MAX;
-            // An external controller starts its recovery itself.
+            // The software of an external controller starts the recovery.
             let recovers = port.external.is_none() && !port.held;
             self.leave(id);
             self.refresh(id, at);

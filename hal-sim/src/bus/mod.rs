@@ -1,12 +1,13 @@
 //! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and fault confinement.
 //!
-//! One frame or error frame is on the wire at a time. `transmission` computes its outcome and its end when it starts;
-//! `outcome` applies them to the ports at the end. A frame costs only the ports that it affects: contenders are sorted
-//! in arbitration order (`contenders`), listeners are indexed by bit rate and filter (`listeners`), and only error
-//! counters that can change are visited.
+//! One frame or error frame is on the wire at a time. When a frame starts, `transmission` computes the outcome and the
+//! end time. At that time, `outcome` applies the outcome to the ports. Only affected ports are visited: contenders are
+//! sorted in arbitration order (`contenders`), listeners are indexed by bit rate and filter (`listeners`), and only
+//! error counters that can change are updated.
 //!
-//! A port becomes a member of its bit rate's group when it completes bus integration. It remains a member until it
-//! disconnects, loses a bit while error-passive, or goes bus-off (`membership`). Only members receive and acknowledge.
+//! When a port completes bus integration, it becomes a member of the group of its bit rate. It remains a member until
+//! it disconnects, changes its bit rate, loses a bit while error-passive, or goes bus-off (`membership`). Only members
+//! receive and acknowledge.
 //!
 //! Simplifications: a failed attempt ends at the bit of the first error, and all controllers see the error frame
 //! simultaneously. Oscillator tolerance, resynchronisation and overload frames are not simulated.
@@ -78,7 +79,7 @@ use listeners::Group;
 use load::Load;
 use transmission::Transmission;
 
-/// The end of the name of a gateway's second controller, which only acknowledges.
+/// The suffix of the name of a gateway's second controller, which only acknowledges.
 pub(crate) const LISTENING: &str = ", listening";
 
 /// The number of a port on the bus.
@@ -114,7 +115,7 @@ pub struct Bus {
     faults: Faults,
     /// The ports with frames delayed between application and controller.
     delaying: Vec<PortId>,
-    /// A lower bound of the next time at which a delayed frame or an insertion is due.
+    /// The earliest time at which a delayed frame or an insertion may be due.
     fault_due: Instant,
     load: Load,
     journal: Journal,
@@ -175,7 +176,7 @@ impl Bus {
         &self.ports[id.0]
     }
 
-    /// Returns a port for its device's pump. The caller calls [`refresh`](Self::refresh) afterwards.
+    /// Returns a port for its device. The caller must call [`refresh`](Self::refresh) afterwards.
     pub(crate) fn port_mut(&mut self, id: PortId) -> &mut Port {
         &mut self.ports[id.0]
     }
@@ -248,7 +249,8 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Forces a port bus-off if `on`, like an overflow of its transmit error counter; otherwise starts its recovery.
+    /// Forces a port bus-off if `on`, like an overflow of its transmit error counter. Otherwise starts the recovery of
+    /// a bus-off port.
     pub fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
         self.ports[id.0].held = on;
         if on {
@@ -265,7 +267,7 @@ impl Bus {
         self.injectors.push(Box::new(injector));
     }
 
-    /// Sets the requested disturbance, replacing any earlier one.
+    /// Sets the requested disturbance, replacing any earlier disturbance.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.disturbance = disturbance;
     }
@@ -300,7 +302,7 @@ impl Bus {
         Ok(())
     }
 
-    /// Ends a fault; returns whether it existed. Frames that it delays are still sent when they are due.
+    /// Ends a fault; returns whether the fault existed. Frames already delayed by the fault are still sent when due.
     pub fn end_fault(&mut self, name: &str) -> bool {
         let has_ended = self.faults.end(name);
         self.schedule_faults();
@@ -324,7 +326,7 @@ impl Bus {
     }
 
     /// Hands over the delayed frames that are due by `now`. Returns the due frames to insert, each with the name of its
-    /// fault. A fault listed in `busy` skips its frame, because its previous one is still pending.
+    /// fault. A fault listed in `busy` skips its frame, because its previous frame is still pending.
     #[cold]
     pub(crate) fn serve_faults(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Arc<str>, Frame)> {
         self.release_due(now);
@@ -340,7 +342,7 @@ impl Bus {
         self.faults.inserts(fault)
     }
 
-    /// Drops the queued frames of a client except the one on the wire.
+    /// Drops the queued frames of a client except the frame on the wire.
     pub(crate) fn drop_waiting(&mut self, id: PortId, now: Instant) {
         let is_sending = self.is_sending(id);
         self.ports[id.0].transmit.drop_waiting(is_sending);
@@ -352,7 +354,7 @@ impl Bus {
         self.injectors.clear();
     }
 
-    /// [Refreshes](Self::refresh) a port that its device has used since the last refresh.
+    /// [Refreshes](Self::refresh) a port if its device has changed its frames or filters since the last refresh.
     pub(crate) fn refresh_used(&mut self, id: PortId, now: Instant) {
         if self.ports[id.0].used {
             self.refresh(id, now);
@@ -423,8 +425,8 @@ impl Bus {
         !self.touched.is_empty()
     }
 
-    /// Moves the changed device ports into the empty list `ports`, sorted by number. A port has changed if it received
-    /// or sent a frame, or changed its error mode.
+    /// Moves the numbers of the changed device ports into `ports`, which must be empty, in ascending order. A port has
+    /// changed if it received a frame, ended an attempt to send, or changed its error mode.
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
         if !ports.is_sorted_by(|one, next| one < next) {

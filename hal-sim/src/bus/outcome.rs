@@ -13,7 +13,8 @@ use super::wire_event::WireEvent;
 use super::{Bus, BusError, Event, EventKind, FaultEffect, PortId};
 
 impl Bus {
-    /// Ends the frames and error frames that are due by `now`.
+    /// Ends the frame or error frame that is due by `now`, completes due bus-off recoveries, and reports completed bus
+    /// integrations.
     pub fn finish(&mut self, now: Instant) {
         if let Some(transmission) = &self.current
             && transmission.over <= now
@@ -30,8 +31,8 @@ impl Bus {
     }
 
     /// Handles the last but one bit of a frame with an omission: delivers the frame to the unaffected receivers and
-    /// starts the error frame with the last bit. If no affected receiver is still error-active, the frame continues to
-    /// its last bit instead. Returns false if the transmission is already at its end.
+    /// starts the error frame with the last bit. If no affected receiver is error-active any more, the frame continues
+    /// to its last bit instead. Returns whether the transmission continues.
     #[cold]
     fn accept(&mut self) -> bool {
         let Some(mut transmission) = self.current.take_if(|transmission| transmission.failure.is_none()) else {
@@ -185,7 +186,7 @@ impl Bus {
         is_lost
     }
 
-    /// Counts a successful reception at the members whose receive error counter is above 0.
+    /// Applies a successful reception to the receive error counters above 0 of the receivers at one bit rate.
     fn count_received(&mut self, place: usize, at: Instant, omission: Option<&Omission>) {
         let mut counting = std::mem::take(&mut self.groups[place].counting);
         counting.retain(|id| {
@@ -198,7 +199,7 @@ impl Bus {
         self.groups[place].counting = counting;
     }
 
-    /// Increments the receive error counters of all controllers that detected the error.
+    /// Raises the receive error counter of each controller that detected the error, except the senders.
     fn count_errors(&mut self, transmission: &Transmission) {
         let by_other_rate = transmission.failure.as_ref().is_some_and(|failure| failure.by_other_rate);
         for group in 0..self.groups.len() {

@@ -35,9 +35,10 @@ pub struct Port {
     pub(super) delayed: DelayedFrames,
     /// The delay of the device's answers, if any.
     pub(super) answers: Option<Box<SlowAnswers>>,
-    /// Whether frames without a free mailbox queue in front of the controller.
+    /// Whether frames queue in front of the controller while no mailbox is free.
     pub(super) queues: bool,
-    /// The frames that the controller returned for more urgent ones. Faults have already been applied to them.
+    /// The frames that more urgent frames displaced from the controller. Faults have already been applied to these
+    /// frames.
     pub(super) returned: Vec<Frame>,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// The acceptance filters of a device's controller; `None` accepts all frames.
@@ -51,7 +52,7 @@ pub struct Port {
     overruns: u32,
     /// The end of the last frame that the port sent, received or must ignore. Prevents a second delivery of a frame.
     pub(super) heard: Nanos,
-    /// The end of bus integration; `Nanos::MAX` until the end of the current frame is known.
+    /// The time at which bus integration completes; `Nanos::MAX` while the port waits for the end of a frame.
     pub(super) joined_at: Nanos,
     /// The earliest time at which the port may send; `Nanos::MAX` while it may not send.
     pub(super) ready_at: Nanos,
@@ -173,7 +174,7 @@ impl Port {
         self.confinement
     }
 
-    /// Returns the number of pending frames, including the one on the wire.
+    /// Returns the number of pending frames, including delayed frames and the frame on the wire.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.transmit.len() + self.delayed.len()
@@ -224,13 +225,15 @@ impl Port {
         }
     }
 
-    /// Returns the time at which the bus-off recovery completes if the bus stays idle.
+    /// Returns the time at which the bus-off recovery completes if the bus stays idle; `None` if no recovery is in
+    /// progress.
     pub(super) fn recovered_at(&self) -> Option<Nanos> {
         let recovery = self.recovery?;
         Some(recovery.since + bit_times(recovery.left * BUS_IDLE, self.rate))
     }
 
-    /// Stores a received frame in the receive queue.
+    /// Delivers a received frame: reports it to an external controller, or else stores it in the receive queue. Counts
+    /// an overrun if the queue is full.
     pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
         if let Some(external) = &mut self.external {
             external.tell(at, WireEvent::Received(*frame));

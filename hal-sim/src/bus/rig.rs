@@ -28,7 +28,7 @@ pub(super) fn bits(count: u32) -> Duration {
 /// A frame or error frame that has ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Ended {
-    /// The sender; the first one if several sent the same frame.
+    /// The sender; the first sender if several sent the same frame.
     pub(super) from: Arc<str>,
     pub(super) frame: Frame,
     /// The error of an error frame.

@@ -52,8 +52,8 @@ pub(super) struct Omission {
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub(super) error: BusError,
-    /// Whether listeners at another bit rate destroyed the frame, although a receiver at the sender's rate
-    /// acknowledges.
+    /// Whether listeners at another bit rate destroyed the frame, although a receiver at the sender's rate would have
+    /// acknowledged it.
     pub(super) by_other_rate: bool,
     /// The name of the controller that sent the first error flag; `None` if there was no error flag.
     pub(super) signalled_by: Option<Arc<str>>,
@@ -177,7 +177,7 @@ impl Bus {
         transmission
     }
 
-    /// Applies the faults on the wire to an attempt; returns the bit to destroy, if any.
+    /// Applies the faults on the wire to an attempt. Returns the index of the bit to destroy, if any.
     #[cold]
     fn strike(&mut self, sender: PortId, transmission: &mut Transmission, on_wire: u32) -> Option<u32> {
         let Transmission { frame, rate, start, .. } = *transmission;
@@ -204,7 +204,7 @@ impl Bus {
         destroyed
     }
 
-    /// Creates the omission for the members with these names at one bit rate.
+    /// Creates an omission that affects the members with these names at a bit rate.
     fn omission(&self, names: &[Arc<str>], rate: BitRate) -> Omission {
         let members = self.groups.iter().filter(|group| group.rate == rate).flat_map(|group| &group.members);
         let is_meant = |id: &PortId| !self.senders.contains(id) && names.contains(&self.ports[id.0].name);
@@ -235,8 +235,8 @@ impl Bus {
     }
 
     /// Resolves a collision of senders with equal arbitration keys. Equal frames are sent as one. Different frames
-    /// collide at the first different bit, where the recessive sender detects a bit error. An error-passive sender
-    /// cannot destroy the frame, so the dominant frame continues.
+    /// collide at the first different bit, where the recessive sender detects a bit error. If that sender is
+    /// error-passive, its error flag does not destroy the frame, and the dominant frame continues.
     fn resolve(&mut self, start: Nanos) -> Option<Disruption> {
         while self.senders.len() > 1 {
             let senders = &self.senders;

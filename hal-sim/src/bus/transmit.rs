@@ -47,7 +47,7 @@ impl Transmit {
         }
     }
 
-    /// Stores a frame; may return a displaced, less urgent one.
+    /// Stores a frame. Returns the less urgent frame that it displaces, if any.
     ///
     /// # Errors
     /// [`Full`] when the frame is not accepted now.
@@ -80,7 +80,8 @@ impl Transmit {
         }
     }
 
-    /// Ends the attempt on the wire: removes the frame after success, otherwise keeps it for a retry.
+    /// Ends the attempt on the wire. Removes a sent or aborted frame; keeps a failed frame for a retry. The offer of an
+    /// external controller is removed in any case.
     pub(super) fn sent(&mut self, success: bool) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.sent(success),
@@ -93,7 +94,7 @@ impl Transmit {
         }
     }
 
-    /// Drops the pending frames with these identifiers. A frame on the wire is not retransmitted if it fails.
+    /// Drops the pending frames that pass `which`. A mailbox frame on the wire is not retransmitted if it fails.
     pub(super) fn abort(&mut self, which: Filter) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.abort(which),
@@ -102,7 +103,7 @@ impl Transmit {
         }
     }
 
-    /// Drops the queued frames of a client except the one on the wire.
+    /// Drops the queued frames of a client except the frame on the wire.
     pub(super) fn drop_waiting(&mut self, is_sending: bool) {
         if let Self::Queue(queue) = self {
             queue.truncate(usize::from(is_sending));

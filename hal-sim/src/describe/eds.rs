@@ -137,7 +137,7 @@ impl Object {
 }
 
 impl Row {
-    /// Writes all entries of the row except the name.
+    /// Writes all keys of an EDS section except the parameter name.
     fn write(&self, out: &mut String) -> std::fmt::Result {
         let mappable = self.entry.mappable();
         writeln!(out, "ObjectType={VAR}\nDataType=0x{:04X}", type_index(self.entry.data_type()))?;
@@ -152,7 +152,8 @@ impl Row {
     }
 }
 
-/// Returns the capitalised names of an object and of its sub-index 0, which share one table row.
+/// Splits the name of sub-index 0 at the colon into the object name and the capitalised sub-index name. Without a
+/// colon, the sub-index name is "Highest sub-index".
 fn names(entry: &Entry) -> (&'static str, String) {
     let (object, own) = entry.name.split_once(": ").unwrap_or((entry.name, "highest sub-index"));
     let mut letters = own.chars();
@@ -178,7 +179,7 @@ const fn type_index(data_type: DataType) -> u16 {
     }
 }
 
-/// Returns the access type for SDO and PDO: `rww` can be mapped only into RPDOs, `rwr` only into TPDOs.
+/// Returns the access type in the EDS. `rww` objects can be mapped only into RPDOs, `rwr` objects only into TPDOs.
 const fn access_type(access: Access, mappable: Mappable) -> &'static str {
     match (access, mappable) {
         (Access::Ro, _) => "ro",
@@ -188,7 +189,7 @@ const fn access_type(access: Access, mappable: Mappable) -> &'static str {
     }
 }
 
-/// Formats a default value for the sheet; `None` if the object has no default.
+/// Formats a default value for the sheet; `None` if the value differs from device to device.
 fn default(data_type: DataType, initial: Initial<'_>) -> Option<String> {
     match initial {
         Initial::Individual => None,

@@ -86,7 +86,7 @@ impl Signal {
     }
 }
 
-/// Returns the messages from a valve at an address, and those from a master to the valve.
+/// Returns the messages that the valve at an address sends, and the messages that a master sends to this valve.
 pub(super) fn messages(valve: Address) -> Vec<Message> {
     let address = valve.get();
     // AVC and AVEF use only the low four bits of the address. All other messages use the whole address.
@@ -216,7 +216,7 @@ fn fail_safe_mode() -> Signal {
     Signal::raw("FailSafeMode", 22, 2).values([(0, "blocked"), (1, "float"), (3, "not available")])
 }
 
-/// Returns the signal of a lamp or of its flashing (SAE J1939-73).
+/// Returns the signal of a lamp (SAE J1939-73).
 fn lamp(name: &'static str, first: u8) -> Signal {
     Signal::raw(name, first, 2).values([(0, "off"), (1, "on"), (3, "not available")])
 }
@@ -249,7 +249,7 @@ const FMIS: [(u32, &str); 7] = [
     (19, "received network data in error"),
 ];
 
-/// Returns the text for each of the valve's SPNs, by its low 16 bits: the faults and the complete SPN.
+/// Returns the text for each SPN of the valve: its faults and the complete SPN. The key is the low 16 bits of the SPN.
 fn spns() -> BTreeMap<u32, String> {
     let mut spns = BTreeMap::from([(0, "none".to_owned())]);
     for FaultCodes { fault, dtc, .. } in FAULT_CODES {

@@ -1,9 +1,9 @@
-//! Detects devices at a bit rate different from the bus, with one rule and one message for all interfaces.
+//! Detects devices whose bit rate differs from that of the bus. All interfaces use the same rule and message.
 //!
 //! Such a device cannot communicate, so a test that forbids a frame would pass without proving anything. [`RateWatch`]
 //! reports such a device
 //!
-//! - at each power-up, as soon as time passes after it;
+//! - at each power-up, as soon as virtual time has advanced;
 //! - [`GRACE`] after a bit rate change of the bus or the device, because one of them must change first. The grace
 //!   period is suspended while LSS switches the device's bit rate, from activate bit timing to the end of the second
 //!   delay;
@@ -53,7 +53,7 @@ struct Watched {
     device: NamedDevice,
     /// Whether the memory was empty at the start, so that the setup determines the bit rate.
     is_new: bool,
-    /// The bit rate for the first start; `None` afterwards.
+    /// The bit rate to compare until the first power-up; `None` afterwards.
     first_rate: Option<BitRate>,
     was_powered: bool,
     spell: Option<Spell>,
@@ -125,8 +125,9 @@ impl RateWatch {
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(|_| true)));
     }
 
-    /// Detects the devices with a different bit rate at the end of a prohibition, for which no comparison was
-    /// scheduled. A device whose bit rate is being switched by LSS is silent by design and is not reported.
+    /// Detects the devices whose bit rate has differed since `instant` or earlier, without waiting for the end of the
+    /// grace period. Called at the end of a period in which a frame or state is forbidden. A device whose bit rate is
+    /// being switched by LSS is silent by design and is not reported.
     pub fn find_at(&mut self, instant: Instant) {
         let was_deaf = |spell: &Spell| spell.due != NEVER && spell.since <= instant;
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(was_deaf)));
@@ -175,7 +176,7 @@ impl Watched {
         self.find_if(|spell| now >= spell.due)
     }
 
-    /// Returns the device if its period satisfies `is_wanted`. Each period is reported once.
+    /// Reports the current period of the device if `is_wanted` accepts the period. Each period is reported once.
     fn find_if(&mut self, is_wanted: impl Fn(&Spell) -> bool) -> Option<NotHeard> {
         let spell = self.spell.as_mut().filter(|spell| !spell.is_told && is_wanted(spell))?;
         spell.is_told = true;

@@ -134,8 +134,8 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
     Ok(devices)
 }
 
-/// Assigns the next free serial number to each device without one, starting at the default of its kind. Explicit
-/// numbers take precedence.
+/// Assigns the next free serial number, starting at the default of the kind, to each device without a serial number.
+/// Explicit numbers take precedence.
 fn number(devices: &mut [NamedDevice]) {
     let mut taken: Vec<_> =
         devices.iter().filter_map(|device| Some(device.setup.kind.known_by(device.setup.serial?))).collect();
@@ -148,8 +148,8 @@ fn number(devices: &mut [NamedDevice]) {
     }
 }
 
-/// Assigns the bus bit rate to each device that has no bit rate and supports it. Returns the bus bit rate: `bus`, or
-/// else the bit rate of the first device.
+/// Assigns the bus bit rate to each device that has no bit rate and supports the bus bit rate. Returns the bus bit
+/// rate: `bus`, or else the bit rate of the first device.
 pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitRate {
     let of_first = |first: &NamedDevice| first.setup.bit_rate.or(first.setup.kind.bit_rates().first().copied());
     let bus = bus.or_else(|| devices.first().and_then(of_first)).unwrap_or(BitRate::Kbit250);

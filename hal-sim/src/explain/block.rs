@@ -1,5 +1,5 @@
 //! SDO block transfers in progress (CiA 301 7.2.4.3.9 to 7.2.4.3.16). A segment contains a sequence number instead of a
-//! command, so that only earlier frames identify it.
+//! command, so only earlier frames show that a frame is a segment.
 
 use std::collections::BTreeMap;
 
@@ -55,7 +55,7 @@ impl Transfer {
 const LAST: u8 = 1 << 7;
 
 impl Blocks {
-    /// Explains a segment of the block transfer of this node ID; `None` for any other frame.
+    /// Explains a segment of the block transfer with this node; `None` if the frame is not a segment.
     pub(super) fn segment(&self, node: u8, from: Party, bytes: &[u8; 8]) -> Option<String> {
         let [command, data @ ..] = bytes;
         self.0.get(&node).filter(|transfer| transfer.is_segment(from, *command))?;

@@ -67,7 +67,7 @@ fn number(address: Address) -> String {
     format!("0x{:02X}", address.get())
 }
 
-/// Returns the valve addressed by an AVC.
+/// Returns the name of the valve addressed by an AVC.
 fn valve(pgn: Pgn, context: &Context<'_>) -> String {
     party(Address::new(FIRST_VALVE | (pgn.raw() & LAST) as u8), context)
 }

@@ -38,7 +38,7 @@ pub(super) fn request(bytes: &[u8; 8]) -> String {
     format!("LSS {text}")
 }
 
-/// Explains a response. Its command is that of the request, except in the four responses to selection and
+/// Explains a response. The command byte repeats the command of the request, except in responses to selection and
 /// identification.
 pub(super) fn answer(bytes: &[u8; 8]) -> Option<String> {
     let &[command, error, ..] = bytes;

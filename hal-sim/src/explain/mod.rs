@@ -1,8 +1,8 @@
 //! Explains the meaning of a frame in one short line for the trace.
 //!
-//! An explanation depends only on the frame and the table of devices, so that it is correct wherever the trace begins.
-//! Two explanations need earlier frames: a segment of an SDO block transfer looks like other frames, and the response
-//! to a write of the node ID by UDS does not identify its sender. PDOs are decoded by the default mapping and
+//! An explanation depends only on the frame and the table of devices, so that a trace can begin at any frame. There are
+//! two exceptions that need earlier frames: a segment of an SDO block transfer looks like other frames, and the
+//! response to a write of the node ID by UDS does not identify its sender. PDOs are decoded by the default mapping and
 //! identifiers (SPEC 4.1).
 //!
 //! ```text
@@ -92,8 +92,8 @@ impl Explainer {
         self.writes.observe(frame);
     }
 
-    /// Explains a frame. `from` is the name of its sender, if known: a device is then named regardless of the
-    /// identifier, and a client is not mistaken for the device whose identifier it uses.
+    /// Explains a frame. `from` is the name of the sender, if known. The sender is then not derived from the
+    /// identifier, so a client is not mistaken for the device whose identifier the client uses.
     #[must_use]
     pub fn explain(&self, frame: &Frame, from: Option<&str>) -> String {
         self.meaning(frame, &self.context(from)).unwrap_or_else(|| "unknown".to_owned())
@@ -165,7 +165,7 @@ impl Context<'_> {
         self.nodes.iter().find(|node| node.node_id == Some(id))
     }
 
-    /// Returns the name of the device with a node ID, or a description of an unknown one.
+    /// Returns the name of the device with a node ID, or the text `node 0x…` if no device has the node ID.
     fn name(&self, id: u8) -> String {
         self.node(id).map_or_else(|| format!("node 0x{id:02X}"), |node| node.name.clone())
     }
@@ -175,8 +175,8 @@ impl Context<'_> {
         self.sender_or(id, || self.name(id))
     }
 
-    /// Returns the name of the sender of a frame whose identifier contains this node ID; `otherwise` provides the name
-    /// if no device has the node ID.
+    /// Returns the name of the sender of a frame whose identifier contains this node ID: the sending device, or a
+    /// client that uses the node ID of a device. In all other cases, `otherwise` provides the name.
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),
@@ -185,7 +185,7 @@ impl Context<'_> {
         }
     }
 
-    /// Returns the device whose node ID is used by a client.
+    /// Returns the device with this node ID if a client sent the frame.
     fn impersonated(&self, id: u8) -> Option<&Node> {
         self.node(id).filter(|_| self.from_client)
     }
@@ -195,7 +195,7 @@ impl Context<'_> {
         self.sender.map_or("master", |sender| &sender.name)
     }
 
-    /// Returns the kind of the device with a node ID.
+    /// Returns the kind of the sending device or, if the sender is unknown, of the device with this node ID.
     fn kind(&self, id: u8) -> Option<Kind> {
         self.sender.or_else(|| self.node(id)).map(|node| node.kind)
     }

@@ -16,14 +16,14 @@ fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
     }
 }
 
-/// Returns the index, the sub-index of an array or record, and the name of an object if known.
+/// Returns the index and sub-index of an object, and the name if known.
 pub(super) fn object(object: Multiplexer, kind: Option<Kind>) -> String {
     let Multiplexer { index, sub } = object;
     let number = format!("0x{index:04X}:{sub}");
     entry(object, kind).map_or(number.clone(), |entry| format!("{number} ({})", entry.name))
 }
 
-/// Returns the size of an object in bytes; `None` if it is not numeric.
+/// Returns the size of an object in bytes; `None` if the object is unknown or a string.
 pub(super) fn size(object: Multiplexer, kind: Option<Kind>) -> Option<u8> {
     entry(object, kind).filter(|entry| !entry.is_text()).map(Entry::size)
 }
@@ -59,7 +59,7 @@ pub(super) fn angle(position: u32) -> String {
     format!("{position} ({:.2}°)", f64::from(position) * 360.0 / f64::from(encoder::STEPS))
 }
 
-/// Formats the data of an unknown object, up to four bytes as a number.
+/// Formats the data of an unknown object: one, two or four bytes as a number, otherwise byte by byte.
 fn raw(bytes: &[u8]) -> String {
     match bytes {
         [_] | [_, _] | [_, _, _, _] => {

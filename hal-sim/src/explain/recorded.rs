@@ -25,15 +25,15 @@ const ENCODER: u16 = 406;
 /// The strength of the evidence for a sender's kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Evidence {
-    /// The sender sent a PDO that resembles a valve's.
+    /// A PDO of the sender resembles the default TPDO of a valve.
     Likeness,
-    /// The sender uses an object or a NAME that is unique to its kind.
+    /// An object in an SDO response, or a NAME, identifies the kind of the sender.
     Proof,
 }
 
 impl Explainer {
-    /// Learns the kind of a frame's sender, which determines how its frames are explained. Must be called before the
-    /// frame is explained. Given devices are unchanged.
+    /// Learns the kind of a frame's sender, to explain this frame and later frames. Must be called before the frame is
+    /// explained. Devices given by the caller are unchanged.
     pub fn learn(&mut self, frame: &Frame) {
         let Some((id, kind, evidence)) = told(frame) else { return };
         if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {
@@ -55,7 +55,7 @@ impl Explainer {
     }
 }
 
-/// Determines the node ID or address of the sender of a frame, its kind, and the evidence.
+/// Derives the sender of a frame: the node ID or address, the kind, and the strength of the evidence.
 fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     match frame.id() {
         Id::Standard(id) => {
@@ -76,7 +76,7 @@ fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     }
 }
 
-/// Returns the kind of device that has the object read or written.
+/// Returns the kind of device that is identified by the object in an SDO response.
 fn by_object(answer: Answer) -> Option<Kind> {
     match answer {
         Answer::UploadExpedited { object: Multiplexer { index: 0x1000, .. }, data, .. } => match data as u16 {
@@ -93,7 +93,7 @@ fn by_object(answer: Answer) -> Option<Kind> {
     }
 }
 
-/// Returns the kind that has the status word and position of the default mapping in a PDO.
+/// Returns the kind that is identified by the content of a TPDO: a valve if the first word is a valid status word.
 fn by_pdo(data: &[u8]) -> Option<Kind> {
     let &[a, b, _, _] = data else { return None };
     let word = u16::from_le_bytes([a, b]);

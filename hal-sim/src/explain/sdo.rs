@@ -12,7 +12,7 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         Request::UploadSegment { toggle } => format!("SDO read, next segment, toggle {}", u8::from(toggle)),
         Request::DownloadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
-            // The command does not indicate a size, so the size of the object applies.
+            // If the command does not indicate a size, the size of the object applies.
             let size = size.or_else(|| object::size(target, kind)).map_or(4, usize::from);
             let bytes = bytes.get(..size).unwrap_or(&bytes);
             format!("SDO write {} = {}", object(target, kind), value(target, bytes, kind))
@@ -81,7 +81,7 @@ fn multiplexer(&[_, low, high, sub, ..]: &[u8; 8]) -> Multiplexer {
     Multiplexer { index: u16::from_le_bytes([low, high]), sub }
 }
 
-/// Returns the size of a block transfer, if bit 1 of the command indicates one.
+/// Formats the size of a block transfer; empty unless bit 1 of the command indicates a size.
 fn block_size(&[command, .., a, b, c, d]: &[u8; 8]) -> String {
     let told = command & 0b10 != 0;
     if told { format!(", {} bytes", u32::from_le_bytes([a, b, c, d])) } else { String::new() }

@@ -110,7 +110,7 @@ fn number(digits: &str) -> Result<Number, Reason> {
     id.map(Number::Of).ok_or("identifier out of range")
 }
 
-/// Returns whether a text consists of hex digits only. Number parsers also accept a sign.
+/// Returns whether a text consists of hex digits only. The number parsers alone would also accept a sign.
 fn is_hex(text: &str) -> bool {
     text.bytes().all(|digit| digit.is_ascii_hexdigit())
 }

@@ -60,7 +60,7 @@ impl FromStr for Timestamp {
     }
 }
 
-/// The text is not a time in seconds, or is later than 584,000 years.
+/// The text is not a time in seconds, or the time exceeds 584,000 years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a timestamp in seconds")]
 pub struct ParseTimestampError;

@@ -1,5 +1,5 @@
-//! The cells of a flash. Only the cells up to the last written one are stored, which saves RAM with hundreds of
-//! devices.
+//! The cells of a flash. Only the cells up to the last written cell of each sector are stored, which saves RAM with
+//! hundreds of devices.
 
 /// The size of a sector, the unit of erasing, in bytes: sectors 12 and 13 of the board's STM32F429.
 pub const SECTOR: usize = 16 * 1024;
@@ -8,7 +8,7 @@ pub const SIZE: usize = 2 * SECTOR;
 /// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The cells of each sector up to the last written one. All further cells are erased.
+/// The cells of each sector up to the last written cell. All further cells are erased.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     sectors: [Vec<u8>; SIZE / SECTOR],
@@ -40,7 +40,7 @@ impl Cells {
         }
     }
 
-    /// Returns mutable cells within one sector.
+    /// Returns the `len` cells from offset `start`, for writing. All of them must be in the same sector.
     pub(super) fn change(&mut self, start: usize, len: usize) -> &mut [u8] {
         let (sector, place) = (&mut self.sectors[start / SECTOR], start % SECTOR);
         if sector.len() < place + len {

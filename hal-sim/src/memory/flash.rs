@@ -187,13 +187,13 @@ impl Flash {
         self.faults.write_fails
     }
 
-    /// Plans a power cut after `operations` further word writes and sector erases. The operation after them is torn,
-    /// and all later ones fail until [`restore_power`](Self::restore_power).
+    /// Plans a power cut after `operations` further word writes and sector erases. The next operation is then torn, and
+    /// all later operations fail until [`restore_power`](Self::restore_power).
     pub const fn cut_power_after(&mut self, operations: u64) {
         self.faults.power_for = Some(operations);
     }
 
-    /// Plans a single failure after `operations` further word writes and sector erases. The operation after them is
+    /// Plans a single failure after `operations` further word writes and sector erases. The next operation is then
     /// torn; later operations succeed.
     pub const fn fail_once_after(&mut self, operations: u64) {
         self.faults.fails_after = Some(operations);
@@ -210,7 +210,7 @@ impl Flash {
         self.faults.dead = false;
     }
 
-    /// Returns whether a planned power cut has occurred.
+    /// Returns whether a planned power cut has occurred and the power has not been restored.
     #[must_use]
     pub const fn is_dead(&self) -> bool {
         self.faults.dead
@@ -226,7 +226,7 @@ impl Flash {
         self.noise = fastrand::Rng::with_seed(seed);
     }
 
-    /// Flips a bit by its index; no effect if the index is beyond the end.
+    /// Inverts the bit at an index; no effect beyond the end of the flash.
     pub fn flip_bit(&mut self, bit: usize) {
         if bit / 8 < SIZE {
             self.cells.change(bit / 8, 1)[0] ^= 1 << (bit % 8);
@@ -248,7 +248,7 @@ impl Flash {
         }
     }
 
-    /// Counts a write or erase and returns its outcome.
+    /// Counts a write or erase towards the planned faults, and returns the outcome of the operation.
     fn attempt(&mut self) -> Result<Attempt, FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
@@ -330,7 +330,7 @@ impl NorFlash for Flash {
         Ok(())
     }
 
-    /// Writes words. A torn write clears only some of the bits in its word.
+    /// Writes words. A torn write clears only some of the bits that it should clear in its word.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {

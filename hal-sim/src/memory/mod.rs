@@ -35,8 +35,7 @@ pub struct Memory {
     damaged: bool,
     /// Whether the next read of the image simulates an unreadable flash.
     spoilt: bool,
-    /// The unreadable content before the erase, for a memory without a file; a file-backed memory moves it to another
-    /// file.
+    /// The unreadable content that the last failed [`read_image`](Self::read_image) found, before the erase.
     put_aside: Option<Vec<u8>>,
     warnings: Vec<String>,
 }
@@ -91,8 +90,8 @@ impl Memory {
 
     /// Reads all records, as a device does at its start.
     ///
-    /// Unreadable content is put aside and the flash is erased, so that records can be written again. Only the next
-    /// image is marked as damaged.
+    /// Unreadable content is put aside and the flash is erased, so that records can be written again. The returned
+    /// image is then marked as damaged; later images are not.
     pub fn read_image(&mut self) -> Image {
         if std::mem::take(&mut self.spoilt) {
             self.flash.fill(|_| SPOILT);
@@ -126,8 +125,8 @@ impl Memory {
     /// Writes a record.
     ///
     /// # Errors
-    /// [`StoreError`] if the flash or the file cannot be written. Neither of them then holds the record; otherwise the
-    /// next write or start would restore it.
+    /// [`StoreError`] if the flash or the file cannot be written. Neither of them then contains the record, so that no
+    /// later write or start can restore it.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let kept = self.file.as_ref().map(|_| self.flash.cells().clone());
         let stored = store(&mut self.flash, key, record);
@@ -135,7 +134,8 @@ impl Memory {
             self.warnings.push(error.to_string());
             if let Some(cells) = kept {
                 self.flash.set_cells(cells);
-                // If only the sync failed, the folder may already hold the new file. Restores the old content.
+                // The file may already have the new content, for example if only the sync failed. Restores the old
+                // content.
                 let _ = self.persist();
             }
             return Err(StoreError);
@@ -202,13 +202,13 @@ impl Memory {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Returns the unreadable content that was put aside, if any; `None` for a file-backed memory.
+    /// Returns the unreadable content that [`read_image`](Self::read_image) put aside, if any.
     #[must_use]
     pub fn put_aside(&self) -> Option<&[u8]> {
         self.put_aside.as_deref()
     }
 
-    /// Puts unreadable content aside and erases the flash. If the erase fails, the flash keeps the content.
+    /// Puts unreadable content aside and erases the flash. If the flash cannot be written, its content is kept.
     fn give_up(&mut self, found: &Flash) {
         self.damaged = true;
         if !self.flash.can_be_written() {

@@ -8,7 +8,7 @@ use super::*;
 const VERSION: u8 = 1;
 type Held = [Option<Vec<u8>>; RecordKey::ALL.len()];
 
-/// A memory before a store, with that store.
+/// A memory before a store, and the store.
 struct Moment {
     flash: Flash,
     before: Held,

@@ -14,8 +14,8 @@ use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 /// The channel of all written frames.
 const CHANNEL: u8 = 1;
 
-/// Writes the file header for a measurement that starts at `start`. Returns the origin of all times: `start` in whole
-/// milliseconds, as in the header's date.
+/// Writes the file header for a measurement that starts at `start`. Returns the origin of all times: `start` rounded
+/// down to milliseconds, the resolution of the date in the header.
 pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<Timestamp> {
     let origin = Timestamp::from_micros(start.as_micros() / 1000 * 1000);
     let date = Date(origin);
@@ -72,7 +72,7 @@ pub(super) struct Parser {
     relative: bool,
     /// The start of the measurement.
     origin: Timestamp,
-    /// Whether a block has set the origin. Later blocks of the same measurement do not change it.
+    /// Whether a block has set the origin. Later blocks of the same measurement do not change the origin.
     is_begun: bool,
     /// The time of the previous event.
     last: Timestamp,

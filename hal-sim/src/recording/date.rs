@@ -40,7 +40,7 @@ pub(super) fn parse(text: &str) -> Option<Timestamp> {
         let german = GERMAN.iter().find(|(name, _)| *name == start);
         english.map(|(_, number)| number).or(german.map(|(_, number)| *number))
     };
-    // The weekday is abbreviated to as many letters as the month, but no weekday is spelled like a month.
+    // The first word that begins like a month is the month: no weekday begins with the three letters of a month.
     let (at, month) = words.iter().enumerate().find_map(|(at, word)| Some((at, month(word)?)))?;
     let (day, time, half, year) = match &words[at + 1..] {
         [day, time, half, year, ..] if matches!(half.as_str(), "am" | "pm") => (day, time, half.as_str(), year),

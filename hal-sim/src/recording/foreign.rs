@@ -36,7 +36,7 @@ pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
 /// Returns the error message for a text of an unsupported format, by an unreadable line; `None` if the format is not
 /// recognised.
 pub(super) fn by_line(line: &str) -> Option<&'static str> {
-    // Zeros occur in unwritten space, escapes in terminal colours.
+    // Zero bytes occur in unwritten parts of a file, escape characters in coloured terminal output.
     let is_binary = |char: char| {
         char == char::REPLACEMENT_CHARACTER
             || char.is_control() && !char.is_whitespace() && !matches!(char, '\0' | '\x1B')

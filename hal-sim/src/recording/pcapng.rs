@@ -30,7 +30,7 @@ const ENHANCED_PACKET: u32 = 6;
 const END_OF_OPTIONS: u16 = 0;
 const COMMENT: u16 = 1;
 
-/// The maximum size of a block, far above that in any CAN capture.
+/// The maximum size of a block in bytes, far above the size of any block in a CAN capture.
 const BLOCK_MAX: usize = 1 << 16;
 
 /// Writes the file header: a section header, and an interface description with the bus name and microsecond timestamps.
@@ -107,7 +107,7 @@ fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
 struct Interface {
     name: String,
     link_type: i32,
-    /// The number of time units in a second.
+    /// The number of timestamp units per second.
     resolution: u128,
     /// The offset of all times, in seconds.
     offset: i64,
@@ -121,9 +121,9 @@ pub(super) struct Packets {
     last: usize,
 }
 
-/// The reason why a packet has no entry.
+/// The reason why no entry can be decoded.
 pub(super) enum PacketError {
-    /// The packet has no entry; later packets can still be read.
+    /// This packet contains no valid entry; later packets can still be read.
     Packet(Reason),
     /// The file cannot be read any further.
     End(Reason),
@@ -134,7 +134,7 @@ pub(super) enum PacketError {
 impl Packets {
     /// Starts to read a pcapng file.
     pub(super) fn new(mut source: Box<dyn Read + Send>) -> Result<Self, PacketError> {
-        // The first read must return the complete first block, which a read from a pipe does not guarantee.
+        // `PcapNGReader` requires the complete first block from its first read, which a pipe does not guarantee.
         let mut head = vec![0; 12];
         let whole = source.read_exact(&mut head);
         whole.map_err(|_| PacketError::End(CUT_OFF))?;
@@ -162,7 +162,7 @@ impl Packets {
         self.reader.data().is_empty()
     }
 
-    /// Returns the entry of the next packet that contains one; `None` at the end of the file.
+    /// Decodes the next packet block, skipping other blocks; returns `None` at the end of the file.
     pub(super) fn next(&mut self) -> Option<Result<Record, PacketError>> {
         loop {
             let (length, found) = match self.reader.next() {
@@ -186,7 +186,8 @@ impl Packets {
 const CUT_OFF: Reason = "the file is truncated here";
 const BROKEN: Reason = "invalid pcapng block; the rest of the file is unreadable";
 
-/// Decodes a packet block.
+/// Decodes a packet block. Other blocks return `None`; section headers and interface descriptions update the
+/// interfaces.
 fn take(
     interfaces: &mut Vec<Interface>,
     last: &mut usize,
@@ -223,8 +224,8 @@ fn name(told: &str) -> String {
     name.replace(|char: char| char.is_whitespace() || char.is_control(), "_")
 }
 
-/// Returns the number of time units in a second: a power of 10, or a power of 2 if the highest bit is set. Values that
-/// exceed 64 bits are clamped.
+/// Returns the number of timestamp units per second. The low seven bits are an exponent of 10, or of 2 if the highest
+/// bit is set. The exponent is limited so that the result fits into 64 bits.
 fn resolution(told: u8) -> u128 {
     match (told & 0x80, told & 0x7F) {
         (0, power) => 10_u128.pow(u32::from(power.min(19))),

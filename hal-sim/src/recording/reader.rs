@@ -1,5 +1,4 @@
-//! Reads recordings in any format. The content determines the format; if the content is ambiguous text, the extension
-//! does.
+//! Reads recordings in any format. The content determines the format; for ambiguous text, the extension decides.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -50,7 +49,7 @@ struct Text {
 
 /// The text format of a recording.
 enum Style {
-    /// Not yet determined: the first line decides, otherwise the extension.
+    /// Not yet determined: the first line decides, or the extension if the first line is ambiguous.
     Unseen(Format),
     Candump,
     Asc(asc::Parser),
@@ -68,7 +67,7 @@ pub struct Logged {
 /// The reason why an entry cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// An unreadable line or packet; reading continues with the next one.
+    /// An unreadable line or packet. Reading can continue.
     #[error("{number}: {reason}{}", quoted(text))]
     NoEntry {
         /// The number of the line or packet, from 1.
@@ -103,11 +102,11 @@ impl Reader {
         Self::new(file, Format::of(path))
     }
 
-    /// Reads a recording from `source`; its content determines the format. A text whose first line is not ASC is read
-    /// in the format `ending`.
+    /// Reads a recording from `source`, whose content determines the format. A text whose first line is neither ASC nor
+    /// candump is read as ASC if `ending` is [`Format::Asc`], otherwise as candump.
     ///
     /// # Errors
-    /// If `source` cannot be read.
+    /// If `source` cannot be read, or its first bytes show an unsupported or damaged format.
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;

@@ -318,7 +318,7 @@ fn what_is_no_line_is_named_and_the_rest_is_read() {
     assert_eq!(errors[0], "3: fewer bytes than the stated length: \"0.1 1 1A0 Rx d 2 00\"");
 }
 
-/// A text of fewer than ten lines, such as a JUnit report, is refused in one line, as a longer one is.
+/// A text of fewer than ten lines, such as a JUnit report, is refused in one line, as a longer text is.
 #[test]
 fn a_short_text_of_another_kind_is_refused_as_a_whole() {
     let (records, errors) = text("<testsuites>\n<testsuite>\n</testsuite>\n</testsuites>\n");

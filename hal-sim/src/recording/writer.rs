@@ -77,7 +77,7 @@ impl<W: Write> Writer<W> {
         }
     }
 
-    /// Flushes the recording to `out`'s destination.
+    /// Flushes `out`.
     ///
     /// # Errors
     /// The errors of `out`.

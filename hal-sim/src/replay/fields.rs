@@ -1,4 +1,4 @@
-//! The fields of frames that hold the position of the sender, by mapping, object or message, and their encodings.
+//! The position fields of a frame: their places, defined by a mapping, an object or a message, and their encodings.
 
 use std::ops::RangeInclusive;
 
@@ -88,7 +88,7 @@ impl Encoding {
         matches!(self, Self::Inverted | Self::Retract)
     }
 
-    /// Returns the value for a floating spool; `None` if the field still holds the position.
+    /// Returns the value for a floating spool; `None` if the field contains the position even while the spool floats.
     pub(super) fn encode_float(self) -> Option<i32> {
         match self {
             Self::Spool => Some(FLOAT),
@@ -97,7 +97,7 @@ impl Encoding {
         }
     }
 
-    /// Returns the positions that are encoded as `value`; empty if there is none.
+    /// Returns the positions that are encoded as `value`; an empty range if no position is encoded as `value`.
     pub(super) fn decode(self, value: i32) -> RangeInclusive<i32> {
         let value = if self.falls() { -value } else { value };
         let rising = |position: i32| if self.falls() { -self.encode(position) } else { self.encode(position) };
@@ -107,7 +107,8 @@ impl Encoding {
     }
 }
 
-/// Returns the first position of a range for which `is` returns true; the end of the range plus 1 if there is none.
+/// Returns the first position for which `is` returns true, or the end of the range plus 1. The search is binary, so
+/// `is` must return true for all later positions too.
 fn first(positions: RangeInclusive<i32>, is: impl Fn(i32) -> bool) -> i32 {
     let (mut low, mut high) = (*positions.start(), *positions.end() + 1);
     while low < high {

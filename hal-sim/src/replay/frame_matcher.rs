@@ -1,7 +1,7 @@
 //! The frame matcher: pairs the logged and the sent frames of one identifier.
 //!
-//! Two equal frames that are close in time form a pair. If the two oldest frames do not, the cheapest alignment of the
-//! next frames decides, so that a missing or additional frame does not shift all later pairs.
+//! Two equal frames that are close in time form a pair. If the two oldest frames do not form a pair, the cheapest
+//! alignment of the next frames decides, so that a missing or additional frame does not shift all later pairs.
 
 use std::collections::VecDeque;
 
@@ -11,10 +11,11 @@ use super::identifier::is_cannot_claim;
 use super::item::{Item, PATIENCE};
 use super::position::PositionTolerance;
 
-/// The additional tolerance of a cannot-claim, which several losers delay randomly to avoid collisions (SAE J1939-81).
+/// The additional tolerance of a cannot-claim: each node that loses its address delays this message randomly (SAE
+/// J1939-81).
 const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
 
-/// The number of frames on each side that the alignment considers.
+/// The maximum number of logged frames and of sent frames that an alignment considers.
 const AHEAD: usize = 16;
 
 /// The costs of alignment steps: a pair with different data, a frame without a partner, and a pair too far apart in
@@ -56,7 +57,8 @@ enum Step {
 }
 
 impl FrameMatcher {
-    /// Returns the next verdict, given all frames up to `known`; `None` if the verdict depends on later frames.
+    /// Judges the oldest frame or pair and removes it. Returns `None` if no frame is left, or if the verdict depends on
+    /// frames after `known`, the time up to which all frames are known.
     pub(super) fn next(
         &mut self,
         known: Instant,
@@ -98,7 +100,7 @@ impl FrameMatcher {
     fn best(&self, known: Instant, tolerance: Duration, positions: &PositionTolerance) -> Step {
         let logged: Vec<&Item> = self.logged.iter().take(AHEAD).collect();
         let sent: Vec<&Item> = self.sent.iter().take(AHEAD).collect();
-        // Frames at the end have no cost, because their partners may be beyond the look-ahead.
+        // A frame left at the end costs nothing if its partner may be beyond the look-ahead or later than `known`.
         let rest = |items: &[&Item], others: &VecDeque<Item>| {
             let whole = others.len() <= AHEAD;
             let alone = items.iter().filter(|item| whole && after(item.at, tolerance) < known).count();

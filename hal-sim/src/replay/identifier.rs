@@ -9,7 +9,7 @@ use protocol_core::wire::uds;
 /// The mark of a 29-bit identifier in a [key](Frame::key).
 const EXTENDED: u32 = 1 << 29;
 
-/// Returns whether a frame has an identifier of the device with this node ID or address.
+/// Returns whether the identifier of a frame names the device with this node ID or address as the sender.
 pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     match (frame.id(), protocol) {
         (Id::Standard(id), Protocol::Canopen) => {

@@ -16,11 +16,11 @@
 //! A log does not contain power-ups. Each simulated device is powered on so that its first frame (boot-up or address
 //! claim) ends at the same time as in the log, or, if the log does not contain that frame, some time before the log. A
 //! client sends the frames of other nodes so that they end at the logged times. Such a frame may lose an arbitration
-//! that it won in the log, and is then late by the length of a frame.
+//! that it won in the log; it is then late by the length of one frame.
 //!
-//! A simulated device may send an identifier that was not known to be its own when it first occurred in the log, such
-//! as a PDO with another COB-ID. The client then sent that frame; the next round repeats the replay with the new
-//! identifier.
+//! A log frame may not be recognised as a frame of a replayed device, for example a PDO with another COB-ID. The client
+//! then sends this frame, and later the simulated device sends its identifier too. The next round repeats the replay
+//! with this identifier attributed to the devices.
 
 mod attribution;
 mod fields;
@@ -134,7 +134,7 @@ pub enum ReplayError {
         /// The name of the device.
         name: String,
     },
-    /// After the last round, frames were still replayed whose identifiers belong to a simulated device.
+    /// After the last round, the client had still sent log frames with identifiers that a simulated device sends too.
     #[error("{}: own identifiers, still sent as frames of other nodes after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
@@ -248,7 +248,7 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Records an unreadable entry.
+    /// Records the message about an unreadable entry or an invalid time.
     fn name(&mut self, what: &dyn Display) {
         if self.outcome.unread.len() < TOLD {
             self.outcome.unread.push(format!("{}:{what}", self.options.file.display()));
@@ -307,15 +307,16 @@ impl<'a> Player<'a> {
         self.bus.forget(known);
     }
 
-    /// Returns the name of a simulated device that has sent no frame, so that nothing was compared. An example is a
-    /// blank device without LSS requests.
+    /// Returns the name of the first simulated device that has sent no frame, for example a blank device without LSS
+    /// requests. Nothing was compared for this device.
     fn silent(&self) -> Option<&'a str> {
         let options = self.options;
         let mut devices = options.devices.iter().enumerate();
         devices.find(|(place, _)| !self.heard.contains(place)).map(|(_, device)| device.name.as_str())
     }
 
-    /// Returns the identifiers sent both by simulated devices and from the log, except those of address claims.
+    /// Returns the identifiers that both a simulated device and the client have sent, except address claims and
+    /// identifiers already known to be the device's own.
     fn misplayed(&self) -> BTreeSet<u32> {
         let sent = self.bus.sent_keys().iter().copied().filter(|key| !is_claim(*key));
         sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()

@@ -27,7 +27,7 @@ struct Sample {
     position: i32,
     /// Whether the spool floats. The position objects then contain the value for float.
     floats: bool,
-    /// Whether the device passed all positions between the previous sample and this one; otherwise its position jumped.
+    /// Whether the position has moved continuously since the previous sample; otherwise it jumped.
     moved: bool,
 }
 
@@ -36,12 +36,12 @@ struct Sample {
 struct Track {
     kind: Kind,
     samples: VecDeque<Sample>,
-    /// The time of the last sample.
+    /// The time at which the position was last sampled.
     looked: Instant,
 }
 
 impl Track {
-    /// Returns the samples from the last one at or before `from` up to `until`.
+    /// Returns the samples up to `until`, beginning with the last sample at or before `from`.
     fn between(&self, from: Instant, until: Instant) -> impl Iterator<Item = &Sample> + Clone {
         let first = self.samples.partition_point(|sample| sample.at <= from).saturating_sub(1);
         self.samples.iter().skip(first).take_while(move |sample| sample.at <= until)

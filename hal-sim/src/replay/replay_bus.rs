@@ -22,7 +22,7 @@ use crate::world::{ClientPortId, EventKind, NodeId, World};
 pub(super) struct ReplayBus {
     world: World,
     others: ClientPortId,
-    /// The pending power-ups, the next one last.
+    /// The pending power-ups; the earliest power-up is last.
     to_come: Vec<(Instant, NodeId)>,
     /// The index of each device, by device name.
     places: BTreeMap<Arc<str>, usize>,
@@ -74,7 +74,8 @@ impl ReplayBus {
         self.world.now()
     }
 
-    /// Advances to the latest start of a frame that ends at `end`. Events at that time are not yet processed.
+    /// Advances to the time at which `frame` must start in order to end at `end`. Events at that time are not yet
+    /// processed.
     pub(super) fn run_to_start(&mut self, frame: &Frame, end: Instant) {
         let takes = length(frame, self.world.bit_rate().bits_per_second());
         self.run_before(Instant::from_ticks(end.as_ticks().saturating_sub(takes.as_ticks())));
@@ -102,7 +103,7 @@ impl ReplayBus {
         }
     }
 
-    /// Returns the time of the next position sample; `end` if no position changes before.
+    /// Returns the time of the next position sample; `end` if no position changes before `end`.
     fn next_sample(&self, end: Instant) -> Instant {
         let sample = after(self.world.now(), GRID);
         if sample >= end {

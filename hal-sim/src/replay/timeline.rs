@@ -15,8 +15,8 @@ use crate::world::{EventKind, World};
 /// The maximum time from power-up to the first frame of a device that sends without a request (A).
 const SILENT: Duration = Duration::from_secs(2);
 
-/// The time before the first entry at which a device whose first frame is not in the log is powered up. It has booted
-/// by the first entry.
+/// The time before the first entry at which a device is powered up if its first frame is not in the log. The device has
+/// then booted by the first entry.
 const LEAD: Duration = Duration::from_secs(1);
 
 /// The time base of a replay and the power-up of each device.
@@ -37,7 +37,7 @@ pub(super) struct PowerUp {
     pub(super) at: Instant,
     /// The first frame of the simulated device; `None` for a blank device, which sends no frame without a request.
     pub(super) frame: Option<Frame>,
-    /// The first frame of the device in the log: equal to `frame`, or the equivalent frame of another unit.
+    /// The first frame of the device in the log: equal to `frame`, or with the same identifier and other data.
     pub(super) logged: Option<Frame>,
     /// The number of the log entry that contains `logged`.
     number: Option<u64>,
@@ -56,8 +56,9 @@ enum Search {
     Open,
     /// The entry has been found.
     Found(FirstFrame),
-    /// A claim with a NAME other than the device's has been found. It counts unless the device's own claim follows; it
-    /// then belongs to a contender for the address. `spoke`: another frame from the address has followed.
+    /// A claim of the device's address with another NAME has been found. It counts as the first frame unless the
+    /// device's own claim follows: the first claim then came from a contender. `spoke`: the address has since sent
+    /// another frame.
     Perhaps { claim: FirstFrame, spoke: bool },
     /// The first frame was sent before the log began, because the device has sent another frame.
     Before,
@@ -83,7 +84,8 @@ impl Search {
         matches!(self, Self::Found(_) | Self::Before)
     }
 
-    /// Continues the search with a log entry. `first` is the first frame of the simulated device.
+    /// Continues the search with a log entry. `first` is the first frame of the simulated device. If `exactly`, only an
+    /// equal frame is accepted.
     fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, exactly: bool) -> Self {
         let frame = &entry.frame;
         let is_own =
@@ -152,7 +154,8 @@ impl Timeline {
             _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
         };
         let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
-        // A log that includes the first power-up keeps its time base, because random delays depend on virtual time.
+        // Random delays depend on virtual time. A log that includes the first power-up therefore keeps its time base:
+        // virtual time 0 is its first entry.
         let zero = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
         let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
             at: Instant::from_micros(at - zero),
@@ -195,8 +198,8 @@ impl Timeline {
     }
 }
 
-/// Returns whether a frame can be the first frame with other data: it has the same identifier and is not a heartbeat,
-/// which shares the identifier of the boot-up message.
+/// Returns whether a frame may be the first frame with other data, because it has the same identifier. A heartbeat is
+/// excluded, because it shares the identifier of the boot-up message.
 fn is_like(first: &Frame, frame: &Frame) -> bool {
     let is_heartbeat = matches!(frame.id(), Id::Standard(id) if matches!(classify(id), Some((Function::Heartbeat, _))))
         && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);

@@ -236,7 +236,7 @@ const NONE: &str = "\"none\"";
 /// The nesting depth from which values belong to the tables of steps, in which "none" stands for null.
 const TABLES: usize = 4;
 
-/// Converts a value at a nesting depth to JSON.
+/// Converts a value at a nesting depth to JSON. In the tables of steps, "none" becomes null.
 fn document(value: toml::Value, depth: usize) -> serde_json::Value {
     match value {
         value if depth >= TABLES => json(value),
@@ -255,7 +255,7 @@ pub(super) fn table<T: for<'de> Deserialize<'de>>(table: toml::Table) -> Result<
     T::deserialize(json(toml::Value::Table(table))).map_err(|error| error.to_string())
 }
 
-/// Converts a value to JSON.
+/// Converts a value to JSON; the text "none" becomes null.
 fn json(value: toml::Value) -> serde_json::Value {
     match value {
         toml::Value::String(text) if text == "none" => serde_json::Value::Null,

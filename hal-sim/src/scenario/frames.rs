@@ -13,7 +13,7 @@ pub(super) struct Frames<'a> {
     pub(super) any_order: bool,
     /// The number of the next event to check.
     pub(super) next: u64,
-    /// The number of the event after the last matching frame; `last` is the time of that frame.
+    /// The number of the event after the last matching frame; `last` is the time of the last matching frame.
     pub(super) mark: u64,
     pub(super) last: Instant,
 }
@@ -32,7 +32,7 @@ impl Frames<'_> {
         self.next = history.next();
     }
 
-    /// Assigns a frame to an unmatched pattern. Returns whether one matches.
+    /// Assigns a frame to an unmatched pattern. Returns whether the frame matched a pattern.
     pub(super) fn claim(&mut self, heard: &Heard) -> bool {
         let fulfils = self.take(heard.frame);
         if fulfils {

@@ -19,7 +19,7 @@ pub struct Outcome {
     /// The virtual time at the end.
     pub(super) end: Instant,
     pub(super) failures: Vec<Failure>,
-    /// The trace of the bus with the notes of the steps; empty if it was not requested.
+    /// The trace of the bus with the notes of the steps; empty if no trace was requested.
     pub(super) trace: String,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Failure {
     pub(super) headline: String,
     /// The lines that describe the expectation and the observation.
     details: Vec<String>,
-    /// The number of the event after the last one to show with the failure; `None` to show all events.
+    /// The number of the event after the last event to show with the failure; `None` to show all events.
     until: Option<u64>,
     at: Instant,
     /// The trace lines of the last events before the failure.
@@ -125,8 +125,8 @@ impl Failure {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Creates the failure for frames that did not arrive. `missing` are the unmatched `patterns`, searched for in the
-    /// events from `from` onwards; all other patterns matched before the event `mark`.
+    /// Creates the failure for frames that were not received. `missing` are the unmatched `patterns`. `from` is the
+    /// number of the first event of the step, `mark` the number of the event after the last matching frame.
     pub(super) fn frames(
         step: &Step,
         patterns: &[Pattern],
@@ -194,7 +194,7 @@ impl Failure {
         Self::new(step, format!("never state of {}{}", state.name, during(step)), details)
     }
 
-    /// Returns the number of the event after the last one to show with the failure.
+    /// Returns the number of the event after the last event to show with the failure; `None` to show all events.
     pub(super) const fn until(&self) -> Option<u64> {
         self.until
     }
@@ -205,7 +205,7 @@ impl Failure {
     }
 
     /// Writes the failure in indented lines; `file` is the name of the scenario file. The first failure shows the
-    /// latest events before it; each later failure shows the events since the previous one.
+    /// latest events before it; each later failure shows the events since the previous failure.
     fn write(&self, out: &mut String, file: &str, is_first: bool) {
         let Self { line, note, headline, details, at, excerpt, .. } = self;
         // Writing to a string cannot fail.
@@ -247,8 +247,8 @@ fn meaning(pattern: &Pattern, history: &History) -> String {
     pattern.frame().map_or_else(String::new, |frame| format!("  {}", history.explain(&frame)))
 }
 
-/// Describes the frame observed instead of the wanted one, in the events from `mark` onwards. `from` is the number of
-/// the first event of the step.
+/// Describes the most similar frame among the events from `mark` onwards, and the last matching frame before the step.
+/// `from` is the number of the first event of the step.
 fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<String> {
     let mut lines = Vec::new();
     let distance = |frame: &Frame| wanted.differences(frame).map_or(usize::MAX, |bytes| bytes.len());

@@ -103,7 +103,7 @@ enum Guarded<'a> {
 
 /// The condition that ends an advance of time.
 enum Goal<'a> {
-    /// None: time advances to its end.
+    /// No condition: time advances to the given end.
     None,
     /// The completion of a pending command.
     Command(Ticket),
@@ -111,8 +111,8 @@ enum Goal<'a> {
 }
 
 impl<'a, B: Target> Runner<'a, B> {
-    /// Fails the scenario before it begins if it expects a state that the target cannot read. Returns whether it
-    /// failed.
+    /// Fails the scenario before the first step if a step expects a state that the target cannot read. Returns whether
+    /// the scenario failed.
     fn refuse_states(&mut self) -> bool {
         for step in &self.scenario.steps {
             let expected = step.expect.as_ref().map(|expect| &expect.what);
@@ -135,7 +135,7 @@ impl<'a, B: Target> Runner<'a, B> {
             return;
         }
         self.step = Some(step);
-        // The first event of the step: earlier frames do not match its patterns.
+        // The first event of the step. Earlier frames cannot match the patterns of this step.
         let mark = self.target.simulation().history().next();
         if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
             trace.note(note);
@@ -156,7 +156,7 @@ impl<'a, B: Target> Runner<'a, B> {
     }
 
     fn act(&mut self, step: &'a Step, act: &Command) {
-        // Device frames sent during the action can match the step's expectation.
+        // Frames that devices send during the action may match the step's expectation, so they are not judged yet.
         let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
         if let Command::Fault(_) = act {
             // A new fault may replace an expired one.
@@ -176,8 +176,8 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Fails the steps whose faults have ended without affecting a frame, because nothing was tested. Faults with
-    /// probability 0 are exempt.
+    /// Fails each step whose fault ended without affecting a frame, because nothing was tested. Faults with probability
+    /// 0 are exempt.
     fn end_faults(&mut self, ended: &[FaultRecord]) {
         for record in ended {
             let Some(place) = self.faults.iter().position(|(name, _)| *name == record.name) else { continue };
@@ -190,7 +190,8 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Fails a step of a strict scenario that has an unclaimed frame or lacks a cyclic frame.
+    /// Fails a step of a strict scenario if a deviation was found: an unclaimed frame, or a cyclic frame that is early
+    /// or missing.
     fn settle(&mut self, step: &Step) {
         if let Some(deviation) = self.claims.as_mut().and_then(Claims::take_deviation) {
             let failure = Failure::deviation(step, &deviation, self.target.simulation().history());
@@ -203,7 +204,7 @@ impl<'a, B: Target> Runner<'a, B> {
         self.claims.as_ref().is_some_and(Claims::are_broken)
     }
 
-    /// Advances to the start of a step.
+    /// Advances to the start of a step. Fails the step if its start time has passed.
     fn begin(&mut self, step: &Step) {
         let now = self.target.simulation().now();
         let begin = match step.begin {
@@ -286,8 +287,8 @@ impl<'a, B: Target> Runner<'a, B> {
         self.pass_until(end, &mut Goal::None);
     }
 
-    /// Advances to `end`, or until the goal is reached, and processes everything due. Returns whether the goal is
-    /// reached.
+    /// Advances to `end`, or until the goal is reached or a deviation from a strict scenario is found. Processes all
+    /// due events. Returns whether the goal is reached.
     fn pass_until(&mut self, end: Instant, goal: &mut Goal<'_>) -> bool {
         loop {
             if self.is_reached(goal) {
@@ -334,7 +335,8 @@ impl<'a, B: Target> Runner<'a, B> {
         }
         self.target.simulation_mut().poll();
         self.ended.extend(self.target.simulation_mut().take_completed());
-        // A prohibition excludes its last instant.
+        // A prohibition proves nothing for a device at another bit rate, so such devices are detected at the end of
+        // each prohibition.
         let now = self.target.simulation().now();
         if self.guards.iter().any(|guard| guard.until == now) {
             self.target.simulation_mut().rates_mut().find_at(now);
@@ -379,8 +381,8 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Fails the step of a prohibition that was never checked: no time has passed, or `t_us` was outside the checked
-    /// time.
+    /// Fails the step of a prohibition that was never checked, because no time has passed or because `t_us` was outside
+    /// the checked time.
     fn end_guard(&mut self, guard: &Guard<'_>) {
         let end = guard.until.min(self.target.simulation().now());
         let instant = match &guard.what {
@@ -397,7 +399,8 @@ impl<'a, B: Target> Runner<'a, B> {
         self.fail(Failure::undone(guard.step, "never", reason));
     }
 
-    /// Returns the violation of a prohibition, if any. `ended` is the result of its wait.
+    /// Returns the violation of a prohibition, if any. `ended` is the result of the prohibition's ticket, if the ticket
+    /// has completed.
     fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
         let history = self.target.simulation().history();
         match (&mut guard.what, ended) {
@@ -449,7 +452,7 @@ impl Trace {
     }
 }
 
-/// Returns the scenario key of a command, for failure headlines.
+/// Returns the text for a command in failure headlines: the scenario key, and the frame or fault.
 fn name(command: &Command) -> String {
     match command {
         Command::Send(frame, _) => format!("send {frame}"),

@@ -80,7 +80,7 @@ impl Scenario {
             return Err(at(0)("no steps; add steps = [{ expect = \"720#00\" }]".to_owned()));
         }
         let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
-        // Refuses steps that cannot be executed before the scenario runs.
+        // The trial run refuses steps that cannot be executed.
         let mut simulation = scenario.simulation(0);
         simulation.send_as(OWN);
         let mut trial = Trial::new(simulation, scenario.devices.clone(), strict);
@@ -125,7 +125,7 @@ impl Scenario {
     }
 }
 
-/// Refuses a `never` after which no time passes, because it would check a single instant at most.
+/// Refuses a `never` after which no time passes, because such a `never` would check at most one instant.
 fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
     // The scenario continues until every `never` with a duration has ended.
     if steps.iter().any(|step| step.never.as_ref().is_some_and(|never| never.span.is_some())) {

@@ -22,9 +22,9 @@ pub(super) struct Step {
 /// The start of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Begin {
-    /// The step starts when the previous one ends.
+    /// The step starts when the previous step ends.
     Now,
-    /// The step starts with a delay after the end of the previous one.
+    /// The step starts with a delay after the end of the previous step.
     After(Duration),
     /// The step starts at a time counted from the start of the scenario.
     At(Duration),

@@ -27,7 +27,7 @@ struct Again<'a> {
 pub(super) enum Deviation {
     /// A frame that no step claims.
     Unclaimed(Heard),
-    /// A cyclic frame that was sent too early, with the time since the previous one.
+    /// A cyclic frame that was sent too early, with the time since the previous frame.
     Early(Heard, Duration),
     /// A cyclic frame that was not sent in time.
     Missing { pattern: Pattern, period: Duration, last: Instant },
@@ -35,6 +35,7 @@ pub(super) enum Deviation {
 
 impl<'a> Claims<'a> {
     /// Matches the frames received until `now`, first with the wanted frames, then with the expected cyclic frames.
+    /// Stops at the first deviation, or when all wanted frames are matched.
     pub(super) fn look(&mut self, now: Instant, history: &History, mut wanted: Option<&mut Frames<'_>>) {
         for heard in history.heard_since(self.next) {
             if self.deviation.is_some() || wanted.as_ref().is_some_and(|wanted| wanted.are_all_there()) {
@@ -52,7 +53,8 @@ impl<'a> Claims<'a> {
         self.find_missing(now);
     }
 
-    /// Matches a frame with the expected cyclic frames. Returns the deviation if none matches.
+    /// Matches a frame with the expected cyclic frames. Returns the deviation if no cyclic frame matches or the frame
+    /// is early.
     fn repeat(&mut self, heard: Heard) -> Option<Deviation> {
         let known = self.again.iter_mut().find(|again| again.pattern.matches(&heard.frame));
         let Some(again) = known else { return Some(Deviation::Unclaimed(heard)) };

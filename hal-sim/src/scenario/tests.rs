@@ -384,7 +384,7 @@ fn what_is_null_in_json_is_none() {
 const WITH_FAILURES: &str = "devices = [\"pvea-canopen@0x20\", \"hat1000,bit-rate=250k\"]\nsteps = [\n\
     { send = \"000#0100\", after_ms = 10 }, { expect = \"111#\" }, { device = \"hat1000\", expect = { position = 1 } } ]";
 
-/// Two seeds may happen to start the devices at the same times; these two do not.
+/// Two seeds may happen to start the devices at the same times; the first 20 seeds do not.
 #[test]
 fn another_seed_starts_the_devices_at_other_instants() {
     let scenario = Scenario::parse(WITH_FAILURES).expect("a scenario");

@@ -24,7 +24,7 @@ pub(super) struct Trial {
     strict: bool,
     /// The identifiers of the active cyclic frames.
     cyclic: Vec<Id>,
-    /// The names of the faults, without the numbers that default names may get.
+    /// The names of all faults so far. A number appended to a default name is not included.
     faults: Vec<String>,
 }
 
@@ -33,7 +33,7 @@ impl Trial {
         Self { simulation, devices, strict, cyclic: Vec::new(), faults: Vec::new() }
     }
 
-    /// Checks a step and applies its plant change to the trial simulation.
+    /// Checks a step, and applies its plant and fault changes to the trial simulation.
     pub(super) fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
         let about_device = table.plant.is_some()
             || table.power.is_some()
@@ -152,8 +152,8 @@ impl Trial {
         }
     }
 
-    /// Returns the named device. Without a name, returns the only device on the bus, or the first one unless
-    /// `is_meant`.
+    /// Returns the named device. Without a name, returns the only device on the bus. With several devices, returns the
+    /// first device, or an error if `is_meant`: the step then needs a name.
     fn device(&self, name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
         let names = || self.devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
         let found = match (name, self.devices.as_slice()) {
@@ -175,7 +175,8 @@ impl Trial {
         Ok(Command::Send(frame, period))
     }
 
-    /// Returns the identifier of the active cyclic frame to stop; `None` stops all.
+    /// Removes the cyclic frame to stop from the active cyclic frames. Returns its identifier; `None` stops all cyclic
+    /// frames.
     fn stop(&mut self, which: &Identifier) -> Result<Option<Id>, String> {
         let Some(id) = stopped(which)? else {
             self.cyclic.clear();
@@ -197,7 +198,7 @@ impl Trial {
         }
         let command = Command::Plant(device.name.clone(), file::table(change)?);
         self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
-        // The profiles may have ended before the next change.
+        // Profiles must not cause the refusal of a later change, because they may have ended by then.
         self.simulation.end_profiles();
         Ok(command)
     }
@@ -206,7 +207,7 @@ impl Trial {
         let request: FaultRequest = file::table(change)?;
         let command = Command::Fault(request.fault().map_err(|Invalid(reason)| reason)?);
         match self.simulation.execute(command.clone()) {
-            // Earlier faults may have expired by then.
+            // A conflict is accepted, because earlier faults may have expired by the time of this step.
             Ok(_) | Err(Refusal::Conflict(_)) => {}
             Err(refusal) => return Err(refusal.to_string()),
         }
@@ -216,7 +217,7 @@ impl Trial {
         Ok(command)
     }
 
-    /// Checks that a fault to be ended exists, and ends it in the trial simulation.
+    /// Ends a fault in the trial simulation. Refuses a name that no earlier step has given to a fault.
     fn end(&mut self, name: String) -> Result<Command, String> {
         let is_known = self.faults.contains(&name);
         let command = Command::EndFaults(Some(name).filter(|name| name != "all"));
@@ -336,7 +337,7 @@ fn one_frame(text: &str) -> Result<Frame, String> {
     frame.ok_or_else(|| format!("send: '{text}' is not a single frame; give all digits, as in \"220#0F00 0020\""))
 }
 
-/// Returns the identifier of the cyclic frame to stop; `None` stands for all.
+/// Returns the identifier of the cyclic frame to stop; `None` stops all cyclic frames.
 fn stopped(which: &Identifier) -> Result<Option<Id>, String> {
     match which {
         Identifier::Text(text) if text == "all" => Ok(None),

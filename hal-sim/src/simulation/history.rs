@@ -79,8 +79,8 @@ pub struct Passed {
 pub struct Happened {
     /// The event.
     pub event: Event,
-    /// The text of an event that is reported to users, with its class if it is a bus error. A communication fault has
-    /// no class.
+    /// The message for an event reported to users, with the error class of a bus error (a communication fault has
+    /// none). `None` if the event is not reported.
     pub error: Option<(Option<ErrorClass>, String)>,
     /// Whether a device sent the frame of the event.
     pub is_from_device: bool,
@@ -96,7 +96,7 @@ pub struct History {
     errors: Errors,
     /// The state of the explainer before the oldest recorded entry.
     oldest: Explainer,
-    /// The state of the explainer after the latest entry.
+    /// The state of the explainer before the latest entry.
     latest: Explainer,
     /// The number of the oldest recorded entry.
     first: u64,
@@ -120,7 +120,7 @@ enum Kept {
     Error(String),
 }
 
-/// A frame received from the bus. Its sender is not the controller for the frames of commands.
+/// A frame that was on the bus and was not sent by a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
     /// The number of the event.
@@ -178,7 +178,7 @@ impl History {
         }
     }
 
-    /// Records an event and returns it with its report.
+    /// Records a frame or a reported error. Returns the event with its message, if any.
     pub(super) fn keep(&mut self, event: Event, world: &World) -> Happened {
         let error = self.errors.note(&event);
         let device = self.places.get(&event.who).copied();
@@ -208,8 +208,8 @@ impl History {
         self.entries.push_back(entry);
     }
 
-    /// Returns the explainer for the latest event. It has the node IDs before the event, because the event may change
-    /// them.
+    /// Returns the explainer for the latest event. Its state is the state before that event, because the event may
+    /// change node IDs.
     pub const fn explainer(&self) -> &Explainer {
         &self.latest
     }
@@ -240,7 +240,8 @@ impl History {
         })
     }
 
-    /// Returns the index of an event in the recorded entries.
+    /// Returns the index of an event among the recorded entries; 0 for a dropped event, the number of entries for a
+    /// future event.
     fn place(&self, number: u64) -> usize {
         usize::try_from(number.saturating_sub(self.first)).unwrap_or(usize::MAX).min(self.entries.len())
     }

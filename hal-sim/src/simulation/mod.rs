@@ -102,7 +102,7 @@ impl Simulation {
         devices::link_in(&mut self.world, links);
     }
 
-    /// Adds the controller that sends the frames of commands. `name` identifies it in traces.
+    /// Adds the controller that sends the frames of commands. `name` identifies the controller in traces.
     pub fn send_as(&mut self, name: &str) {
         self.sender = Some(Sender::new(name, &mut self.world));
         self.history.set_own(name);
@@ -317,7 +317,7 @@ impl Simulation {
         }
     }
 
-    /// Cancels the completion of a pending command. A queued frame is still sent.
+    /// Drops the result of a pending command. A queued frame is still sent.
     pub fn forget(&mut self, ticket: Ticket) {
         self.waits.forget(ticket);
         if let Some(sender) = &mut self.sender {
@@ -347,7 +347,7 @@ impl Simulation {
         false
     }
 
-    /// Takes the next bus event. [`History::explainer`] explains this event until the next one is taken.
+    /// Takes the next bus event. [`History::explainer`] explains this event until the next event is taken.
     pub fn take_event(&mut self) -> Option<Happened> {
         if self.events.is_empty() {
             self.events.extend(self.world.take_events());
@@ -363,7 +363,7 @@ impl Simulation {
         Some(happened)
     }
 
-    /// Processes due commands and waits. Must be called after each [`go`](Self::go), once its events are taken.
+    /// Processes due commands and waits. Must be called after each [`go`](Self::go), once all events are taken.
     pub fn poll(&mut self) {
         if let Some(sender) = &mut self.sender {
             sender.poll(&mut self.world, &mut self.completed);

@@ -39,7 +39,7 @@ enum Course {
 }
 
 impl Profiles {
-    /// Starts a plant change: applies its current values and schedules the remaining ones.
+    /// Starts a plant change: applies the current values and schedules the remaining values.
     ///
     /// # Errors
     /// [`Refusal`]; nothing has changed.
@@ -88,7 +88,7 @@ impl Profiles {
         Ok(())
     }
 
-    /// Returns the next due time.
+    /// Returns the time at which the next value is due.
     pub(super) fn due(&self) -> Instant {
         self.0.iter().map(|change| change.next).min().unwrap_or(NEVER)
     }
@@ -112,7 +112,7 @@ impl Profiles {
 }
 
 impl InProgress {
-    /// Applies the current value and schedules the next one.
+    /// Applies the current value and schedules the next value.
     fn apply(&mut self, now: Instant, world: &mut World) {
         let change = match &self.course {
             Course::Earlier(earlier) => (**earlier).clone(),
@@ -135,7 +135,7 @@ impl InProgress {
                 plant.map(PlantChange::from).unwrap_or_default()
             }
         };
-        // The change fails if the shaft was linked in the meantime.
+        // The change fails if the shaft was linked in the meantime; the value is then not applied.
         let _ = change.make(self.node, world);
     }
 }

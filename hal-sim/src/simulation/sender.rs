@@ -39,9 +39,9 @@ pub(super) struct Sender {
 #[derive(Clone, Debug)]
 struct Outgoing {
     frame: Frame,
-    /// The time at which the frame is withdrawn if it is still unsent.
+    /// The time at which the frame is withdrawn if still unsent.
     deadline: Instant,
-    /// The command that completes when the frame is sent: for a cyclic frame, only the first transmission.
+    /// The command that completes when the frame is sent; `None` for later transmissions of a cyclic frame.
     ticket: Option<Ticket>,
     /// Whether the frame is a transmission of a cyclic frame.
     is_cyclic: bool,
@@ -56,7 +56,7 @@ struct Cyclic {
 }
 
 impl Sender {
-    /// Creates a sender and adds its controller to the bus. `name` identifies it in traces.
+    /// Creates a sender and adds its controller to the bus. `name` identifies the controller in traces.
     pub(super) fn new(name: &str, world: &mut World) -> Self {
         Self { port: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
@@ -97,7 +97,7 @@ impl Sender {
         }
         if let Some(outgoing) = self.sending.as_mut().filter(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame)) {
             if world.is_sending(self.port) {
-                // A frame on the wire is completed, but not retransmitted if it is destroyed.
+                // The current attempt to send the frame continues, but a destroyed frame is not retransmitted.
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
@@ -137,7 +137,8 @@ impl Sender {
         }
     }
 
-    /// Completes the frame in the controller if it was sent or is delayed by a fault. Returns whether it is completed.
+    /// Completes the command of the frame in the controller if the frame was sent or is delayed by a fault. Returns
+    /// whether the frame has left the controller.
     fn complete(&mut self, world: &World, completed: &mut Completed) -> bool {
         let Some(sent) = self.sending.take_if(|_| world.is_controller_empty(self.port)) else { return false };
         if let Some(ticket) = sent.ticket {
@@ -171,7 +172,7 @@ impl Sender {
         self.sending = Some(outgoing);
     }
 
-    /// Cancels the completion of a command; the frame is still sent.
+    /// Drops the result of a command; the frame is still sent.
     pub(super) fn forget(&mut self, ticket: Ticket) {
         for outgoing in self.sending.iter_mut().chain(&mut self.waiting) {
             outgoing.ticket.take_if(|known| *known == ticket);
@@ -185,7 +186,8 @@ impl Sender {
         deadlines.chain(repeats).filter(|due| *due > now).min().unwrap_or(NEVER)
     }
 
-    /// Returns the latest deadline of the pending commands, if any. A frame on the wire has no deadline.
+    /// Returns the latest deadline of the pending commands, if any. A frame still on the wire after its deadline has no
+    /// time limit.
     pub(super) fn advance_limit(&self, now: Instant) -> Option<Instant> {
         let awaited = self.sending.iter().chain(&self.waiting).filter(|outgoing| outgoing.ticket.is_some());
         awaited.map(|outgoing| if outgoing.deadline > now { outgoing.deadline } else { NEVER }).max()

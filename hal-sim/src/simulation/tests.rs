@@ -416,7 +416,7 @@ fn running_to_now_takes_what_has_happened() {
     assert!(simulation.history().next() > before && simulation.take_event().is_none());
 }
 
-/// The same as above, for a shaft that follows a valve.
+/// A wait for a position of a shaft that follows a valve completes at the first possible time, with few checks.
 #[test]
 fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
     for (rate, wanted) in [(3_000, 60..=60), (36_000, 700..=701), (-3_000, 16_000..=16_323), (100, 2..=2)] {

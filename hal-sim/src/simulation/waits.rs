@@ -36,8 +36,8 @@ impl Waits {
         self.0.push(Wait { what, until, ticket });
     }
 
-    /// Completes the waits whose condition holds now, and those that time out. A wait times out after all events at its
-    /// time limit.
+    /// Completes the waits whose condition holds now or whose time limit has passed. A wait times out only after all
+    /// events at its time limit.
     pub(super) fn poll(&mut self, world: &mut World, completed: &mut Completed) {
         if self.0.is_empty() {
             return;
@@ -63,7 +63,7 @@ impl Waits {
         });
     }
 
-    /// Completes the waits for a frame that was just sent.
+    /// Completes the waits whose pattern matches a frame that was just sent.
     pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord, completed: &mut Completed) {
         self.0.retain_mut(|Wait { what, ticket, .. }| {
             let Awaited::Frame(pattern, other) = what else { return true };

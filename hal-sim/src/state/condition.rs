@@ -177,7 +177,7 @@ impl StateCondition {
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
     }
 
-    /// Returns the accepted positions if the condition fails only because of the position.
+    /// Returns the accepted positions if the current position is not accepted.
     pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())

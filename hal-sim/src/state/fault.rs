@@ -227,7 +227,8 @@ impl From<FaultState> for FaultRecord {
     }
 }
 
-/// The keys of the fault kinds, each with the parameters that it accepts in addition to the common ones.
+/// The keys of the fault kinds, each with the accepted parameters besides the common parameters. `filter` stands for
+/// `mask`, `extended` and `sender`.
 const PARAMETERS: [(&str, &[&str]); 9] = [
     ("lose", &["receivers", "filter"]),
     ("delay", &["ms", "burst_ms", "overtake", "filter"]),
@@ -405,7 +406,7 @@ impl FaultRequest {
     }
 }
 
-/// Names the key of a refused value.
+/// Prefixes the message about a refused value with its key.
 fn within(key: &'static str) -> impl FnOnce(Invalid) -> Invalid {
     move |Invalid(reason)| Invalid(format!("{key}: {reason}"))
 }

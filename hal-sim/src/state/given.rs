@@ -20,7 +20,7 @@ pub(crate) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) 
     Option::deserialize(value).map(Some)
 }
 
-/// Deserialises a JSON object. Refuses a list, which derived deserialisers would accept as the fields in order.
+/// Deserialises a JSON object. Refuses a list, whose items a derived deserialiser would accept as the fields in order.
 pub(crate) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<T, D::Error> {
     Object::deserialize(value).map(|Object(value)| value)
 }

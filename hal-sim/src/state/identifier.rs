@@ -49,7 +49,7 @@ impl Identifier {
         })
     }
 
-    /// Returns whether the identifier needs 29 bits.
+    /// Returns whether the identifier is valid only with 29 bits.
     pub fn needs_29_bits(&self) -> bool {
         self.id(Some(true)).is_ok() && self.id(None).is_err()
     }
@@ -64,7 +64,7 @@ impl std::fmt::Display for Identifier {
     }
 }
 
-/// Formats an identifier as users write it, with three or eight digits.
+/// Formats an identifier with three or eight hex digits.
 pub(crate) fn digits(id: Id) -> String {
     match id {
         Id::Standard(id) => format!("{:03X}", id.as_raw()),

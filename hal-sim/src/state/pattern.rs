@@ -70,7 +70,7 @@ impl Digits {
         self.mask.count_ones() == 4 * digits
     }
 
-    /// Writes the digits and wildcards; `digits` is their number.
+    /// Writes this number of digits and wildcards.
     fn write(self, f: &mut fmt::Formatter<'_>, digits: u32) -> fmt::Result {
         (0..digits).rev().try_for_each(|place| {
             let shift = 4 * place;
@@ -213,7 +213,7 @@ impl Pattern {
         })
     }
 
-    /// Returns the identifier if it has no wildcard.
+    /// Returns the identifier of the pattern; `None` if the identifier has a wildcard.
     pub fn identifier(&self) -> Option<Id> {
         let digits = if self.is_extended { 8 } else { 3 };
         if !self.id.are_exact(digits) {
@@ -226,7 +226,7 @@ impl Pattern {
         }
     }
 
-    /// Returns the frame if the pattern has no wildcard.
+    /// Returns the only frame that matches; `None` if the pattern has a wildcard.
     pub fn frame(&self) -> Option<Frame> {
         let id = self.identifier()?;
         match &self.content {

@@ -230,7 +230,8 @@ impl PlantState {
         })
     }
 
-    /// Returns the plant without the shaft angle, which changes continuously.
+    /// Returns the plant with the shaft angle set to 0, for comparisons: the angle of a rotating shaft changes
+    /// continuously.
     pub fn at_rest(&self) -> Self {
         match self {
             Self::Encoder(plant) => Self::Encoder(EncoderPlant { angle_cdeg: 0, ..plant.clone() }),
@@ -261,7 +262,7 @@ impl PlantChange {
         self.plants().into_iter().map(|plant| plant.word().name).chain(memory).collect()
     }
 
-    /// Returns the change that restores the values of `state` after this change.
+    /// Returns a change of the same words back to their values in `state`.
     #[must_use]
     pub fn earlier(&self, state: &PlantState) -> Self {
         let mut earlier = Self::default();
@@ -286,7 +287,7 @@ impl PlantChange {
         earlier
     }
 
-    /// Returns the change as one change per plant word, except for the memory.
+    /// Returns one plant change for each word that this change sets, except for the memory.
     pub fn plants(&self) -> Vec<Plant> {
         let Self { supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, .. } = *self;
         let plants = [
@@ -335,7 +336,7 @@ impl SpoolChange {
     }
 }
 
-/// The names of the spool faults. A healthy spool has no name in a state.
+/// The spool faults by name. A healthy spool has no name here: its fault is null in a state.
 const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
     (SpoolFaultName::Stuck, SpoolFault::Stuck),
     (SpoolFaultName::Slow, SpoolFault::Slow),

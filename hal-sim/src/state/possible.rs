@@ -51,7 +51,7 @@ pub(crate) enum Values {
     Sets(Vec<&'static str>),
 }
 
-/// The share of the possible values that satisfy a condition.
+/// Whether none, some or all of the possible values satisfy a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Share {
     None,
@@ -146,7 +146,7 @@ pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &st
     }
 }
 
-/// Returns whether every state of a device of this kind and name has the wanted values.
+/// Returns whether every state of a device of this kind and name satisfies the condition.
 pub(super) fn is_always_so(wanted: &[(String, Json)], kind: Kind, name: &str) -> bool {
     let tables = [true, false].map(|powered| table(kind, name, powered));
     wanted.iter().all(|(key, value)| tables.iter().all(|table| share(table, key, value) == Share::All))
@@ -199,7 +199,8 @@ impl Values {
         }
     }
 
-    /// Returns whether this set includes all values of `other`.
+    /// Returns whether this set includes all values of `other`. Any set of names counts as including any other set of
+    /// names.
     fn include(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Numbers(range), Self::Numbers(other)) => {

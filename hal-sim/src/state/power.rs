@@ -54,7 +54,7 @@ impl PowerChange {
 }
 
 impl Power {
-    /// Applies the change to a device. The error is the reason why an unpowered device cannot be reset.
+    /// Applies the change to a device. An unpowered device cannot be reset: the error is the message for this case.
     pub fn switch(self, node: NodeId, world: &mut World) -> Result<(), &'static str> {
         match self {
             Self::Off => world.power(node, false),

@@ -72,7 +72,7 @@ impl Schemas {
         &self.0
     }
 
-    /// Converts a text to a value that the schema of a member accepts: a number or a Boolean, otherwise a string.
+    /// Converts a text to a number or a Boolean, as required by the schema of a member; otherwise to a string.
     pub fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
         let kind = self.0.get(name).and_then(|schema| schema["properties"][key]["type"].as_str());
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
@@ -123,7 +123,7 @@ fn without_null(name: &str, schema: &mut Value) {
     }
 }
 
-/// Removes the integer formats from a schema; its limits already define the range exactly.
+/// Removes the integer formats from a schema, because the limits already define the range exactly.
 pub fn without_formats(schema: &mut Value) {
     match schema {
         Value::Object(members) => {
@@ -141,7 +141,7 @@ pub fn without_formats(schema: &mut Value) {
 fn restrict(name: &str, schema: &mut Value) {
     let members = schema.get("properties").and_then(Value::as_object);
     if members.is_some_and(|members| members.contains_key("id") && members.contains_key("extended")) {
-        // 11 bits; 29 bits with `extended`; 29 bits as a string of eight digits.
+        // An identifier of 11 bits; of 29 bits with `extended`; or of 29 bits as a string of eight digits.
         schema["anyOf"] = json!([
             {
                 "properties": {
@@ -237,7 +237,7 @@ impl<'a> Checker<'a> {
             if !choices.iter().all(|choice| fails(&choice)) {
                 return None;
             }
-            // If the value is an object, the mismatch is in one of its members.
+            // For an object, the mismatch is taken from the choice with members, so that it refers to a member.
             let same = choices.iter().find(|choice| value.is_object() && self.has_members(choice));
             return match (same, choices.as_slice()) {
                 (Some(only), _) | (None, [only]) => self.mismatch(only, value, path),
@@ -348,7 +348,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns whether a schema is that of an expectation in a step.
+    /// Returns whether a schema is the schema of an expectation in a step.
     fn is_expected(&self, schema: &Value) -> bool {
         self.schemas.0.get("Expected").is_some_and(|expected| std::ptr::eq(expected, schema))
     }
@@ -380,7 +380,7 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// Returns the choices of a schema that has choices and no members.
+/// Returns the choices of a schema; `None` if the schema has no choices, or has members.
 fn choices(schema: &Value) -> Option<&Vec<Value>> {
     let has_members = schema["properties"].is_object();
     ["oneOf", "anyOf"].iter().find_map(|several| schema[several].as_array()).filter(|_| !has_members)
@@ -398,7 +398,7 @@ fn is_of(kind: &Value, value: &Value) -> bool {
     }
 }
 
-/// Returns whether a number is within the limits of its schema.
+/// Returns whether a number is within the limits of its schema; true for any value that is not a number.
 fn is_within(schema: &Value, value: &Value) -> bool {
     let whole = |value: &Value| value.as_i64().map(i128::from).or_else(|| value.as_u64().map(i128::from));
     let Some(number) = whole(value) else {

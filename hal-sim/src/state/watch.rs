@@ -6,16 +6,17 @@ use super::{DeviceState, StateCondition};
 use crate::Kind;
 use crate::world::{NodeId, World};
 
-/// The look-ahead for positions, which limits the step-by-step search of a linked shaft.
+/// The maximum look-ahead for a change of position. Limits the search on a linked shaft, which proceeds step by step.
 const FORESIGHT: Duration = Duration::from_secs(1);
 
-/// A condition on a device state. It must be checked after every event of the world and at its due time.
+/// A condition on a device state. The caller must check the condition after every event of the world and at the due
+/// time.
 #[derive(Clone, Debug)]
 pub struct StateWatch {
     node: NodeId,
     kind: Kind,
     condition: Box<StateCondition>,
-    /// The earliest time at which the position can match without an event.
+    /// The time before which the position cannot match unless an event occurs.
     moves_there: Instant,
 }
 
@@ -34,7 +35,7 @@ impl StateWatch {
         (state, holds)
     }
 
-    /// Returns the next time at which the condition can become true without an event; `until` at the latest.
+    /// Returns the next time at which the condition must be checked again if no event occurs; `until` at the latest.
     pub fn due(&self, until: Instant, world: &World) -> Instant {
         let asked = self.condition.t_us.map_or(NEVER, Instant::from_micros);
         let limit = if asked > world.now() { asked.min(until) } else { until };

@@ -19,19 +19,20 @@ const OVER: Duration = Duration::from_secs(1);
 /// A filter that selects the bus errors to report.
 #[derive(Clone, Debug, Default)]
 pub struct Errors {
-    /// The number of error frames since the last report.
+    /// The number of error frames in the current disturbance. A disturbance has ended if all controllers are
+    /// error-active and the next error frame follows after more than [`OVER`].
     count: u64,
     /// The time of the last error frame.
     last: Option<Instant>,
-    /// For each sender, the frame that it fails to send, with the time of the last error frame.
+    /// The frame that each sender fails to send, with the time of the last error frame.
     failing: HashMap<Arc<str>, (Frame, Instant)>,
     /// The controllers that are not error-active, with their modes and the times of the mode changes.
     troubled: HashMap<Arc<str>, (BusErrorMode, Instant)>,
 }
 
 impl Errors {
-    /// Records an event. Returns the text of an event to report, with its class if it is an error; the effect of a
-    /// communication fault is not a bus error.
+    /// Records an event. Returns the message if the event is to be reported, with the error class of a bus error; a
+    /// communication fault has no class.
     pub fn note(&mut self, event: &Event) -> Option<(Option<ErrorClass>, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
@@ -67,7 +68,8 @@ impl Errors {
         (!told).then(|| (class(error), explain_error(error, frame, &event.who)))
     }
 
-    /// Describes a mode change and the duration of the previous mode, because traces may use different time origins.
+    /// Describes a mode change. The text includes the duration of the previous mode, because the times of two traces
+    /// may have different origins.
     fn change(&mut self, event: &Event, to: BusErrorMode) -> (ErrorClass, String) {
         let before = match to {
             BusErrorMode::ErrorActive => self.troubled.remove(&event.who),

@@ -23,7 +23,7 @@ const CYCLE: Duration = Duration::from_secs(2);
 /// The maximum time between two reports of repeated frames.
 const REMINDER: Duration = Duration::from_secs(5);
 
-/// The delay of a frame after which its cycle counts as ended.
+/// The delay, in addition to the period, after which the cycle of a frame counts as ended.
 const LATE: Duration = Duration::from_millis(20);
 
 /// The time above which times are printed as h:mm:ss.mmm, in milliseconds.
@@ -35,7 +35,7 @@ const MARGIN: usize = 19;
 /// The number of terminal columns from which data bytes are printed with blanks.
 const ROOMY: usize = 100;
 
-/// The minimum width for which explanations are wrapped.
+/// The minimum width of a wrapped explanation.
 const NARROWEST: usize = 20;
 
 const TIME: Style = Style::new().dimmed();
@@ -63,7 +63,7 @@ struct Latest {
     frame: Frame,
     /// The time of the last repetition.
     at: Instant,
-    /// The number of unreported repetitions, and the time of the frame before them.
+    /// The number of unreported repetitions; `told` is the time of the frame before the first of these repetitions.
     again: u32,
     told: Instant,
 }
@@ -125,7 +125,8 @@ impl Layout {
         self.tell_repeats(out, |_| true);
     }
 
-    /// Returns whether a frame is a repetition, and counts it if so.
+    /// Counts a frame that repeats the last printed frame of its sender and identifier. Returns whether the frame is
+    /// such a repetition.
     fn repeats(&mut self, out: &mut String, at: Instant, who: &Arc<str>, frame: &Frame) -> bool {
         if !is_cyclic(frame) {
             return false;
@@ -235,7 +236,7 @@ impl Latest {
         Self { frame, at, again: 0, told: at }
     }
 
-    /// Returns the mean interval between the repetitions, in microseconds.
+    /// Returns the mean interval between the unreported repetitions, in microseconds.
     fn period_us(&self) -> u64 {
         since(self.at, self.told).as_micros() / u64::from(self.again.max(1))
     }

@@ -80,8 +80,7 @@ impl Shared {
 pub(super) struct Connection {
     port: ClientPortId,
     queues: Shared,
-    /// Whether this connection is a clone whose client still belongs to the original world, because
-    /// [`World::take_client`] has not been called for it.
+    /// Whether this connection belongs to a cloned world and [`World::take_client`] has not yet created its client.
     untaken: bool,
 }
 
@@ -100,8 +99,8 @@ impl Drop for Connection {
 }
 
 impl World {
-    /// Adds a client that the caller owns. It sends frames in FIFO order, receives all frames except its own, and
-    /// acknowledges.
+    /// Adds a client that the caller owns. The client sends frames in FIFO order, receives all frames except its own,
+    /// and acknowledges.
     pub fn client(&mut self, name: &str) -> Client {
         let mut connection = Connection { port: self.add_client_port(name), queues: Shared::default(), untaken: true };
         let client = connection.take();
@@ -109,8 +108,8 @@ impl World {
         client
     }
 
-    /// Takes the named client of a cloned world, with the frames that the original had not yet transferred. The client
-    /// already receives before this call. Returns `None` if the client is unknown or already taken.
+    /// Takes the named client of a cloned world, with the frames that were not yet transferred when the world was
+    /// cloned, and the frames received since then. Returns `None` if the client is unknown or already taken.
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
         let is_it = |connection: &&mut Connection| {
             let is_there = connection.untaken && !connection.queues.lock().client_gone;

@@ -17,8 +17,8 @@ pub struct Electronics {
     /// The cycle time of the application, which reads frames and inputs and sends frames only once a cycle (A). 0: the
     /// application reacts immediately.
     pub cycle: Duration,
-    /// The supply voltage in mV below which a valve is off (A). It restarts above this voltage. `None`: the valve is
-    /// never off.
+    /// The supply voltage in mV below which a valve is off (A). The valve restarts when the supply reaches this
+    /// voltage. `None`: the valve is never off.
     pub brown_out_mv: Option<u32>,
 }
 

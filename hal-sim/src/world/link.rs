@@ -1,8 +1,8 @@
 //! Links: the shaft angle of a sensor follows the integral of a valve's spool position.
 //!
 //! The flow is proportional to the spool position, and the spool position is piecewise linear in time. The integral is
-//! therefore a sum of trapezoids, computed in integers. It is updated when the shaft is read or the valve changes; the
-//! number of updates does not affect the result.
+//! therefore a sum of trapezoids, computed in integers. The integral is updated when the shaft is read or the valve
+//! changes; the number of updates does not affect the result.
 
 use protocol_core::actuator::Valve;
 use protocol_core::device::Inputs;
@@ -19,8 +19,7 @@ pub struct Link {
     pub rate: i32,
     /// The lower end stop, inclusive, in 1/100 degree.
     pub min: u32,
-    /// The upper end stop, inclusive, in 1/100 degree. It must not be below the lower end stop, and must be less than
-    /// one turn.
+    /// The upper end stop, inclusive, in 1/100 degree. It must be less than one turn and not below the lower end stop.
     pub max: u32,
 }
 
@@ -44,13 +43,13 @@ pub enum LinkError {
     /// The sensor's shaft already follows a valve.
     #[error("the sensor is already linked")]
     Linked,
-    /// The lower end stop is above the upper one, or the upper one is not less than one turn.
+    /// The lower end stop is above the upper end stop, or the upper end stop is not less than one turn.
     #[error("end stops must be 0 to 35999 in 1/100 degree, the lower one first")]
     Stops,
 }
 
-/// 1/100 degree in units of the integral: twice the steps of the full stroke times microseconds. The factor of two
-/// avoids the fraction one half in the trapezoid formula.
+/// The number of internal angle units in 1/100 degree: the full stroke in units of [`Valve::opening`], times the
+/// microseconds of a second, times 2. The factor 2 avoids the fraction 1/2 of the trapezoid formula.
 const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
@@ -61,13 +60,13 @@ pub(super) struct Coupling {
     valve: NodeId,
     sensor: NodeId,
     link: Link,
-    /// The angle at the time `reckoned`, in units of 1/[`CDEG`] of 1/100 degree.
+    /// The angle at the time `reckoned`, in internal units: [`CDEG`] units are 1/100 degree.
     angle: i128,
     reckoned: Instant,
 }
 
 impl World {
-    /// Links a sensor's shaft to a valve. A shaft outside the end stops moves to the nearest one; a rotating shaft
+    /// Links a sensor's shaft to a valve. A shaft outside the end stops moves to the nearest end stop; a rotating shaft
     /// stops.
     ///
     /// # Errors
@@ -146,7 +145,8 @@ impl World {
         }
     }
 
-    /// Returns the inputs of a sensor with the angle of its link, which must be up to date.
+    /// Returns the inputs of a sensor with the angle of its link, which must be up to date. Without a link, the inputs
+    /// are unchanged.
     pub(super) fn as_linked(&self, sensor: NodeId, mut inputs: Inputs) -> Inputs {
         if let Some(coupling) = self.couplings.iter().find(|coupling| coupling.sensor == sensor)
             && let Some(shaft) = inputs.shaft_mut()
@@ -157,7 +157,8 @@ impl World {
         inputs
     }
 
-    /// Returns the valve of a powered device. An unpowered valve counts as neutral (A), as at its start.
+    /// Returns the valve of a powered device; `None` for an unpowered device, whose valve counts as neutral (A), as at
+    /// its start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
         match &self.nodes[node.0].power {
             Power::On(device) => device.valve(),
@@ -182,7 +183,8 @@ impl Coupling {
         u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
     }
 
-    /// Returns the angle at `now`, at or after the last update. The valve must not have changed since the last update.
+    /// Returns the angle at `now`, in internal units. `now` must not be before the last update, and the valve must not
+    /// have changed since the last update.
     fn reckon(&self, valve: Option<&Valve>, now: Instant) -> i128 {
         let Some(valve) = valve else { return self.angle };
         let (mut angle, mut at) = (self.angle, self.reckoned);
@@ -209,7 +211,8 @@ impl Coupling {
         angle
     }
 
-    /// Adds a flow to an angle, limited by the end stops. A shaft beyond a stop can only move inwards.
+    /// Adds the rotation caused by a flow to an angle, limited by the end stops. A shaft beyond a stop can only move
+    /// inwards.
     fn moved(&self, angle: i128, flow: i128) -> i128 {
         let (min, max) = (i128::from(self.link.min) * CDEG, i128::from(self.link.max) * CDEG);
         let turned = flow * i128::from(self.link.rate);

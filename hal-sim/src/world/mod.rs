@@ -232,8 +232,8 @@ impl World {
         self.bus.port(self.nodes[node.0].port)
     }
 
-    /// Forces the controller of a device bus-off if `on`; otherwise starts its recovery, which takes 128 sequences of
-    /// 11 recessive bits.
+    /// Forces the controller of a device bus-off if `on`. Otherwise starts the recovery of the controller, which takes
+    /// 128 sequences of 11 recessive bits.
     pub fn force_bus_off(&mut self, node: NodeId, on: bool) {
         let Node { port, power, forced_bus_off, .. } = &mut self.nodes[node.0];
         let port = *port;
@@ -259,8 +259,8 @@ impl World {
     }
 
     /// Adds a gateway: a client that discards received frames. A second controller, which never sends, acknowledges the
-    /// frames of the gateway even when a device sends the same frame simultaneously. It also keeps a lone device from
-    /// becoming error-passive.
+    /// frames of the gateway even when a device sends the same frame simultaneously. The second controller also
+    /// acknowledges the frames of a lone device, which therefore does not become error-passive.
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}{LISTENING}");
         let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
@@ -286,13 +286,13 @@ impl World {
         self.bus.drop_pending(port.0, self.now);
     }
 
-    /// Returns the number of pending frames of a client, including the one on the wire.
+    /// Returns the number of pending frames of a client, including delayed frames and the frame on the wire.
     #[must_use]
     pub fn pending(&self, port: ClientPortId) -> usize {
         self.bus.port(port.0).pending()
     }
 
-    /// Drops the pending frames of a client, except the one on the wire and those delayed by faults.
+    /// Drops the pending frames of a client, except the frame on the wire and the frames delayed by faults.
     pub fn drop_waiting(&mut self, port: ClientPortId) {
         self.bus.drop_waiting(port.0, self.now);
     }
@@ -326,7 +326,7 @@ impl World {
         self.bus.port(port.0)
     }
 
-    /// Returns the bit rate of the bus. Clients use it, and so do the controllers of new devices.
+    /// Returns the bit rate of the bus, which all clients and the controllers of new devices use.
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.bit_rate
@@ -399,7 +399,7 @@ impl World {
         self.bus.add_fault(fault, &own, self.now)
     }
 
-    /// Ends a fault; returns whether it existed. Frames that it delays are still sent when they are due.
+    /// Ends a fault; returns whether the fault existed. Frames already delayed by the fault are still sent when due.
     pub fn end_fault(&mut self, name: &str) -> bool {
         let has_ended = self.bus.end_fault(name);
         self.end_insertions();

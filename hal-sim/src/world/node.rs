@@ -23,8 +23,8 @@ pub trait SimDevice: Device + Viewable + Any + Send {
     /// Returns a boxed clone.
     fn boxed(&self) -> Box<dyn SimDevice>;
 
-    /// Pumps the device through its controller, see [`pump`]. Only this call is dynamic; all calls inside the pump are
-    /// static.
+    /// Pumps the device through its controller, see [`pump`]. This call is dispatched dynamically, all calls inside the
+    /// pump statically.
     fn pump(&mut self, can: &mut DeviceCan<'_>, now: Instant) -> Option<Effect>;
 }
 

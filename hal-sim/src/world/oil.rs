@@ -2,8 +2,8 @@
 
 use protocol_core::actuator::SpoolTimes;
 
-/// The factors for the spool times in percent, by temperature in °C (A). Values between two entries are interpolated;
-/// the first and the last factor apply beyond.
+/// The factors for the spool times in percent, by temperature in °C (A). Values between two entries are interpolated.
+/// Below the first entry and above the last entry, the nearest factor applies.
 pub const OIL: [(i16, u32); 5] = [(-40, 400), (-20, 200), (0, 100), (60, 100), (100, 90)];
 
 /// Returns the spool times at a temperature, limited to their valid range.

@@ -1,4 +1,4 @@
-//! The plant of a device: all influences on it except the bus, in the terms and units of the control interface.
+//! The plant of a device: all influences on the device except the bus, in the terms and units of the control interface.
 
 use protocol_core::device::Inputs;
 /// A change of a device's plant.
@@ -58,8 +58,8 @@ impl World {
         Ok(())
     }
 
-    /// Makes a valve's spool times depend on the temperature, see [`OIL`](super::OIL). The current times become those
-    /// in warm oil, from 0 to 60 °C.
+    /// Makes a valve's spool times depend on the temperature, see [`OIL`](super::OIL). The current times become the
+    /// times in warm oil, from 0 to 60 °C.
     pub fn fill_with_oil(&mut self, node: NodeId) {
         let mut inputs = *self.inputs(node);
         self.nodes[node.0].oil = inputs.valve().map(|valve| valve.spool.times);

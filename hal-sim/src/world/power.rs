@@ -22,7 +22,8 @@ impl World {
         }
     }
 
-    /// Powers on a device with a given start cause. A running device restarts, as after a processor reset.
+    /// Powers on a device with a given start cause. A running device restarts, as after a processor reset; with
+    /// [`StartCause::PowerOn`], a running device is unaffected.
     pub fn power_with(&mut self, node: NodeId, cause: StartCause) {
         let boot = self.electronics(node).boot;
         match self.nodes[node.0].power {
@@ -67,7 +68,7 @@ impl World {
         matches!(self.nodes[node.0].power, Power::On(_))
     }
 
-    /// Reads the memory, builds the device and connects it.
+    /// Reads the memory, creates the device and connects its controller.
     pub(super) fn boot(&mut self, id: NodeId, cause: StartCause) {
         self.follow_links(id);
         let now = self.now;

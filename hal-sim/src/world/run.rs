@@ -67,7 +67,7 @@ impl World {
     /// A device stores only after all its frames are sent. Frames still pending after [`FLUSH_PATIENCE`] are dropped.
     pub fn flush_all(&mut self) {
         let now = self.now;
-        // Slow applications do not wait for their cycle.
+        // During the shutdown, slow applications do not wait for their next cycle.
         let cycles: Vec<Duration> =
             self.nodes.iter_mut().map(|node| std::mem::take(&mut node.electronics.electronics.cycle)).collect();
         for id in self.devices() {
@@ -190,7 +190,7 @@ impl World {
         }
     }
 
-    /// Defers the service of a device with a slow cycle to its next cycle. Returns false if the device need not wait.
+    /// Defers the service of a device with a slow cycle to its next cycle. Returns whether the service was deferred.
     fn defer(&mut self, id: NodeId) -> bool {
         let Node { power, electronics, write, .. } = &self.nodes[id.0];
         let cycle = electronics.cycle_from(self.now);

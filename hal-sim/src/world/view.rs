@@ -38,15 +38,14 @@ impl World {
         }
     }
 
-    /// Returns whether the spool of a valve floats. Its objects then contain the value for float instead of a position
-    /// (SPEC 2).
+    /// Returns whether the spool of a valve floats. The position objects then contain the value for float (SPEC 2).
     #[must_use]
     pub fn floats(&self, node: NodeId) -> bool {
         self.valve(node).is_some_and(|valve| valve.float_reached(self.now))
     }
 
-    /// Returns the next time at which the position of a device can change without further events; `limit` if it stays
-    /// unchanged until then.
+    /// Returns the next time at which the position of a device can change without further events; `limit` at the
+    /// latest.
     #[must_use]
     pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
         let now = self.now;
@@ -70,9 +69,10 @@ impl World {
         limit
     }
 
-    /// Returns a time until which the position of a device, now outside a range, stays outside unless an event occurs.
-    /// The result is close to the latest such time for an unlinked rotating shaft, assumes the fastest valve for a
-    /// linked shaft, and is the current time for a spool.
+    /// Returns a time until which the position of a device stays outside a range, unless an event occurs. The position
+    /// must be outside the range now. For a rotating shaft without a link, the result is close to the latest such time.
+    /// For a linked shaft, the result is calculated with the maximum speed. For a spool, the result is the current
+    /// time.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
         let Some(shaft) = self.inputs(node).shaft() else { return self.now };
@@ -82,7 +82,8 @@ impl World {
         if min > max {
             return NEVER;
         }
-        // The shorter way round the circle. The last step takes no time if the shaft is at the edge of that step.
+        // The shorter way round the circle, less one step, because the shaft may already be at the edge of its current
+        // step.
         let turn = i64::from(STEPS);
         let steps = (min - position).rem_euclid(turn).min((position - max).rem_euclid(turn));
         let whole_steps = u64::try_from(steps - 1).unwrap_or(0);
@@ -99,8 +100,8 @@ impl World {
         micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
-    /// Finds the first time at which the position differs from `here`, by bisection between `same` and `other`, at
-    /// which the position is still equal and already different.
+    /// Finds the first time at which the position differs from `here`, by bisection. The position is `here` at `same`,
+    /// and differs from `here` at `other`.
     fn first_other(&self, node: NodeId, here: i64, mut same: Instant, mut other: Instant) -> Instant {
         while since(other, same) > Duration::from_ticks(1) {
             let middle = after(same, Duration::from_ticks(since(other, same).as_ticks() / 2));
@@ -113,8 +114,8 @@ impl World {
         other
     }
 
-    /// Returns the position of a spool, or the raw position of a shaft, at a time not before now, if no event occurs
-    /// until then.
+    /// Returns the position of a spool, or the raw position of a shaft, at the current time or later, if no event
+    /// occurs until then.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
         let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
         match (self.coupling_of(node), self.inputs(node).shaft(), self.valve(node)) {

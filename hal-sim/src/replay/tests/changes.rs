@@ -87,7 +87,7 @@ proptest! {
     }
 }
 
-/// The logger lost every second heartbeat: each is reported, and nothing else.
+/// The logger lost every second heartbeat: each lost heartbeat is reported, and nothing else.
 #[test]
 fn many_frames_may_be_lost() {
     let mut records = at_rest().records;

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A log has no power-up: the first frame of each device determines it, or the device was powered up before the log.
-/// The report says so, because a different time of that frame is not detected.
+/// A log does not contain power-ups: each power-up is derived from the first frame of the device, or the device was
+/// powered up before the log. The report names the case, because a wrong time of the first frame is not detected.
 #[test]
 fn what_gives_the_power_up_is_said() {
     let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k";

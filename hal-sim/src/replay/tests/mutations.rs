@@ -17,7 +17,7 @@ use super::*;
 /// The tolerance of the replays, in microseconds.
 const TOLERANCE: u64 = 5_000;
 
-/// The number of changes of each kind, unless the environment sets another.
+/// The number of changes of each kind, unless `REPLAY_MUTATIONS` sets another number.
 const FEW: u64 = 25;
 
 /// A position field in the data of a frame: index of the first byte, length, and encoding.
@@ -52,7 +52,7 @@ impl Recording {
         (at.as_micros(), frame)
     }
 
-    /// Returns whether a frame is equivalent to another one that it replaces, within a time around both.
+    /// Returns whether a frame is equivalent to the frame that it replaces, within a time around both.
     fn alike(&self, (at, frame): (u64, Frame), (other_at, other): (u64, Frame)) -> bool {
         // The tolerance, plus the maximum time for which a frame waits for the bus.
         const AROUND: u64 = TOLERANCE + 2_500;

@@ -22,7 +22,7 @@ fn agrees(steps: &str) {
 
 const BOOT: &str =
     "{ expect = [\"720#00\", \"0A0#0000 0000 0000 0000\"] },\n{ send = \"000#0100\" },\n{ send = \"220#0000 0000\" },";
-/// The response to that set-point.
+/// The response to the set-point in [`BOOT`].
 const ANSWER: &str = "{ expect = \"1A0#0800 0000\" },";
 /// A set-point sent every 100 ms, with its responses.
 const CYCLE: &str = "{ send = \"220#0000 0000\", every_ms = 100 }, { expect = \"1A0#0800 0000\", every_ms = 100 },";
