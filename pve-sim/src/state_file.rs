@@ -181,8 +181,8 @@ impl StateFile {
         prefix
     }
 
-    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` with six letters or
-    /// digits. A name that ends in a plain word is a user's copy.
+    /// Removes unfinished files left by killed processes next to the state file: `.name.nvm.` followed by six letters
+    /// or digits. Suffixes of only lowercase letters (`.backup`) are kept, because they may be a user's copy.
     fn sweep(&self) {
         let Some(folder) = self.path.parent() else { return };
         let prefix = self.unfinished_prefix();
@@ -238,8 +238,8 @@ impl MemoryFile for StateFile {
         replace().map_err(|error| self.error("write", error).into())
     }
 
-    /// Renames the file to the first free name of `name.nvm.bad`, `name.nvm.bad.2` and so on; returns a line about it.
-    /// The next write syncs the folder.
+    /// Renames the damaged file to the first free name of `name.nvm.bad`, `name.nvm.bad.2` and so on; returns a message
+    /// with both names. The next write syncs the folder.
     fn put_aside(&self) -> Result<String, MemoryFileError> {
         let name = |number: u32| match number {
             1 => self.beside("bad"),
@@ -269,7 +269,8 @@ impl MemoryFile for StateFile {
     }
 }
 
-/// Renames a finished file over the one at the path; removes the finished file if that fails.
+/// Renames a finished file over the file at `path`, with retries on Windows; removes the finished file if every attempt
+/// fails.
 fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     for pause in RENAME_PAUSES {
         match file.persist(path) {
@@ -282,7 +283,8 @@ fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Gives a file to the owner of the present one, if permitted: root may run a simulator on a user's files.
+/// Sets the owner of a new file to that of the file it replaces, if permitted, because root may run a simulator on a
+/// user's files.
 #[cfg(unix)]
 fn give_to_owner_of(present: &fs::Metadata, file: &File) {
     use std::os::unix::fs::{MetadataExt as _, fchown};

@@ -241,7 +241,7 @@ mod tests {
         execute(line, simulation).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
     }
 
-    /// Returns a world with one device, switched off.
+    /// Returns a simulation with one powered-off device, and the node of that device.
     fn simulation_of(kind: &str, name: &str) -> (Simulation, NodeId) {
         let kind = Kind::from_name(kind).expect("a kind");
         let mut simulation = Simulation::new(BitRate::Kbit500, 1);
