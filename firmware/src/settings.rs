@@ -18,11 +18,12 @@ const SERIAL: u8 = 8;
 pub struct Settings {
     /// The kind of device.
     pub kind: Kind,
-    /// Whether a new memory has no node ID. An ISOBUS device has an address even then, because it is mandatory.
+    /// Whether a device with a new memory has no node ID. An ISOBUS device has an address in any case, because an
+    /// address is mandatory.
     pub blank: bool,
     /// Whether the memory still holds the records of the previous device and must be cleared first.
     pub fresh: bool,
-    /// Whether the kind was chosen at the console; otherwise it follows the image, also after an update.
+    /// Whether the kind was chosen at the console. Otherwise the kind is that of the image, also after an update.
     pub chosen: bool,
     /// The serial number of a new memory; `None` for the default of all boards.
     pub serial: Option<u32>,
@@ -32,8 +33,8 @@ impl Settings {
     /// The settings of an unconfigured board: the kind for which the image was built.
     pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false, serial: None };
 
-    /// Returns the settings at a start. If the image was built for a kind other than that of the previous image, the
-    /// board becomes a new device, unless the kind was chosen at the console.
+    /// Returns the settings at a start. If the kind was not chosen at the console and differs from the kind for which
+    /// the image was built, the board becomes a new device of the image's kind.
     #[must_use]
     pub fn at_start(stored: Option<Self>) -> Self {
         match stored {

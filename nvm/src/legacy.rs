@@ -25,8 +25,8 @@ const DATA_CHECKSUM: Range<usize> = 0..4;
 const LENGTH: Range<usize> = 4..6;
 const LENGTH_CHECKSUM: Range<usize> = 6..8;
 
-/// The number of announcements for which the end of a sector has space. Each has two words and concerns the other
-/// sector.
+/// The maximum number of announcements at the end of a sector. An announcement consists of two words and concerns the
+/// other sector.
 const ANNOUNCEMENTS: usize = 16;
 /// The byte that fills the first word of an announcement: an erase of the other sector has begun.
 const ANNOUNCED: u8 = 0x5A;
@@ -38,8 +38,8 @@ impl<F: NorFlash> Log<'_, F> {
     const LEGACY_SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * 2 * F::WRITE_SIZE;
     const LEGACY_HEADER: usize = LENGTH_CHECKSUM.end.next_multiple_of(F::WRITE_SIZE);
 
-    /// Visits the items of a sector that may have this layout, from the oldest to the newest; `visit` receives address,
-    /// key and content.
+    /// Visits the items of a sector in this layout, from the oldest to the newest; skips a sector of the present
+    /// layout, or with an unfinished erase. `visit` receives address, key and content.
     pub(crate) fn legacy_items(
         &mut self,
         sector: usize,
@@ -79,7 +79,7 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(self.is_legacy_full(1)? && !self.is_legacy_full(0)?)
     }
 
-    /// Returns whether a sector is marked as full, so that the other one has newer items.
+    /// Returns whether a sector is marked as full; the other sector then has newer items.
     fn is_legacy_full(&mut self, sector: usize) -> Result<bool, F::Error> {
         self.is_word_of(sector * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE, FULL)
     }
@@ -121,7 +121,7 @@ impl<F: NorFlash> Log<'_, F> {
     }
 }
 
-/// The checksum of an item: never 0, and its first byte is neither 0 nor that of an erased word.
+/// Returns the checksum of an item. The first byte of the checksum is never 0 or the value of an erased byte.
 fn checksum(data: &[u8]) -> u32 {
     match DATA.checksum(data) {
         0 => 1,
@@ -130,7 +130,8 @@ fn checksum(data: &[u8]) -> u32 {
     }
 }
 
-/// CRC-16 with the reversed polynomial 0x1A2E; never the value of an erased word.
+/// Returns the checksum of an item's length: CRC-16 with the reversed polynomial 0x1A2E, but never the value of an
+/// erased word.
 fn length_checksum(length: u16) -> u16 {
     let crc = length.to_le_bytes().iter().fold(u16::MAX, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })

@@ -72,7 +72,7 @@ struct Walk {
     last: u32,
     /// The sequence number of the last entry that is not a copy; 0 if there is none.
     last_new: u32,
-    /// The address of the next entry, and the end of the space for it.
+    /// The address of the next entry, and the end of the free space.
     room: (usize, usize),
     is_blank: bool,
 }
@@ -119,9 +119,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Self { flash, buffer }
     }
 
-    /// Visits the valid entries of each sector from the oldest to the newest, the older sector first: the last entry of
-    /// a key is the newest. `visit` receives `true` for a beginning, which invalidates all earlier entries but the
-    /// setting.
+    /// Visits the items of the previous layout, then the valid entries, from the older sector to the newer, so that the
+    /// last entry of a key is the newest. `visit` receives the key, the content, and whether the entry is a beginning,
+    /// which invalidates all earlier entries except the setting.
     pub(crate) fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8], bool)) -> Result<(), F::Error> {
         let order = self.order()?;
         for sector in order.into_iter().flatten() {
@@ -152,8 +152,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.erase(old)
     }
 
-    /// Copies valid entries from the other sector into the sector in use: older versions of damaged entries, and the
-    /// rest of a move in the previous layout. If damage leaves no room for them, they are lost.
+    /// Copies newest valid entries that lie in the other sector into the sector in use, unless a move is due. Such
+    /// entries are older versions of damaged entries, or the rest of a move in the previous layout. If there is no
+    /// room, the next move loses them. Returns the resulting state of the flash.
     fn gather(&mut self) -> Result<Survey, StoreError> {
         for _ in 0..KEYS {
             let survey = self.survey().map_err(|_| StoreError)?;
@@ -166,8 +167,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.survey().map_err(|_| StoreError)
     }
 
-    /// Moves to the other sector: erases it, copies the entries to keep, and writes the entry that completes the move.
-    /// The sector is erased even if it reads as erased, because an interrupted erase may have left it so.
+    /// Moves to the other sector: erases the other sector, copies the entries to keep, and writes the entry that
+    /// completes the move. The erase is never skipped, because a sector that reads as erased may result from an
+    /// interrupted erase.
     fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
         self.erase(1 - home)?;
         let survey = self.survey().map_err(|_| StoreError)?;
@@ -183,8 +185,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Returns whether the flash holds more than the entries of one sector: remains in the other sector, or damage
-    /// without any entry.
+    /// Returns whether the flash holds more than the entries of one sector: data in the sector that is not in use, or
+    /// damage without any valid entry.
     pub(crate) fn has_leftovers(&mut self) -> Result<bool, F::Error> {
         let Survey { newest, walks, home, .. } = self.survey()?;
         Ok(!walks[1 - home].is_blank || (newest.iter().all(Option::is_none) && !walks[home].is_blank))
@@ -206,7 +208,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(words * F::WRITE_SIZE)
     }
 
-    /// Writes an entry and reads it back; returns `false` if there is no room for it.
+    /// Writes an entry at `spot` and reads the entry back, in up to [`ATTEMPTS`] attempts; advances `spot`. Returns
+    /// `false` if there is no room for the entry.
     fn put(&mut self, spot: &mut Spot, source: Source<'_>) -> Result<bool, StoreError> {
         for _ in 0..ATTEMPTS {
             let (kind, key, length) = match source {
@@ -243,8 +246,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Err(StoreError)
     }
 
-    /// Reads the content of an entry or item into the buffer, after the space for a header. Returns whether it is still
-    /// intact.
+    /// Reads the content of an entry, or of an item of the previous layout, into the buffer, after the space for a
+    /// header. Returns whether the content is still intact.
     fn read_item(&mut self, found: &Found) -> Result<bool, F::Error> {
         if found.sequence == 0 {
             return self.read_legacy(found.at, usize::from(found.length));
@@ -283,13 +286,14 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(order)
     }
 
-    /// Returns the first written word of a sector, and the end of the sector.
+    /// Returns the address of the first written word of a sector, and the end of the sector; `None` for a blank sector.
     fn first_written(&mut self, sector: usize) -> Result<Option<(usize, usize)>, F::Error> {
         let end = (sector + 1) * F::ERASE_SIZE;
         Ok(self.next_written(sector * F::ERASE_SIZE, end)?.map(|at| (at, end)))
     }
 
-    /// Returns the sequence number of the first entry at or after a word.
+    /// Returns the sequence number of the first intact entry at or after an address; `None` if there is no intact
+    /// entry.
     fn first_entry(&mut self, mut at: usize, end: usize) -> Result<Option<u32>, F::Error> {
         while let Some(next) = self.next_written(at, end)? {
             if let Some(found) = self.entry_at(next, end)? {
@@ -369,7 +373,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Walk { last, last_new, room: gap.unwrap_or((free, end)), is_blank })
     }
 
-    /// Reads the entry at a word into the buffer and returns its description; `None` if there is no intact entry.
+    /// Reads the entry at a word into the buffer. Returns the address and header fields of the entry; `None` if there
+    /// is no intact entry.
     fn entry_at(&mut self, at: usize, end: usize) -> Result<Option<Found>, F::Error> {
         let head = HEADER.next_multiple_of(F::WRITE_SIZE);
         if at + head > end {

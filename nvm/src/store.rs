@@ -152,8 +152,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         self.put(SETTING, &seal(SETTING_VERSION, &setting)?).map(drop)
     }
 
-    /// Writes an entry, and first an inventory if the log has no entry. The inventory is so short that power cuts leave
-    /// little behind; once it is written, leftovers can no longer be mistaken for noise.
+    /// Writes an entry; if the log is empty, writes an inventory first. The inventory is so short that interrupted
+    /// attempts leave little behind. Once it is written, the remains of later power cuts cannot be mistaken for noise.
     fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
         let before = self.survey(key, bytes)?;
         if !before.0.any {
@@ -162,8 +162,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         self.write(key, bytes, before.1)
     }
 
-    /// Writes an entry; `held_before` states whether its content was already stored. Returns a summary of the contents
-    /// that a start would then find.
+    /// Writes an entry and scans the flash. Succeeds if the scan finds the content; after a failed write, only if the
+    /// content was not stored before (`held_before`). Returns a summary of the contents that a start would find.
     fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         let stored = self.log.append(key, bytes);
         // The write may have failed after completing the entry, so the result of a scan decides.
@@ -174,7 +174,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         }
     }
 
-    /// Returns a summary of the contents that a start would find, and whether the key holds these bytes.
+    /// Scans the flash. Returns a summary of the contents that a start would find, and whether the newest entry of the
+    /// key holds these bytes.
     fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), StoreError> {
         let mut survey = Survey::default();
         let mut holds = false;

@@ -18,7 +18,7 @@ impl<W: Write> Output<W> {
     /// Flushes the output.
     ///
     /// # Errors
-    /// The first error of `out`, except a closed pipe: its reader needs no more output.
+    /// The first error of `out`. A closed pipe is not an error, because its reader needs no more output.
     pub fn finish(mut self) -> io::Result<()> {
         let flushed = self.flush();
         debug_assert!(flushed.is_ok());
@@ -53,8 +53,8 @@ impl<W: Write> Write for Output<W> {
     }
 }
 
-/// Makes a write beyond the file size limit (`ulimit -f`) fail, as on a full disk. Unix otherwise ends the process by a
-/// signal.
+/// Makes a write beyond the file size limit (`ulimit -f`) return an error, as on a full disk. By default, Unix ends the
+/// process with a signal.
 #[cfg(unix)]
 pub fn outlive_file_size_limit() {
     use tokio::signal::unix::{SignalKind, signal};

@@ -25,15 +25,16 @@ use hal_sim::memory::{Content, Flash, MemoryFile, MemoryFileError, SIZE};
 
 const MAGIC: [u8; 4] = *b"PNVM";
 const VERSION: u32 = 1;
-/// The version of the memory layout, stored beside the kind number; earlier programs used 0. A program refuses a file
-/// with another layout as one of another kind, and leaves it unchanged.
+/// The version of the memory layout, stored above the kind number; the first programs wrote 0. A file with a later
+/// layout is refused and left unchanged. The first programs also refuse layout 1, as a file of another kind.
 const LAYOUT: u32 = 1;
-/// The number of bits for the kind; the layout has the remaining bits.
+/// The number of low bits that hold the kind; the remaining bits hold the layout version.
 const KIND_BITS: u32 = 8;
 const HEADER: usize = 16;
 /// The number of random characters in the name of an unfinished file.
 const UNFINISHED_SUFFIX: usize = 6;
-/// The pauses before a rename is retried, in milliseconds: on Windows, a program that has the file open prevents it.
+/// The pauses between attempts to rename a file, in milliseconds, because on Windows a program that has the file open
+/// prevents the rename.
 const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
 
 /// The reason why a state file cannot be used.
@@ -76,7 +77,7 @@ pub enum StateFileError {
     },
 }
 
-/// A state file that is opened and read, but unchanged.
+/// The content of a locked state file, which has not been changed yet.
 #[derive(Debug)]
 pub struct Opened {
     file: StateFile,
@@ -84,7 +85,8 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Returns the memory in the file; a new one for a missing file.
+    /// Removes unfinished files, and returns the memory in the state file; a new memory if the state file does not
+    /// exist.
     ///
     /// A damaged file is renamed to `name.nvm.bad`, and the memory starts empty and marked as damaged.
     ///
@@ -96,7 +98,7 @@ impl Opened {
     }
 }
 
-/// The file behind a memory, locked while this exists.
+/// The file that stores a memory. The file is locked until this value is dropped.
 #[derive(Debug)]
 pub struct StateFile {
     path: PathBuf,
@@ -141,7 +143,7 @@ impl StateFile {
         }
     }
 
-    /// Returns the content, with at most one byte beyond the valid size.
+    /// Reads the file. Stops one byte beyond the valid size, which is enough to detect a file that is too long.
     fn read(&self) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         File::open(&self.path)?.take((HEADER + SIZE + 1) as u64).read_to_end(&mut bytes)?;
@@ -181,8 +183,8 @@ impl StateFile {
         prefix
     }
 
-    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` with six letters or
-    /// digits. A name that ends in a plain word is a user's copy.
+    /// Removes unfinished files left by killed processes next to the state file: `.name.nvm.` followed by six letters
+    /// or digits. Suffixes of only lowercase letters (`.backup`) are kept, because they may be a user's copy.
     fn sweep(&self) {
         let Some(folder) = self.path.parent() else { return };
         let prefix = self.unfinished_prefix();
@@ -238,8 +240,8 @@ impl MemoryFile for StateFile {
         replace().map_err(|error| self.error("write", error).into())
     }
 
-    /// Renames the file to the first free name of `name.nvm.bad`, `name.nvm.bad.2` and so on; returns a line about it.
-    /// The next write syncs the folder.
+    /// Renames the damaged file to the first free name of `name.nvm.bad`, `name.nvm.bad.2` and so on; returns a message
+    /// with both names. The next write syncs the folder.
     fn put_aside(&self) -> Result<String, MemoryFileError> {
         let name = |number: u32| match number {
             1 => self.beside("bad"),
@@ -269,7 +271,8 @@ impl MemoryFile for StateFile {
     }
 }
 
-/// Renames a finished file over the one at the path; removes the finished file if that fails.
+/// Renames a finished file over the file at `path`, with retries on Windows; removes the finished file if every attempt
+/// fails.
 fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     for pause in RENAME_PAUSES {
         match file.persist(path) {
@@ -282,7 +285,8 @@ fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Gives a file to the owner of the present one, if permitted: root may run a simulator on a user's files.
+/// Sets the owner of a new file to that of the file it replaces, if permitted, because root may run a simulator on a
+/// user's files.
 #[cfg(unix)]
 fn give_to_owner_of(present: &fs::Metadata, file: &File) {
     use std::os::unix::fs::{MetadataExt as _, fchown};

@@ -125,8 +125,8 @@ impl Board {
         }
     }
 
-    /// Passes all changes except frames to the device: the error mode, memory results, console and button. Returns the
-    /// answer to a console line, if already known.
+    /// Passes the error mode of the controller, memory results, and console and button inputs to the device. Returns
+    /// the answer to a console line, if already known.
     fn look(&mut self, events: Events, device: &mut SendDevice) -> Option<Answer> {
         if events.include(Event::Errors) || self.plant.inputs.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);
@@ -172,7 +172,7 @@ impl Board {
         }
     }
 
-    /// Handles console and button. Returns the answer to a console line, if already known.
+    /// Executes a button press and a console line. Returns the answer to the console line, if already known.
     fn look_at_controls(&mut self, device: &mut SendDevice) -> Option<Answer> {
         if let Some(plant) = self.controls.pressed(&self.plant) {
             self.set_plant(plant, device);
@@ -190,8 +190,8 @@ impl Board {
         }
     }
 
-    /// Requests that the board become a new device at the next start; `None` stands for an impossible device. Returns
-    /// an answer only for a refusal; otherwise the result of the memory is the answer.
+    /// Requests that the memory prepare the board to start as a new device; `settings` is `None` for an impossible
+    /// device. Returns an answer only for a refusal; otherwise the memory's result becomes the answer.
     fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
         let Some(settings) = settings else {
             return Some(Answer::Refused("on ISOBUS a valve always has an address"));

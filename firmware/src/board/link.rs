@@ -28,7 +28,7 @@ pub(super) struct Link {
     bit_rate: BitRate,
     state: State,
     mode: BusErrorMode,
-    /// The number of polls since the controller was requested to leave the bus; `None` once it has left.
+    /// The number of polls since the controller was requested to leave the bus; `None` once the controller has left.
     leaving: Option<u64>,
 }
 
@@ -61,8 +61,8 @@ impl Link {
         }
     }
 
-    /// Updates the link from the plant, which may cut it, and from the controller's error mode. Returns the resulting
-    /// error mode. On entering bus-off the pending frames are dropped.
+    /// Cuts or restores the link as the plant demands, and returns the resulting error mode. Drops the pending frames
+    /// when the error mode becomes bus-off.
     pub(super) fn follow(&mut self, is_cut: bool) -> BusErrorMode {
         match self.state {
             State::Up if is_cut => {
@@ -97,9 +97,9 @@ impl Link {
         self.leaving = Some(0);
     }
 
-    /// Waits until a leaving controller has left the bus, then lets it join again, unless the plant cuts the link. Must
-    /// be called before the controller is used again. Returns whether the controller was leaving, so that time has
-    /// passed.
+    /// Waits until a leaving controller has left the bus, then lets the controller join again, unless the plant cuts
+    /// the link. Must be called before the controller is used again. Returns whether the controller was leaving: time
+    /// has passed in that case.
     ///
     /// While the bus is held dominant the controller cannot leave; each further call then polls the controller once.
     pub(super) async fn settle(&mut self, wake_up: &mut WakeUp) -> bool {

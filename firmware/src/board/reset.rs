@@ -11,8 +11,8 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_stm32::pac::RCC;
 use protocol_core::device::StartCause;
 
-/// The marker that tells the next start of a panic. Any other software reset, by the console or a debugger, counts as
-/// power-up.
+/// The marker by which the next start recognises a panic. Any other software reset, by the console or a debugger,
+/// counts as power-up.
 const PANIC: u32 = 0x5041_4E49;
 
 /// The marker, which survives a reset and is undefined after power-up.
@@ -37,8 +37,8 @@ pub(super) fn power_cycle() -> ! {
     SCB::sys_reset()
 }
 
-/// Logs that a panic occurred, but not where: the messages and locations of all panics would take 10 KiB of flash. A
-/// debugger that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
+/// Logs that a panic occurred, but neither the message nor the location, because those of all panics would take 10 KiB
+/// of flash. A debugger that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     fail(|| defmt::error!("panic"))

@@ -91,8 +91,8 @@ impl Receiver {
     }
 }
 
-/// Waits for characters and stops the transfer. Returns the number of characters, and whether any were damaged or lost.
-/// A loss detected before the next characters is reported with those characters.
+/// Waits for characters or damage, and stops the transfer. Returns the number of characters, and whether any characters
+/// were damaged or lost. Damage without received characters is reported with the next characters.
 pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     select(&mut transfer, ARRIVED.wait()).await;
     transfer.request_pause();
@@ -108,13 +108,13 @@ pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
 pub(super) struct Transmitter {
     channel: Channel<'static>,
     request: Request,
-    /// A copy of the bytes to send. Without it the DMA would read from the flash, which during an erase would block its
-    /// receiving side as well.
+    /// A copy in RAM of the bytes to send. If the DMA read the bytes from the flash, an erase would also block the
+    /// reception.
     buffer: &'static mut [u8; BUFFER],
 }
 
 impl Transmitter {
-    /// Sends bytes; returns when only the last two are still in the transmitter.
+    /// Sends bytes. Returns while the last two bytes are still in the transmitter.
     pub(super) async fn send(&mut self, bytes: &[u8]) {
         let data = UART.dr().as_ptr().cast::<u8>();
         for chunk in bytes.chunks(BUFFER) {

@@ -64,7 +64,7 @@ impl Client {
         Self { requests, results, awaited: 1, overdue: Instant::now() + LONGEST }
     }
 
-    /// Sends a request, whose result [`take`](Self::take) returns.
+    /// Queues a request. [`take`](Self::take) returns its result.
     ///
     /// # Errors
     /// If the queue of requests is full.
@@ -144,7 +144,7 @@ impl Memory {
         contents.setting.as_deref().and_then(Settings::decode)
     }
 
-    /// Erases a memory without valid contents, except for the settings, and logs this.
+    /// Erases a memory without valid contents, restores the settings, and marks the contents as damaged.
     fn begin_anew(&mut self, contents: &mut Contents) {
         let erased = self.sectors.erase_all().is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);

@@ -60,7 +60,7 @@ impl Events {
 
 /// The wake-up of the device's task by events and by its only timer.
 pub(super) struct WakeUp {
-    /// The latest time at which the timer expires.
+    /// The time to which the timer was last set.
     armed: Instant,
 }
 
@@ -106,8 +106,8 @@ impl WakeUp {
         .await;
     }
 
-    /// Sets the timer, unless it expires earlier: an unneeded wake-up costs less than setting the timer for every
-    /// frame.
+    /// Sets the timer to `due`, unless the timer expires earlier: an unneeded wake-up costs less than setting the timer
+    /// for every frame.
     fn arm(&mut self, due: Instant, now: Instant, context: &mut Context<'_>) {
         if self.armed <= now || due < self.armed {
             self.armed = due;

@@ -158,8 +158,8 @@ fn dbc(word: &str) -> Result<Description, String> {
 
 type Describe = fn(Kind) -> Option<String>;
 
-/// Returns the EDS or DBC of the named kind. For a kind that has only the other description, the error names the
-/// command for it.
+/// Returns the EDS or DBC of the named device kind. If the kind has only the other format, the error names the command
+/// that prints that format.
 fn description(
     word: &str,
     (command, describe): (&str, Describe),

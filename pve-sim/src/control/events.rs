@@ -64,7 +64,7 @@ pub(crate) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// A subscription to all events after its own instant.
+/// A follower's subscription: the device states when the follower subscribes, and all later events.
 #[derive(Debug)]
 pub struct Subscription {
     /// The device states at the instant of the subscription.
@@ -155,7 +155,8 @@ impl Events {
         }
     }
 
-    /// Sends the states of changed devices; a changed position is sent at sample times only.
+    /// Sends the states of changed devices to the followers. A device whose only changes are continuous, such as the
+    /// position, is sent at sample times only.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         if !self.is_followed() {
             return;

@@ -82,7 +82,8 @@ impl ControlServer {
         self.events.show(happened, simulation.history().explainer());
     }
 
-    /// Replies to the callers of completed commands. Call this after every step of the simulation.
+    /// Replies to the callers of completed commands, drops the commands of disconnected callers, and sends changed
+    /// device states to the followers. Call this after every step of the simulation.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         for (gone, _) in self.pending.extract_if(.., |(_, caller)| caller.is_gone()) {
             simulation.forget(gone);
@@ -113,7 +114,8 @@ impl ControlServer {
         self.events.is_followed()
     }
 
-    /// Returns the advance limit of stepped time for the current command; `None` if no command is pending.
+    /// Returns the limit to which the current command lets stepped time advance. Starts the next queued command if no
+    /// command is pending; returns `None` if there is none.
     pub(crate) fn advance_limit(&mut self, simulation: &mut Simulation) -> Option<Instant> {
         loop {
             self.poll(simulation);

@@ -30,7 +30,7 @@ pub enum Verdict {
 /// A function that judges one byte of a connection, given that all earlier bytes were undecided.
 pub type Judge = fn(u8) -> Verdict;
 
-/// A reader that discards the read with the first foreign byte, and fails permanently from then on.
+/// A reader that fails from the first foreign byte on, and discards the read that contains the byte.
 #[derive(Debug)]
 pub(super) struct Guarded<R> {
     reader: R,
@@ -40,7 +40,7 @@ pub(super) struct Guarded<R> {
 }
 
 impl<R> Guarded<R> {
-    /// Creates a reader with a judge and the warning of the bus.
+    /// Creates a reader that judges the bytes of `reader` and reports foreign connections through `warning`.
     pub(super) fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
         Self { reader, judge, verdict: Verdict::Undecided, warning }
     }
@@ -67,7 +67,7 @@ impl<R: AsyncRead + Unpin> AsyncRead for Guarded<R> {
     }
 }
 
-/// The warning about foreign connections to one bus, reported once.
+/// The warning about foreign connections to one bus; only the first connection is reported.
 #[derive(Debug)]
 pub struct ForeignWarning {
     url: String,

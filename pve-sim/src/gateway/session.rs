@@ -95,7 +95,8 @@ pub(super) async fn serve(
     end
 }
 
-/// Reads from the client until its end of stream, or until the time limit for opening the bus expires.
+/// Executes the client's requests until the client's end of stream, a read error, or the expiry of the time limit for
+/// opening the bus. Then the client leaves the world.
 async fn listen<D: Dialogue>(
     mut reader: impl AsyncRead + Unpin,
     mut dialogue: D,
@@ -121,7 +122,7 @@ async fn listen<D: Dialogue>(
     client.world.tell(ToWorld::Leave(client.id));
 }
 
-/// Writes the queue in as few writes as possible until the world removes the client or the client disconnects.
+/// Writes the messages of the queue in as few writes as possible, until the world drops the queue or a write fails.
 async fn write(
     mut writer: impl AsyncWrite + Unpin,
     mut queue: Receiver<ToClient>,

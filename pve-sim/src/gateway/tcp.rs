@@ -91,8 +91,9 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// Serves clients forever, each with its own dialogue and place. A client without a place receives an error and is
-    /// disconnected. The first foreign connection is reported to the user; `url` names the bus in that report.
+    /// Serves clients forever; each client has its own dialogue and occupies a place. A client without a place receives
+    /// an error and is disconnected. The first foreign connection is reported to the user, with `url` as the name of
+    /// the bus.
     pub(super) async fn run<D: Dialogue + 'static>(
         self,
         url: String,
@@ -122,8 +123,8 @@ impl Listener {
     }
 }
 
-/// Serves a TCP client that has a place, until it disconnects or is dismissed. A connection that does not begin like a
-/// client of the protocol is closed before any byte takes effect.
+/// Serves a TCP client that occupies a place, until the client disconnects or is dismissed. A connection that does not
+/// begin like a client of the protocol is closed before any byte takes effect.
 pub async fn enter<D: Dialogue>(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
@@ -135,7 +136,8 @@ pub async fn enter<D: Dialogue>(
     serve(Guarded::new(reader, D::JUDGE, warning), writer, world, limits, dialogue).await
 }
 
-/// Returns a free place; if all are taken, waits for one unless too many clients already wait.
+/// Returns a free place, after waiting at most [`WAIT_FOR_PLACE`]; `None` on time-out, or if too many clients already
+/// wait.
 async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemaphorePermit> {
     if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
         return Some(place);
@@ -152,8 +154,8 @@ fn halves(stream: TcpStream) -> (Prompt, OwnedWriteHalf) {
     (Prompt(reader), writer)
 }
 
-/// A connection that acknowledges each read immediately: a client without TCP_NODELAY holds back its next frame until
-/// the acknowledgement. Linux resets the option, so it is set again after each read.
+/// A connection that acknowledges each read immediately, because a client without TCP_NODELAY holds back its next frame
+/// until the acknowledgement. The option is set after each read, because Linux resets it.
 pub(super) struct Prompt(OwnedReadHalf);
 
 impl AsyncRead for Prompt {
@@ -167,8 +169,8 @@ impl AsyncRead for Prompt {
     }
 }
 
-/// Returns the address at which this machine reaches a bound address: 0.0.0.0 is not a valid destination, and a socket
-/// at \[::\] also accepts IPv4.
+/// Returns the address at which this machine reaches a bound address: loopback for an unspecified address, because
+/// 0.0.0.0 is not a valid destination and a socket at \[::\] also accepts IPv4.
 pub(crate) fn joinable(bound: SocketAddr) -> SocketAddr {
     let ip = if bound.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { bound.ip() };
     SocketAddr::new(ip, bound.port())

@@ -79,14 +79,15 @@ pub(super) struct Connections {
 }
 
 impl Connections {
-    /// Creates a set of this capacity. Calls that wait for virtual time may occupy at most half of it: their
-    /// connections are never closed, and other clients must still be served.
+    /// Creates a set for at most `places` connections. Calls that wait for virtual time may occupy at most half of the
+    /// places, because their connections are never closed and other clients must still be served.
     pub(super) fn new(places: usize) -> Self {
         let waits = Arc::new(Semaphore::new((places / 2).max(1)));
         Self { places, waits, all: Mutex::default() }
     }
 
-    /// Admits a new connection; a full set closes the connection idle longest. `None` if all have pending requests.
+    /// Admits a new connection; a full set first closes the connection that has been idle longest. Returns `None` if
+    /// all connections have pending requests.
     pub(super) fn admit(&self, local: SocketAddr) -> Option<Arc<Connection>> {
         let mut all = self.lock();
         if all.len() >= self.places {

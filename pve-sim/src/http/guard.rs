@@ -18,7 +18,7 @@ const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
 const FOREIGN: &str = "cross-site requests are refused";
 
-/// Passes an allowed request on, and answers a refused one with 403.
+/// Passes an allowed request on; answers any other request with status 403.
 pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, request: Request, next: Next) -> Response {
     match check(&request, connection.local()) {
         Ok(()) => next.run(request).await,
@@ -44,7 +44,8 @@ fn check(request: &Request, local: SocketAddr) -> Result<(), String> {
     }
 }
 
-/// Returns the value of a header, which must not be duplicated.
+/// Returns the value of a header; `None` if the header is missing, and an error if it is duplicated or not printable
+/// ASCII.
 fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>, String> {
     let mut values = headers.get_all(name).iter();
     match (values.next(), values.next()) {

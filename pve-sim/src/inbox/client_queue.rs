@@ -44,7 +44,7 @@ pub struct Permits {
 pub struct Permit<'a>(Option<SemaphorePermit<'a>>);
 
 impl Permit<'_> {
-    /// Spends the permit: the world returns it when it has processed the message.
+    /// Spends the permit. The world returns the permit when it has processed the message.
     pub fn spend(self) {
         if let Some(permit) = self.0 {
             permit.forget();
@@ -81,7 +81,7 @@ impl ClientQueue {
         }
     }
 
-    /// Returns permits for processed messages: those answered, or sent on the bus.
+    /// Refunds the permits of processed messages: messages that were answered, or sent on the bus.
     pub fn refund(&self, messages: usize) {
         self.permits.free.add_permits(messages);
     }
@@ -93,7 +93,7 @@ impl Permits {
         self.permit().await.spend();
     }
 
-    /// Waits for a permit without spending it, for a gateway that does other work meanwhile.
+    /// Waits for a permit without spending it; the gateway can still handle other events, and drop the permit.
     pub async fn permit(&self) -> Permit<'_> {
         Permit(self.free.acquire().await.ok())
     }

@@ -27,8 +27,8 @@ impl FromStr for PlantWord {
 }
 
 impl PlantWord {
-    /// Returns the value as JSON: a console value keeps its meaning; any other value is parsed as JSON, or else is a
-    /// string.
+    /// Converts the value to JSON. A value that the console accepts keeps its meaning; any other value is parsed as
+    /// JSON or, if it is not JSON, becomes a string.
     pub(super) fn json(&self) -> Value {
         match Plant::parse(&self.name, &self.value) {
             Some(change) => of_console(change),
@@ -37,7 +37,7 @@ impl PlantWord {
     }
 }
 
-/// Returns the JSON of a change. JSON has other forms for the console's on, off and released lever.
+/// Converts the value of a plant change to JSON: on and off become Booleans, and a released lever becomes `null`.
 fn of_console(change: Plant) -> Value {
     match change {
         Plant::Lever(None) => Value::Null,

@@ -25,12 +25,13 @@ pub(super) struct Clients {
     clients: BTreeMap<ClientId, Client>,
     /// Whether clients receive error frames.
     error_frames: bool,
-    /// The clients' controller. It discards received frames: clients receive them from the events, which have frames
-    /// and error frames in order.
+    /// The clients' controller. Its received frames are discarded, because clients receive all frames and error frames
+    /// from the events, in order.
     port: ClientPortId,
     /// The sender of the frame in the controller.
     sending: Option<ClientId>,
-    /// The frames handed to the world but not yet sent, with their senders: faults can delay, change and repeat frames.
+    /// The frames handed to the world but not yet sent, with their senders. There can be several, because faults delay
+    /// and repeat frames.
     sent: Vec<Sent>,
     /// The queued frames per client, including disconnected clients. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
@@ -40,9 +41,9 @@ pub(super) struct Clients {
     dropped: usize,
     /// The number of frames that clients have sent so far.
     count: u64,
-    /// Whether a communication fault loses the next frame for the clients.
+    /// Whether a communication fault prevents the clients from receiving the next frame.
     is_lost: bool,
-    /// Whether the clients accept the frame on the wire, although other receivers see an error in its last but one bit.
+    /// Whether the clients accept the current frame, although other receivers see an error in its last but one bit.
     accepts_omitted: bool,
 }
 
@@ -69,8 +70,8 @@ struct Waiting {
 }
 
 impl Clients {
-    /// Returns an empty set of clients. A gateway acknowledges even without clients; otherwise nobody would acknowledge
-    /// a lone device.
+    /// Adds the clients' controller to the world, without any client. The controller acknowledges even without clients,
+    /// because no other node would acknowledge a lone device.
     pub(super) fn new(world: &mut World, error_frames: bool) -> Self {
         Self {
             clients: BTreeMap::new(),
@@ -132,8 +133,8 @@ impl Clients {
         self.clients.values().any(|client| client.listening)
     }
 
-    /// Sends a frame to all listening clients except its sender, and a reported error to all clients if enabled.
-    /// Returns the number of dismissed clients.
+    /// Sends the frame of an event to all listening clients except its sender, and the error `told`, if enabled, to all
+    /// listening clients. Returns the number of dismissed clients.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
         let sender = if *event.who == *NAME { self.sender(event) } else { None };
         let has_clients = |names: &[Arc<str>]| names.iter().any(|name| **name == *NAME);
@@ -161,8 +162,8 @@ impl Clients {
         }
     }
 
-    /// Returns the client that sent the frame of an event, if any. Records the effect of a communication fault on a
-    /// frame.
+    /// Returns the client whose frame or error frame an event reports, and counts a completed transmission. For a
+    /// communication fault, records the changed frame or the repetitions, and returns `None`.
     fn sender(&mut self, event: &Event) -> Option<ClientId> {
         match &event.what {
             EventKind::Frame { frame, .. } => {
@@ -191,7 +192,8 @@ impl Clients {
         }
     }
 
-    /// Posts a message to all listening clients but one; returns the number of dismissed clients.
+    /// Posts a message to all listening clients except `but`; returns the number of clients dismissed because their
+    /// queue is full.
     fn tell(&mut self, message: &ToClient, but: Option<ClientId>) -> usize {
         let listeners = self.clients.iter().filter(|(id, client)| client.listening && Some(**id) != but);
         let overrun: Vec<ClientId> = listeners
@@ -201,8 +203,8 @@ impl Clients {
         overrun.len()
     }
 
-    /// Withdraws a destroyed frame of a disconnected client, which could otherwise be retried forever. Call this after
-    /// every event, before [`send`](Self::send).
+    /// Drops the frame of a disconnected client after an error frame, because the controller could otherwise retry the
+    /// frame forever. Call this after every event, before [`send`](Self::send).
     pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
         let Some(left) = self.sending.filter(|sender| !self.clients.contains_key(sender)) else { return };
         if event.is_error_frame() && *event.who == *NAME {
@@ -211,8 +213,8 @@ impl Clients {
         }
     }
 
-    /// Loads the next frame into the controller once the previous one is sent or held back by a fault, and returns the
-    /// permit for the previous one. Call this after every event, before the next frame starts.
+    /// If the controller is empty, because its frame was sent or is held back by a fault, refunds the permit for that
+    /// frame and loads the next frame. Call this after every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
         while world.is_controller_empty(self.port) {
             if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
@@ -224,7 +226,7 @@ impl Clients {
         }
     }
 
-    /// Loads the next frame into the controller; returns whether there was one.
+    /// Loads the most urgent queued frame into the controller; returns `false` if no frame is queued.
     fn load(&mut self, world: &mut World) -> bool {
         // The most urgent of the first queued frames of all clients; among equals, the oldest.
         let heads = self.waiting.iter().filter_map(|(id, queue)| Some((*id, queue.front()?)));
@@ -261,8 +263,8 @@ impl Clients {
         std::mem::take(&mut self.dropped)
     }
 
-    /// Removes a client. Its pending frames are still sent; beyond [`LEFT_BEHIND`], the disconnected client with the
-    /// most frames loses the later half of them.
+    /// Removes a client, whose queued frames are still sent. While more than [`LEFT_BEHIND`] frames of disconnected
+    /// clients are queued, drops the later half of the longest queue of a disconnected client.
     fn let_go(&mut self, id: ClientId) {
         if self.clients.remove(&id).is_none() {
             return;

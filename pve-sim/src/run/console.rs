@@ -90,7 +90,8 @@ const fn product(kind: Kind) -> Product {
     }
 }
 
-/// Returns whether a line begins with a plant word rather than a device name.
+/// Returns whether `word` is a plant word rather than a device name: if it stands alone, or if `rest` is a single valid
+/// value of that word.
 fn is_word(word: &str, rest: &[&str]) -> bool {
     match rest {
         [] => true,
@@ -117,7 +118,7 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
     Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), simulation.world())))
 }
 
-/// Returns the plant words of a device, or of all devices, in the order of messages.
+/// Returns the plant words that apply to a device or, for `None`, to any device, in the order of messages.
 fn words(node: Option<NodeId>, world: &World) -> impl Iterator<Item = &'static Word> {
     let devices = world.devices().filter(move |id| node.is_none_or(|node| *id == node));
     let products: Vec<Product> = devices.map(|id| (&world.inputs(id).product).into()).collect();
@@ -200,7 +201,7 @@ fn word(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default().trim_matches('"').to_owned()
 }
 
-/// Returns the device if there is exactly one.
+/// Returns the only device; `None` if there is none or more than one.
 fn only(world: &World) -> Option<NodeId> {
     let mut devices = world.devices();
     devices.next().filter(|_| devices.next().is_none())
@@ -241,7 +242,7 @@ mod tests {
         execute(line, simulation).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
     }
 
-    /// Returns a world with one device, switched off.
+    /// Returns a simulation with one powered-off device, and the node of that device.
     fn simulation_of(kind: &str, name: &str) -> (Simulation, NodeId) {
         let kind = Kind::from_name(kind).expect("a kind");
         let mut simulation = Simulation::new(BitRate::Kbit500, 1);

@@ -105,7 +105,8 @@ impl<O: Platform> Driver<O> {
         Ok(driver)
     }
 
-    /// Adds a control interface; time then advances by `speed`, which is the driver's or [`Speed::Step`].
+    /// Adds a control interface. `speed` must be the driver's speed, or [`Speed::Step`]: only calls advance the time
+    /// then.
     #[must_use]
     pub fn controlled(mut self, speed: Speed) -> Self {
         self.is_stepped = speed == Speed::Step;
@@ -128,7 +129,8 @@ impl<O: Platform> Driver<O> {
         self.trace.finish() && is_stored
     }
 
-    /// Powers the first device immediately, and the remaining ones at random moments afterwards.
+    /// Lets the gateways join, then powers the first device immediately, and the others at random moments within
+    /// [`SUPPLY_JITTER`].
     fn power_on(&mut self) {
         self.let_join();
         let world = self.simulation.world_mut();
@@ -143,7 +145,8 @@ impl<O: Platform> Driver<O> {
         while !self.is_stepped && !self.go(self.open) {}
     }
 
-    /// Executes the joins of gateways before the first device has power, so that network gateways receive the boot-up.
+    /// Executes the joins of gateways that have already arrived. Must be called before the first device is powered, so
+    /// that the gateways receive its boot-up.
     fn let_join(&mut self) {
         while let Some(arrival) = self.platform.take() {
             self.arrivals.push_back(arrival);
@@ -154,8 +157,8 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Advances the world to the next message and executes it, or to the time of the clock; then waits. Stepped time
-    /// advances to the limit of the current call.
+    /// Advances the world towards the present, or to the arrival of the next message, which is then executed. Waits if
+    /// the world has caught up and no message is due. Stepped time advances only to the limit of the current call.
     pub fn turn(&mut self) {
         if self.is_stepped {
             return self.turn_stepped();
@@ -182,7 +185,8 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Executes the received messages, and then advances time to the limit of the current call.
+    /// Executes the received messages, then advances time towards the limit of the current call; waits for a message if
+    /// there is no call.
     fn turn_stepped(&mut self) {
         while self.arrivals.len() < EVENT_BATCH
             && let Some(arrival) = self.platform.take()
@@ -205,11 +209,11 @@ impl<O: Platform> Driver<O> {
         self.hand_out();
     }
 
-    /// Waits for a message or the next event. Prints the trace before a sleep, unless that would delay a client, and at
-    /// least as often as the thread reads the clock.
+    /// Waits for a message or the next event. First flushes the output if the last flush was [`MAX_SLEEP`] ago, or if a
+    /// long sleep follows.
     ///
-    /// Without listeners, the thread wakes up only to read the clock; each event still takes effect at its own virtual
-    /// instant.
+    /// At a speed up to 1 without listeners, the thread wakes up only for messages and clock readings. Each event still
+    /// takes effect at its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
         let is_watched = self.simulation.is_busy() || self.control.as_ref().is_some_and(ControlServer::is_followed);
@@ -239,7 +243,8 @@ impl<O: Platform> Driver<O> {
         (0..EVENT_BATCH).any(|_| self.go(end))
     }
 
-    /// Advances to the next event, or to `end` if that comes first; returns whether it reached `end`.
+    /// Advances to the next event or position sample, or to `end` if `end` comes first; returns whether it reached
+    /// `end`.
     fn go(&mut self, end: Instant) -> bool {
         let followers = self.control.as_ref().map_or(NEVER, ControlServer::due);
         let has_arrived = if followers <= end && followers < self.simulation.next() {

@@ -39,7 +39,7 @@ pub(super) struct Typing {
 type Modes = Arc<Mutex<system::Modes>>;
 
 impl Typing {
-    /// Returns the editor if stdin, stdout and stderr are one terminal of a supported kind.
+    /// Creates the editor; `None` unless stdin, stdout and stderr are the same terminal, of a supported kind.
     pub(super) fn new() -> Option<Self> {
         let are_terminals = io::stdin().is_terminal() && io::stdout().is_terminal() && io::stderr().is_terminal();
         let modes = system::Modes::of_the_terminal().filter(|_| are_terminals)?;
@@ -226,7 +226,7 @@ impl Completer for Assistant {
 }
 
 impl Highlighter for Assistant {
-    /// Returns the prompt, preceded by the trace lines that are not printed yet.
+    /// Returns the prompt, preceded by the pending text of the screen.
     fn highlight_prompt<'b, 's: 'b, 'p: 'b>(&'s self, prompt: &'p str, _: bool) -> Cow<'b, str> {
         Cow::Owned(self.screen.draw() + prompt)
     }

@@ -87,7 +87,8 @@ fn request(kind: &str, frames: &str, rest: &[&str]) -> Result<Command, String> {
     request.fault().map(Command::Fault).map_err(|Invalid(reason)| reason)
 }
 
-/// Converts a value to JSON: a list of names, a range of times, or a value that the schema accepts.
+/// Converts the text of a value to JSON: `receivers` to a list of names, `ms` to a number or a range, any other key to
+/// a value of its schema.
 fn value(schemas: &Schemas, key: &str, text: &str) -> Value {
     match key {
         "receivers" => text.split(',').collect(),

@@ -9,7 +9,7 @@ use super::{LogOptions, RunError};
 use hal_sim::log::{Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
 
-/// The file of `--log`, locked against other runs while this exists.
+/// The file of `--log`. The file is locked against other runs until this value is dropped.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
@@ -106,7 +106,7 @@ fn complaint(path: &Path, error: &io::Error) -> String {
     format!("{}: {error}; logging has stopped", path.display())
 }
 
-/// Returns whether a path leads into a folder, or is another name of a file in it.
+/// Returns whether a path leads into a folder, or is another name of a file in the folder.
 fn is_kept_in(path: &Path, folder: &Path) -> bool {
     let Ok(folder) = fs::canonicalize(folder) else {
         // The folder does not exist yet, so the paths are compared.

@@ -79,7 +79,7 @@ pub enum RunError {
         url: BusUrl,
         /// The cause.
         source: OpenError,
-        /// The control interface's address, if that is in use as well.
+        /// The address of the control interface if that address is in use as well; otherwise `None`.
         http: Option<SocketAddr>,
     },
     /// The control interface's address is in use or not of this machine.
@@ -134,14 +134,14 @@ fn http_way_out(error: &io::Error) -> &'static str {
     }
 }
 
-/// Returns the remedy for the control interface's port if it is in use as well.
+/// Returns the remedy for an address of the control interface that is also in use; empty for `None`.
 fn also_in_use(http: Option<SocketAddr>) -> String {
     http.map_or_else(String::new, |address| {
         format!("; {address} is also in use: --http 127.0.0.1:0 selects a free port")
     })
 }
 
-/// Returns whether another program uses the address of the control interface.
+/// Returns whether the address of the control interface is already in use.
 fn is_in_use(address: SocketAddr) -> bool {
     http::Server::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse)
 }
@@ -152,8 +152,8 @@ const CLIENTS: usize = 128;
 /// The maximum number of connections of the control interface.
 const HTTP_CLIENTS: usize = 256;
 
-/// The number of file descriptors reserved besides those of clients, buses with waiting clients, and devices: for
-/// permanently open files, and for state files during a write.
+/// The number of file descriptors reserved for permanently open files, and for state files during a write. Descriptors
+/// of clients, buses, waiting clients and devices are counted separately.
 const DESCRIPTORS: usize = 32;
 
 /// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP) or until stdout is closed, and then stores the records of
@@ -252,8 +252,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
 }
 
 impl Running {
-    /// Waits for the end of the run or of the world's thread, and then until all records are stored. Returns whether
-    /// all output is complete.
+    /// Waits for the end of the run or of the world's thread, ends the world, and waits until all records are stored.
+    /// Returns whether everything was stored and all output is complete.
     async fn until(self, end: &mut End) -> bool {
         tokio::select! {
             () = end.come() => {}
@@ -265,8 +265,8 @@ impl Running {
     }
 }
 
-/// Returns the maximum numbers of bus clients and control connections, such that enough file descriptors remain for the
-/// files of the devices.
+/// Returns the maximum numbers of bus clients and of control connections. Both are limited so that enough file
+/// descriptors remain for the devices' files.
 fn places(options: &RunOptions) -> (usize, usize) {
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len() * (1 + WAITING);
     let limit = system::max_open_files().and_then(|limit| usize::try_from(limit).ok());
@@ -275,7 +275,8 @@ fn places(options: &RunOptions) -> (usize, usize) {
     (clients, left.saturating_sub(clients).clamp(1, HTTP_CLIENTS))
 }
 
-/// Runs blocking work on a separate thread: a signal ends the wait, and the process does not join the thread.
+/// Runs blocking work on a separate thread, so that a signal can end the wait. The process exits without joining that
+/// thread.
 async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     match tokio::task::spawn_blocking(work).await {
         Ok(done) => done,

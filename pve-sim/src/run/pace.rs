@@ -4,11 +4,11 @@ use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::time::{Duration, Instant, after, since};
 
-/// The last instant of a run, after 584 years: the bus counts nanoseconds in 64 bits. The last day is reserved so that
+/// The last instant of a run: 584 years, the range of the bus time in 64-bit nanoseconds, less one day in which pending
 /// frames can end.
 pub(super) const LAST: Instant = Instant::from_ticks(u64::MAX / 1000 - 86_400_000_000);
 
-/// The pace of virtual time: a factor of wall time, counted from a common anchor.
+/// The conversion between wall time and virtual time: an anchor in both times, and the virtual seconds per wall second.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pace {
     speed: f64,
@@ -35,17 +35,18 @@ impl Pace {
         self.instant = instant;
     }
 
-    /// Returns the virtual time at a wall instant; a wall instant before the anchor counts as the anchor.
+    /// Returns the virtual time at a wall instant, at most [`LAST`]; a wall instant before the anchor counts as the
+    /// anchor.
     ///
-    /// A tick is a microsecond. A conversion from floating point saturates, and a factor loses a microsecond only after
-    /// centuries.
+    /// The conversion from floating point saturates. Its rounding error reaches a microsecond only after centuries.
     #[must_use]
     pub(super) fn at(&self, wall: WallInstant) -> Instant {
         let passed = wall.saturating_duration_since(self.wall).as_secs_f64();
         after(self.instant, Duration::from_ticks((passed * self.speed * 1e6) as u64)).min(LAST)
     }
 
-    /// Returns the wall instant of a virtual instant; `None` if it is out of range.
+    /// Returns the wall instant at which a virtual instant is reached; `None` after [`LAST`], or beyond the range of
+    /// the wall clock.
     #[must_use]
     pub(super) fn when(&self, instant: Instant) -> Option<WallInstant> {
         if instant > LAST {

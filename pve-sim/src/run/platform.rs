@@ -16,19 +16,20 @@ pub trait Platform {
     /// Takes the next message, if there is one.
     fn take(&mut self) -> Option<Arrival>;
 
-    /// Waits for the next message, until an instant or forever; `None` on time-out. The thread spins for the last
-    /// `spin` of the time, to return without a wake-up delay.
+    /// Waits for the next message until an instant, or forever; returns `None` on time-out or at the end of the run.
+    /// Spins for the last `spin` before that instant, to avoid the wake-up delay.
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival>;
 }
 
-/// The spin before an event with listeners: the usual wake-up delay of a thread.
+/// The spin before an event while a client listens: the usual wake-up delay of a thread.
 pub(super) const WAKE_UP: Duration = Duration::from_micros(50);
 
-/// The spin after a message, above speed 1. A client that works back to back sends its next message by then, and a
-/// wake-up would cost it more time than the bus does.
+/// The spin after a message, at speeds above 1. A client that works back to back sends its next message within this
+/// time, and a wake-up of the thread would delay the client more than the bus does.
 pub(super) const SPIN_TIME: Duration = Duration::from_micros(200);
 
-/// The usual maximum time for which the gateway and its clients keep a yielded processor.
+/// The maximum time for which the gateway and its clients usually occupy a yielded processor. A longer time indicates
+/// other programs.
 const TAKEN: Duration = Duration::from_micros(100);
 
 /// The time for which the processor counts as contended after use by other programs.
@@ -65,8 +66,8 @@ impl Platform for System {
         taken.ok()
     }
 
-    /// On a contended processor the thread sleeps instead of spinning: once its share is used up, it would wait longer
-    /// for the next share than a wake-up takes. It still spins for times shorter than a sleep.
+    /// On a contended processor the thread sleeps instead of yielding, because a thread that has used up its share
+    /// waits longer for the next share than a wake-up takes. The thread always spins for the last [`WAKE_UP`].
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival> {
         let Some(until) = until else { return self.sleep(None) };
         let mut now = WallInstant::now();

@@ -73,7 +73,7 @@ impl Printer {
         let _ = self.queue.try_send(Text::Warning(line));
     }
 
-    /// Prints a text on stderr, where it cannot be taken for a frame.
+    /// Prints a text on stderr, because on stdout a reader could mistake the text for a frame.
     pub(super) fn note(&self, text: String) {
         let _ = self.queue.try_send(Text::Note(text));
     }

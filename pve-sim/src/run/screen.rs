@@ -10,14 +10,14 @@ use std::time::Duration;
 
 use rustyline::ExternalPrinter;
 
-/// The message that makes the editor redraw its line. The editor ends each message with a new line; the cursor movement
-/// before it undoes that.
+/// The message that makes the editor redraw its line. The editor appends a newline to each message; the escape sequence
+/// first moves the cursor up, so that no empty line appears.
 const REDRAW: &str = "\x1b[A\n";
 
 /// The maximum wait for an editor that is about to change the terminal modes.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// The function that asks the editor to redraw its line.
+/// The printer whose message makes the line editor redraw its line.
 type Redraw = Box<dyn ExternalPrinter + Send>;
 
 /// The terminal, shared by clones. Text is shown at each flush.
@@ -31,14 +31,14 @@ pub(super) struct Screen {
 struct Shared {
     state: Mutex<State>,
     changed: Condvar,
-    /// The redraw function; locked until the editor has taken a message.
+    /// The printer whose message makes the line editor redraw its line. Locked until the editor has taken the message.
     redraw: Mutex<Option<Redraw>>,
 }
 
 #[derive(Default)]
 struct State {
     line: Line,
-    /// The lines for the editor to print above its own.
+    /// The text for the editor to print above the line being typed.
     waiting: String,
 }
 
@@ -62,7 +62,7 @@ impl Screen {
         *self.shared.redraw.lock().unwrap_or_else(PoisonError::into_inner) = Some(redraw);
     }
 
-    /// Hands the terminal to the editor, unless the run is over; returns whether it did.
+    /// Hands the terminal to the editor. Returns `false` if the run is over; the editor must not begin a line then.
     pub(super) fn begin_line(&self) -> bool {
         let mut state = self.state();
         if state.line != Line::Over {
@@ -71,7 +71,7 @@ impl Screen {
         state.line != Line::Over
     }
 
-    /// Returns the text to print above the line, which the editor is drawing.
+    /// Takes the pending text, which the editor prints above the line that it is drawing.
     pub(super) fn draw(&self) -> String {
         let mut state = self.state();
         if state.line == Line::Begun {
@@ -92,8 +92,8 @@ impl Screen {
         self.shared.changed.notify_all();
     }
 
-    /// Prevents further lines; returns whether a line is being typed, in which case the editor has changed the terminal
-    /// modes.
+    /// Prevents further lines, after waiting at most [`PATIENCE`] for an editor that is about to draw its line. Returns
+    /// whether a line is being typed, in which case the editor has changed the terminal modes.
     pub(super) fn close(&self) -> bool {
         let state = self.state();
         let is_begun = |state: &mut State| state.line == Line::Begun;
@@ -113,7 +113,7 @@ impl Write for Screen {
         Ok(bytes.len())
     }
 
-    /// Prints the text. Waits for the editor, as for any terminal whose output is blocked.
+    /// Prints the text. While a line is being typed, waits until the editor has printed the text or the line has ended.
     fn flush(&mut self) -> io::Result<()> {
         let text = std::mem::take(&mut self.text);
         let mut state = self.state();

@@ -13,7 +13,8 @@ use hal_sim::devices::{self, NamedDevice};
 use hal_sim::memory::Memory;
 use hal_sim::simulation::Simulation;
 
-/// Creates the simulation of the options; also returns the warnings about memories and bit rates, one per line.
+/// Creates the simulation specified by the options. Also returns the warnings about memories and bit rates, each in one
+/// line.
 pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String>), RunError> {
     let mut warnings = Vec::new();
     let mut memories = Vec::new();
@@ -38,15 +39,15 @@ pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String
     Ok((simulation, warnings))
 }
 
-/// Returns the initial bit rate of a device, as stored in its memory.
+/// Returns the bit rate of a device after power-up with this memory.
 fn first_rate(device: &NamedDevice, memory: &Memory) -> Option<BitRate> {
     let start = Instant::from_ticks(0);
     let device = AnyDevice::power_on(device.setup, &memory.peek_image(), StartCause::PowerOn, start);
     Some(device.as_dyn().bit_rate())
 }
 
-/// Opens the memories of the devices, in order. All files are locked before any file is created or renamed, so that an
-/// error changes no file.
+/// Opens the memories of the devices, in order. All state files are locked before the first is created or renamed, so
+/// that a file in use or of another kind leaves all files unchanged.
 fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memory, RunError>>, RunError> {
     let mut files = Vec::new();
     if let Some(dir) = &options.state {

@@ -21,8 +21,8 @@ pub(super) fn listen(world: WorldSender) {
     });
 }
 
-/// Executes the lines of an input one at a time: a writer faster than the world waits, and messages of other clients
-/// can take effect between the lines.
+/// Executes the lines of an input one at a time. A program that writes lines faster than the world executes them is
+/// blocked, and messages of other clients can take effect between two lines.
 fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
     let mut lines = Lines::default();
     let mut bytes = [0; LINE];
@@ -46,7 +46,8 @@ pub(super) fn tell(world: &WorldSender, line: String) {
 /// The parser of lines.
 #[derive(Debug, Default)]
 pub struct Lines {
-    /// The incomplete line, at most [`LINE`] + 1 bytes. At that length it is too long.
+    /// The incomplete line, at most [`LINE`] + 1 bytes. A line of that length is too long; its further bytes are
+    /// dropped.
     line: Vec<u8>,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Timekeeper {
     pace: Pace,
     /// The time of the last clock reading.
     looked: WallInstant,
-    /// The progress of a world that is behind; `None` while it is not.
+    /// The progress since the world fell behind; `None` if the world is not behind.
     behind: Option<Behind>,
     /// Whether the user was told that the speed is too high.
     out_of_reach: bool,
@@ -40,10 +40,11 @@ pub(super) struct Timekeeper {
     stalls: Stalls,
 }
 
-/// The progress of a world that is behind.
+/// The progress of a world that is behind the wall clock.
 #[derive(Clone, Copy, Debug)]
 struct Behind {
-    /// The working time since `from`. A stall counts as [`STALL`]: it does not prove a slow machine.
+    /// The working time since `from`. A stall counts as only [`STALL`], because a stall does not prove that the machine
+    /// is slow.
     worked: WallDuration,
     /// The virtual instant at the beginning of the work.
     from: Instant,
@@ -80,7 +81,8 @@ impl Timekeeper {
         self.pace.speed() <= 1.0
     }
 
-    /// Records a clock reading, with the world at `world`. Returns a warning for the user about stalls, if any.
+    /// Records a clock reading at `now`, while the world is at virtual instant `world`. After a stall, virtual time
+    /// continues from `world`. Returns a warning about stalls, at most once per [`REMINDER`].
     pub(super) fn look(&mut self, now: WallInstant, world: Instant) -> Option<String> {
         let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
         if let Some(behind) = &mut self.behind {
@@ -103,7 +105,8 @@ impl Timekeeper {
         Some(format!("the host stalled {stalls}; virtual time stood still meanwhile"))
     }
 
-    /// Records that the world, at `world`, has worked and is still behind. Returns a warning for the user, if any.
+    /// Records that the world has worked up to `world` and is still behind. If the speed is too high for the machine,
+    /// virtual time continues from `world`. Returns a warning the first time.
     pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
         let begun = Behind { worked: WallDuration::ZERO, from: world };
         let speed = self.pace.speed();
@@ -123,7 +126,8 @@ impl Timekeeper {
         (!told).then(|| format!("--speed {speed} is too fast for this machine: virtual time runs as fast as possible"))
     }
 
-    /// Records that the world, at `world`, has caught up. Returns a warning for the user, if any.
+    /// Records that the world has caught up at `world`. Returns a warning the first time that virtual time reaches
+    /// [`LAST`].
     pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);

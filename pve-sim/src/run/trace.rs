@@ -49,7 +49,7 @@ pub(super) struct Trace {
     log_is_cut: bool,
     /// The human-readable layout; `None` prints `candump -L` lines.
     layout: Option<Layout>,
-    /// The current line, kept for its capacity.
+    /// The buffer of the current line, reused to avoid allocations.
     line: String,
     /// The lines not printed yet.
     lines: String,
@@ -61,7 +61,7 @@ impl Trace {
         Self { layout, bus: bus.to_owned(), printer, log, log_is_cut: false, line: String::new(), lines: String::new() }
     }
 
-    /// Reserves space for the identifiers of these devices.
+    /// Reserves space for 29-bit identifiers if a device is on ISOBUS.
     pub(super) fn fit(&mut self, simulation: &Simulation) {
         let is_isobus = simulation.devices().iter().any(|(_, kind)| kind.protocol() == Protocol::Isobus);
         if let Some(layout) = self.layout.as_mut().filter(|_| is_isobus) {
@@ -69,7 +69,8 @@ impl Trace {
         }
     }
 
-    /// Writes the line of a frame, of a reported error, or of the effect of a communication fault.
+    /// Writes a frame, a reported error, or the effect of a communication fault to the log, and adds its line to the
+    /// pending lines of stdout.
     pub(super) fn tell(&mut self, happened: &Happened, at: Timestamp, explainer: &Explainer) {
         let Happened { event, error, .. } = happened;
         let entry = match (event.frame(), error) {

@@ -69,8 +69,8 @@ fn CAN1_SCE() {
     notify(Event::Errors);
 }
 
-/// Enables the interrupts of the error modes not yet reached, and masks those of the reached modes, which could
-/// interrupt again at each further error. The device's task polls for recovery.
+/// Enables the interrupts of the error modes not yet reached, and disables those of reached modes, because they could
+/// occur again at every further error. The device's task polls for recovery.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
     CAN1.ier().modify(|ier| {
@@ -138,7 +138,7 @@ impl Can1 {
         CAN1.msr().read().inak()
     }
 
-    /// Forces the controller off a bus on which no frame ends, by a reset.
+    /// Resets the controller, to take it off a bus on which no frame ends.
     pub(super) fn reset(&mut self) {
         CAN1.mcr().write(|mcr| mcr.set_reset(true));
         self.leave();
@@ -186,7 +186,7 @@ impl Controller for Can1 {
         transmit::with(|transmission| transmission.abort(which));
     }
 
-    /// Changes the banks one by one, because `bxcan` would stop all reception meanwhile.
+    /// Changes the banks one by one without `bxcan`, because `bxcan` would stop all reception during the change.
     fn set_filters(&mut self, filters: &Filters) {
         while let Some((number, wanted)) = next_change(&core::array::from_fn(bank), filters) {
             CAN1.fa1r().modify(|active| active.set_fact(number, false));
@@ -199,7 +199,7 @@ impl Controller for Can1 {
     }
 }
 
-/// Returns the contents of a filter bank; `None` if it is inactive.
+/// Returns the contents of a filter bank; `None` if the bank is inactive.
 fn bank(number: usize) -> Option<Bank> {
     let registers = CAN1.fb(number);
     let is_active = CAN1.fa1r().read().fact(number);

@@ -22,8 +22,8 @@ use crate::board::wake_up::{Event, notify};
 /// The three flags of the transmit status register that mark a mailbox as empty.
 const ALL_EMPTY: u32 = 0b111 << 26;
 
-/// Shared by the transmit interrupt and the device's task. `bxcan` aborts inside [`Tx::transmit`] by reading flags that
-/// the interrupt clears: without a critical section it could send a frame twice.
+/// The transmit half, shared by the transmit interrupt and the device's task. [`Tx::transmit`] aborts a mailbox by
+/// reading flags that the interrupt clears; without a critical section, a frame could be sent twice.
 static TRANSMISSION: Mutex<RefCell<Option<Transmission>>> = Mutex::new(RefCell::new(None));
 
 /// Whether the staged frame waits for a mailbox whose release may cause no interrupt.
@@ -32,7 +32,7 @@ static BLOCKED: AtomicBool = AtomicBool::new(false);
 /// The transmit half of the controller.
 pub(super) struct Transmission {
     tx: Tx<Registers>,
-    /// The next frame to load. It waits until no pending frame is at least as urgent.
+    /// The next frame to load. The staged frame waits while a frame in a mailbox is at least as urgent.
     staged: Option<Frame>,
 }
 
@@ -55,8 +55,8 @@ pub(super) fn with<R>(act: impl FnOnce(&mut Transmission) -> R) -> Option<R> {
     critical_section::with(|cs| TRANSMISSION.borrow_ref_mut(cs).as_mut().map(act))
 }
 
-/// Tries to load a blocked frame, for whose mailbox there would be no interrupt. Returns whether the frame is still
-/// blocked and another retry is needed.
+/// Tries to load a blocked frame, because no interrupt may signal that its mailbox is free. Returns whether the frame
+/// is still blocked, so that another retry is needed.
 pub(in crate::board) fn retry() -> bool {
     if BLOCKED.load(Ordering::Relaxed) {
         with(Transmission::load);
@@ -70,7 +70,7 @@ impl Transmission {
         self.tx.is_idle() && self.staged.is_none()
     }
 
-    /// Accepts a frame for transmission. May return a less urgent frame that it displaces.
+    /// Accepts a frame for transmission. Returns the less urgent frame that the new frame displaces, if any.
     ///
     /// # Errors
     /// [`nb::Error::WouldBlock`] if the staged frame is at least as urgent.
@@ -105,7 +105,7 @@ impl Transmission {
         }
     }
 
-    /// Loads the staged frame if the controller accepts it.
+    /// Loads the staged frame if the controller accepts it. A displaced frame is staged instead.
     fn load(&mut self) {
         if let Some(staged) = self.staged
             && let Ok(displaced) = self.offer(&staged)
@@ -114,7 +114,8 @@ impl Transmission {
         }
     }
 
-    /// Loads a frame through `bxcan`; returns the frame that it displaces, if any.
+    /// Loads a frame into a mailbox through `bxcan`. Returns the frame displaced from the mailbox, if any;
+    /// [`nb::Error::WouldBlock`] if the controller does not accept the frame yet.
     fn offer(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
         // With all mailboxes full `bxcan` aborts one, and would busy-wait for the end of a frame on the wire. There is
         // no interrupt when that frame loses arbitration.

@@ -66,7 +66,8 @@ pub struct Refused;
 /// Parses lines from a byte stream, independent of read boundaries.
 #[derive(Debug, Default)]
 pub struct Parser {
-    /// The incomplete line, at most [`LINE_MAX`] + 1 bytes. At that length it is too long, and is skipped.
+    /// The incomplete line, at most [`LINE_MAX`] + 1 bytes. A line of that length is too long; its further bytes are
+    /// dropped, and it is refused.
     line: Vec<u8>,
 }
 
@@ -91,8 +92,8 @@ impl Parser {
     }
 }
 
-/// Judges a byte of the first line of a connection. Before its CR, a command has only letters and digits; a request
-/// line of HTTP has a space.
+/// Judges a byte of the first line of a connection. A slcan command has only letters and digits before its CR, but the
+/// request line of HTTP has a space.
 #[must_use]
 pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
@@ -130,7 +131,7 @@ fn parse(line: &[u8]) -> Option<Command> {
     }
 }
 
-/// Parses the length, one digit, and that number of bytes; a remote frame has no bytes.
+/// Parses the data length, one digit, followed by that number of data bytes; a remote frame has no data bytes.
 fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
     let (digit, text) = text.split_first()?;
     let len = digit.checked_sub(b'0').filter(|len| usize::from(*len) <= MAX_LEN)?;

@@ -43,16 +43,16 @@ enum State {
 struct Talk {
     /// The number of requested answers.
     asked: u64,
-    /// The channel openings whose answers are pending: the number of the answer, and whether later frames have time
-    /// stamps. Frames before that answer use the previous setting.
+    /// The pending answers that open the channel: the number of the answer, and whether frames after the answer have
+    /// time stamps. Frames before the answer use the previous setting.
     opened: VecDeque<(u64, bool)>,
     /// Whether a bus error has occurred since the client last read the flags.
     has_error: bool,
 }
 
 impl Talk {
-    /// Counts a requested answer. For an answer that opens the channel, `has_stamps` states whether later frames have
-    /// time stamps.
+    /// Counts a requested answer. `has_stamps` is `Some` only for an answer that opens the channel: whether later
+    /// frames have time stamps.
     fn note(&mut self, has_stamps: Option<bool>) {
         self.asked += 1;
         self.opened.extend(has_stamps.map(|has_stamps| (self.asked, has_stamps)));
@@ -110,8 +110,8 @@ impl Session {
         self.ask(client, ToWorld::Reply(client.id, Reply::new(answer)), None).await;
     }
 
-    /// Requests an answer through the world. For an answer that opens the channel, `has_stamps` states whether later
-    /// frames have time stamps.
+    /// Sends the world a message that requests an answer, and counts the answer. `has_stamps` is `Some` only for an
+    /// answer that opens the channel: whether later frames have time stamps.
     async fn ask(&self, client: &Client, message: ToWorld, has_stamps: Option<bool>) {
         lock(&self.talk).note(has_stamps);
         client.tell(message).await;

@@ -80,7 +80,7 @@ impl Terminal {
     }
 }
 
-/// Creates a terminal that no client has open; returns the master side and the path of the other side.
+/// Creates a terminal that no client has open; returns its master side and the path of the device that clients open.
 fn make() -> io::Result<(OwnedFd, PathBuf)> {
     let end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
     grantpt(&end)?;
@@ -92,7 +92,7 @@ fn make() -> io::Result<(OwnedFd, PathBuf)> {
     Ok((end, device))
 }
 
-/// Opens the other side, without making it the controlling terminal of this process.
+/// Opens the device that clients open, without making it the controlling terminal of this process.
 fn open(device: &Path) -> io::Result<File> {
     let no_control = i32::try_from(OFlags::NOCTTY.bits()).unwrap_or_default();
     OpenOptions::new().read(true).write(true).custom_flags(no_control).open(device)
@@ -104,7 +104,8 @@ fn set_raw(terminal: impl AsFd) -> io::Result<()> {
     Ok(tcsetattr(&terminal, OptionalActions::Now, &attributes)?)
 }
 
-/// The input from clients, with echo prevented: otherwise the adapter would execute its own echoed answers and frames.
+/// The input from clients. Each read switches the terminal's echo off, because the adapter would otherwise execute its
+/// own echoed answers and frames.
 #[derive(Debug)]
 pub(super) struct Deaf(Receiver);
 
@@ -151,7 +152,7 @@ impl Link {
         Ok(())
     }
 
-    /// Removes the link, unless the path no longer holds this link.
+    /// Removes the link if the path still leads to its device.
     fn remove(&self) {
         if fs::read_link(&self.path).is_ok_and(|device| device == self.device) {
             let _ = fs::remove_file(&self.path);
@@ -165,13 +166,13 @@ impl Drop for Link {
     }
 }
 
-/// Returns whether the link is stale: its terminal no longer exists, or has the number of the new terminal.
+/// Returns whether the path is a stale link: to a terminal that no longer exists, or to `device`, the new terminal.
 fn is_stale(path: &Path, device: &Path) -> bool {
     fs::read_link(path).is_ok_and(|old| old.parent() == device.parent() && (old == device || !old.exists()))
 }
 
-/// Returns the error message for an occupied path. A stale link may lead to a terminal that now belongs to another
-/// program, which is indistinguishable from the terminal of a running simulator.
+/// Returns the error message for an occupied path. A link to an existing terminal may be stale, because another program
+/// can have been given the same terminal number; the two cases cannot be distinguished.
 fn in_the_way(path: &Path, device: &Path) -> String {
     match fs::read_link(path) {
         Ok(old) if old.parent() == device.parent() => {

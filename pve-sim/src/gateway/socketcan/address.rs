@@ -71,7 +71,7 @@ mod linux {
         }
     }
 
-    /// Returns the reason why an interface cannot be opened, with a remedy for an unknown one.
+    /// Returns the reason why an interface cannot be opened; for an unknown interface, with a remedy.
     fn refusal(name: &str, error: &io::Error) -> OpenError {
         let is_missing = Errno::from_io_error(error) == Some(Errno::NODEV);
         let way_out = format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' adds a virtual one");

@@ -41,19 +41,20 @@ impl Health {
         Self { name, trouble: None }
     }
 
-    /// Records a received frame; returns a message for the user, if any.
+    /// Records a received frame, which ends a problem other than a full transmit queue. Returns a message for the user,
+    /// if any.
     pub(super) fn hear(&mut self) -> Option<String> {
         if self.trouble.as_ref()?.is_full { None } else { self.pass() }
     }
 
-    /// Records an accepted frame; returns a message for the user, if any.
+    /// Records that the interface has accepted a frame, which ends any problem. Returns a message for the user, if any.
     pub(super) fn pass(&mut self) -> Option<String> {
         let Trouble { lost, .. } = self.trouble.take()?;
         let frames = if lost == 1 { "1 frame was".to_owned() } else { format!("{lost} frames were") };
         Some(format!("socketcan:{}: sending frames again; {frames} not sent", self.name))
     }
 
-    /// Records an error unrelated to any frame; returns a message for the user, if any.
+    /// Records an error, which begins a problem unless one exists. Returns a message for the user, if any.
     pub(super) fn fail(&mut self, error: &io::Error) -> Option<String> {
         if self.trouble.is_some() {
             return None;
@@ -62,7 +63,8 @@ impl Health {
         Some(format!("socketcan:{}: {}: no frames are sent until this is resolved", self.name, reason(error)))
     }
 
-    /// Returns the verdict on a frame that has now been refused `tries` times, and a message for the user, if any.
+    /// Records that the interface has refused a frame for the `tries`-th time. Returns whether to retry the frame, and
+    /// a message for the user, if any.
     pub(super) fn refuse(&mut self, error: &io::Error, tries: u32) -> (Verdict, Option<String>) {
         // While the queue is known to be full, each frame gets one attempt; otherwise pending frames would accumulate.
         if is_full(error) && self.trouble.is_none() && tries < TRIES {

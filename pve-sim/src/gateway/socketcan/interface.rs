@@ -48,7 +48,8 @@ impl Interface {
         Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
     }
 
-    /// Sends a frame to the interface; returns the frame if it has to be retried.
+    /// Sends a frame to the interface. Returns the frame if sending must be retried; `None` if the frame was accepted
+    /// or is lost.
     fn send(&mut self, waiting: Waiting, world: &WorldSender) -> Option<Waiting> {
         match self.socket.get_ref().write_frame(&waiting.frame) {
             Ok(()) => {
@@ -65,7 +66,7 @@ impl Interface {
         }
     }
 
-    /// Records an error. If the error reveals that the interface is missing, schedules a retry.
+    /// Schedules a retry to open the interface if an error reveals that the interface no longer exists.
     fn note(&mut self, error: &io::Error) {
         if is_gone(error) && self.next_look.is_none() {
             self.next_look = Some(Instant::now() + PAUSE);

@@ -74,12 +74,12 @@ enum State {
     #[default]
     Between,
     Inside,
-    /// Skips the rest of a message that was too long.
+    /// The message is too long; its remaining bytes are skipped.
     Skipping,
 }
 
 impl Parser {
-    /// Processes the next byte; returns a message if the byte completes one, or the error that the byte causes.
+    /// Processes the next byte. Returns a request if the byte completes a message, or the error that the byte reveals.
     pub fn push(&mut self, byte: u8) -> Option<Result<Request, RequestError>> {
         match (self.state, byte) {
             (State::Inside, b'<') => {
@@ -112,8 +112,8 @@ impl Parser {
     }
 }
 
-/// Judges the first bytes of a connection: a client begins with `<`, optionally after spaces. No HTTP method contains
-/// either.
+/// Judges the first bytes of a connection: a client begins with `<`, optionally after white space. An HTTP method
+/// contains neither.
 #[must_use]
 pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
@@ -154,8 +154,8 @@ fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
     Ok(Frame::with_len(id, data, len))
 }
 
-/// Parses an identifier. It is extended if it has eight digits or if bit 31 is set (the flag in SocketCAN's `can_id`),
-/// which may appear as the sign of the number.
+/// Parses an identifier. An identifier is extended if the word has eight characters, or if bit 31 is set (the flag in
+/// SocketCAN's `can_id`), which may appear as the sign of the number.
 fn identifier(word: &str) -> Result<Id, RequestError> {
     const EXTENDED: u32 = 1 << 31;
     const MAX: u32 = 0x1FFF_FFFF;

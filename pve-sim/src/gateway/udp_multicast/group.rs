@@ -57,7 +57,8 @@ impl Group {
         Ok(Self { address, incoming, outgoing, intake, is_in_trouble: false })
     }
 
-    /// Records the result of sending a datagram; returns a message for the user, if any.
+    /// Records the result of sending a datagram. Returns a message for the user when sending begins to fail or works
+    /// again.
     fn note(&mut self, error: Option<io::Error>) -> Option<String> {
         let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
         let text = match (was_in_trouble, error) {
@@ -105,7 +106,8 @@ impl Member for Group {
 }
 
 impl Intake {
-    /// Returns the frame of a datagram; `None` for a datagram of this gateway, and for ignored ones after the first.
+    /// Returns the frame of a datagram; `None` for a datagram of this gateway, and for every ignored datagram after the
+    /// first.
     ///
     /// # Errors
     /// A message for the user about the first ignored datagram.
@@ -131,14 +133,14 @@ impl Intake {
     }
 }
 
-/// Returns whether an address belongs to this machine; only such an address can be bound.
+/// Returns whether an address belongs to this machine, by binding a socket to the address.
 fn is_of_this_machine(mut address: SocketAddr) -> bool {
     address.set_port(0);
     StdSocket::bind(address).is_ok()
 }
 
-/// Returns a socket that receives the group's datagrams. Like python-can, it joins on the interface to which the system
-/// sends them.
+/// Creates a socket that receives the group's datagrams. Like python-can, it joins on the interface through which the
+/// system sends to the group.
 fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
     // Other programs on this machine also use the port.
@@ -155,7 +157,7 @@ fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     to_tokio(socket)
 }
 
-/// Returns a socket that sends to the group.
+/// Creates a socket that sends to the group, at most `hops` hops away.
 fn outgoing(group: SocketAddr, hops: u32) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
     match group {

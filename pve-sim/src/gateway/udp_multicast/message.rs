@@ -133,7 +133,7 @@ mod tests {
         (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hex")).collect()
     }
 
-    /// Returns a map of these pairs, each of a short text and a value.
+    /// Encodes a MessagePack map of short keys and already encoded values.
     fn map(pairs: &[(&str, &[u8])]) -> Vec<u8> {
         let mut out = vec![0x80 | u8::try_from(pairs.len()).expect("a short map")];
         for (key, value) in pairs {

@@ -97,7 +97,7 @@ pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Jso
     control.execute(Command::Wait(condition, within)).await
 }
 
-/// Waits for a state; the refusal after the time limit lists the members that differ.
+/// Waits for a state of a device. On time-out, the refusal lists the members that differ from the wanted state.
 async fn for_state(
     control: &Control,
     device: String,

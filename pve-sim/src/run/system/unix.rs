@@ -17,12 +17,12 @@ use tokio::runtime::Builder;
 use tokio::signal::unix::{self, SignalKind, signal};
 use tokio::time::timeout;
 
-/// The interval at which a background job checks for its return to the foreground; until then the shell reads the
-/// input.
+/// The interval at which a background job checks whether it has returned to the foreground. Until then the shell reads
+/// the terminal's input.
 const BACKGROUND: Duration = Duration::from_millis(200);
 
-/// The maximum wait for the job's stop and continuation: without a shell, the system ignores the signal. A stopped
-/// process waits until it is continued.
+/// The maximum time to wait for the stop and continuation of this job, because without a shell the system ignores the
+/// stop signal. A stopped process does not time out until it is continued.
 const STOP: Duration = Duration::from_secs(2);
 
 /// The signals that end a run.
@@ -49,19 +49,21 @@ impl Signals {
     }
 }
 
-/// Returns whether this process was started with SIGHUP ignored. Only Linux reveals that to safe code.
+/// Returns whether this process was started with SIGHUP ignored. Always `false` except on Linux, where `/proc` has the
+/// ignored signals.
 fn hangup_is_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     ignores_hangup(&status)
 }
 
-/// Returns whether a mask of ignored signals, a hex number, includes SIGHUP, its lowest bit.
+/// Returns whether the ignored signals in the text of `/proc/self/status`, a hex mask, include SIGHUP, the lowest bit.
 fn ignores_hangup(status: &str) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 != 0)
 }
 
-/// Waits until stdout has no reader; returns whether that can be detected. A file has no reader.
+/// Waits until stdout has lost its reader, and returns `true`; returns `false` if the loss cannot be detected. A file
+/// never loses its reader.
 pub(in crate::run) fn wait_for_hangup() -> bool {
     let stdout = io::stdout();
     loop {
@@ -75,8 +77,8 @@ pub(in crate::run) fn wait_for_hangup() -> bool {
     }
 }
 
-/// Waits until stdin is readable; returns whether there is a stdin. A background job must not read from its terminal,
-/// because the system would stop the job.
+/// Waits until stdin is readable, and returns `true`; returns `false` if stdin cannot be polled. A background job also
+/// waits for the foreground, because the system stops a background job that reads from its terminal.
 pub(in crate::run) fn wait_for_input() -> bool {
     let stdin = io::stdin();
     loop {
@@ -105,11 +107,11 @@ fn is_in_background() -> bool {
     tcgetpgrp(io::stdin()).is_ok_and(|foreground| foreground != getpgrp())
 }
 
-/// Whether a key stops the job. The shell can continue it in the background or foreground.
+/// Whether a key can stop the job, which the shell then continues in the background or foreground.
 pub(in crate::run) const HAS_JOBS: bool = true;
 
-/// Stops this job, as the terminal does for Ctrl-Z. Returns after its continuation, or after [`STOP`] if no shell could
-/// continue it.
+/// Stops this job, as the terminal does for Ctrl-Z. Returns once the job is continued, or after [`STOP`] if the job was
+/// not stopped.
 pub(in crate::run) fn suspend() {
     let Ok(runtime) = Builder::new_current_thread().enable_all().build() else { return };
     runtime.block_on(async {
