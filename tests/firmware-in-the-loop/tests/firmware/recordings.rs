@@ -59,7 +59,7 @@ fn replays(file: PathBuf, devices: &[Device]) -> u64 {
         setup: Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) },
         spool_times: SpoolTimes::DEFAULT,
         has_oil: false,
-                electronics: Electronics::default(),
+        electronics: Electronics::default(),
     };
     let options = ReplayOptions {
         file,
