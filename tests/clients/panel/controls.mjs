@@ -191,7 +191,7 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   assert.equal(await lines.count(), sent);
   await page.getByRole("button", { name: "Pause" }).press("Enter");
   await until(page, shows, await onTheBus());
-  await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe -5fd");
+  await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe -000");
   await until(page, () => {
     const rows = [...document.querySelectorAll("#frames li")];
     return rows.length > 0 && rows.every((row) => row.textContent.includes("5FF"));
