@@ -163,7 +163,7 @@ fn spool_time(text: &str) -> Result<u16, String> {
     })
 }
 
-/// The maximum values of the electronics' times, in milliseconds.
+// The maximum values of boot-ms, answer-ms and cycle-ms, in milliseconds.
 const MAX_BOOT_MS: u64 = 60_000;
 const MAX_ANSWER_MS: u64 = 60_000;
 const MAX_CYCLE_MS: u64 = 1_000;

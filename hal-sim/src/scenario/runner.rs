@@ -63,7 +63,7 @@ struct Runner<'a, B> {
     scenario: &'a Scenario,
     target: &'a mut B,
     watch: &'a mut dyn FnMut(&mut Simulation),
-    /// The claimed frames of a strict scenario.
+    /// The check that each device frame is expected by a step; `None` unless the scenario is strict.
     claims: Option<Claims<'a>>,
     /// The trace, written while the scenario runs.
     trace: Option<Trace>,

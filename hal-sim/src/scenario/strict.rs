@@ -71,7 +71,7 @@ impl<'a> Claims<'a> {
         }
     }
 
-    /// Starts to expect a frame as cyclic; `last` is the time of the frame just received.
+    /// Starts expecting a frame cyclically, every `period`; `last` is the time of its latest reception.
     pub(super) fn begin(&mut self, pattern: &'a Pattern, period: Duration, last: Instant) {
         self.again.push(Again { pattern, period, last });
     }

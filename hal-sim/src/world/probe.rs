@@ -13,7 +13,7 @@ pub(crate) const ECHO: u16 = 0x600;
 pub(crate) const ECHO_ANSWER: u16 = 0x580;
 /// The identifier of a [`Command`] for the node ID in byte 1.
 pub(crate) const COMMAND: u16 = 0x000;
-/// The identifier of the report about the outcome of a command, plus the node ID.
+/// The base identifier of command result reports; the node ID is added.
 pub(crate) const DONE: u16 = 0x080;
 pub(crate) const HEARTBEAT: u16 = 0x700;
 

@@ -124,7 +124,7 @@ const fn divide(dividend: i32, divisor: i32) -> i32 {
     quotient
 }
 
-/// A straight line in time from one travel to another.
+/// A spool movement at constant velocity between two travel values.
 #[derive(Clone, Copy, Debug)]
 struct Leg {
     from: Travel,

@@ -234,8 +234,8 @@ impl LssSlave {
         *self = Self { activation, ..Self::new() };
     }
 
-    /// Resets the slave on reset application. During a bit-rate activation the node stays silent, but the bit rate no
-    /// longer changes.
+    /// Resets the slave on reset application. A bit-rate activation in progress still keeps the node silent, but no
+    /// longer changes the bit rate.
     pub(crate) fn restart(&mut self) {
         self.end_configuration();
         if let Some(activation) = &mut self.activation {

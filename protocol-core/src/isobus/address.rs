@@ -192,8 +192,8 @@ impl AddressClaim {
         }
     }
 
-    /// Returns the time of the next cannot-claim, after a pseudo-random number of steps: the top byte of a product of
-    /// NAME, time and an odd constant, which depends on every bit of NAME and time.
+    /// Returns the time of the next cannot-claim: `now` plus 0 to 255 pseudo-random units of [`CANNOT_CLAIM_STEP`].
+    /// Their number is the top byte of (NAME XOR `now`) times an odd constant, so that every bit of both affects it.
     fn cannot_claim_at(&self, now: Instant) -> Instant {
         let mixed = (self.name.raw() ^ now.as_ticks()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let steps = mixed >> 56;

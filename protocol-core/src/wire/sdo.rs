@@ -210,7 +210,7 @@ impl Answer {
     }
 }
 
-/// The reason of an abort (CiA 301 7.2.4.3.17).
+/// The reason for an abort (CiA 301 7.2.4.3.17).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct AbortCode(pub u32);
 

@@ -65,7 +65,7 @@ const NEGATIVE: u8 = 0x7F;
 /// A data identifier, big-endian on the bus (R: one example in the manual has the bytes in reverse order).
 pub type Identifier = u16;
 
-/// The reason of a refusal (ISO 14229-1, negative response codes).
+/// The reason for a refusal (ISO 14229-1, negative response codes).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NegativeCode {

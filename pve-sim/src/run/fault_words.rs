@@ -26,8 +26,9 @@ pub(super) fn execute(words: &[&str], simulation: &mut Simulation) -> Option<Res
             request(kind, frames, rest).and_then(|command| run(command, simulation))
         }
         ["end"] => Err("'end' needs the name of a fault, or all".to_owned()),
+        [kind @ ("insert" | "masquerade")] => Err(format!("'{kind}' needs a frame, as in {kind} 220#0F000020")),
         [kind] if FaultRequest::kinds().any(|known| known == *kind) => {
-            Err(format!("'{kind}' needs an identifier or all, as in lose 220 3; insert needs a frame"))
+            Err(format!("'{kind}' needs an identifier, or all, as in {kind} 220"))
         }
         _ => return None,
     })

@@ -1,4 +1,4 @@
-//! Devices with their memories, added to a world and unpowered.
+//! Builds the simulation from the options: opens the memories and adds the devices, switched off.
 
 use std::fs;
 

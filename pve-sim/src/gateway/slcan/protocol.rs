@@ -26,7 +26,8 @@ pub(super) const SERIAL: &str = "NPVE0\r";
 /// The bit rates of `S0` to `S8`, in bit/s.
 const RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
-/// The clock of the bit timing registers of `s`, in Hz: half the SJA1000's 16 MHz, as in such adapters.
+/// The clock for the bit-timing registers that the command `s` sets, in Hz: half of 16 MHz, as on an adapter with an
+/// SJA1000.
 const TIMING_CLOCK: u32 = 8_000_000;
 
 /// The modulus of the time stamps, which count milliseconds.
