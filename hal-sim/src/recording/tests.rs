@@ -373,3 +373,27 @@ fn pcapng_as_others_write_it() {
     let (records, _) = read(Cursor::new([section, binary, packet(0, 5 << 19, &data)].concat()), Format::Candump);
     assert_eq!(records, [frame(2_500_000, "5A0: 43 18")]);
 }
+
+/// Comments stand where the format has them, and change no entry.
+#[test]
+fn comments_are_written_and_skipped() {
+    let records = [frame(START, "720: 00"), frame(START + 1_500, "220: 0F 00 00 20")];
+    let plain = FORMATS.map(|format| written(format, &records));
+    let commented = FORMATS.map(|format| {
+        let mut writer = Writer::new(Vec::new(), format, "pve0", Timestamp::from_micros(START)).unwrap();
+        writer.write(&records[0]).unwrap();
+        writer.comment(Timestamp::from_micros(START + 1_500), "fault lose-220: 220 lost").unwrap();
+        writer.write(&records[1]).unwrap();
+        writer.finish().unwrap()
+    });
+    for (place, bytes) in commented.iter().enumerate() {
+        assert_eq!(read(Cursor::new(bytes.clone()), FORMATS[place]), (records.to_vec(), Vec::new()));
+    }
+    assert_eq!(commented[0], plain[0], "tools for candump's logs refuse comments");
+    let asc = String::from_utf8(commented[1].clone()).unwrap();
+    assert!(asc.lines().any(|line| line == "// 0.001542 fault lose-220: 220 lost"), "{asc}");
+    // The option opt_comment with its length, in the second packet.
+    let option = [&[1, 0, 24, 0], "fault lose-220: 220 lost".as_bytes()].concat();
+    assert_eq!(commented[2].windows(option.len()).filter(|bytes| *bytes == option).count(), 1);
+    assert!(commented[2].ends_with(&[0, 0, 0, 0, 76, 0, 0, 0]), "{:?}", &commented[2][commented[2].len() - 16..]);
+}

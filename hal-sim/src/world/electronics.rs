@@ -25,7 +25,7 @@ pub struct Electronics {
 /// The state of a device's electronics.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
-    pub(super) electronics: Electronics,
+    pub(super) settings: Electronics,
     /// The start of the application.
     pub(super) started: Instant,
     /// Whether the device is off because of undervoltage and will start when the supply recovers.
@@ -37,7 +37,7 @@ pub(super) struct State {
 impl Default for State {
     fn default() -> Self {
         Self {
-            electronics: Electronics::default(),
+            settings: Electronics::default(),
             started: Instant::from_ticks(0),
             is_browned_out: false,
             has_new_inputs: false,
@@ -48,7 +48,7 @@ impl Default for State {
 impl State {
     /// Returns the start of the first application cycle at or after an instant.
     pub(super) fn cycle_from(&self, at: Instant) -> Instant {
-        let cycle = self.electronics.cycle.as_ticks();
+        let cycle = self.settings.cycle.as_ticks();
         if cycle == 0 || at == NEVER {
             return at;
         }

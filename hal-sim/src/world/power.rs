@@ -130,7 +130,7 @@ impl World {
     pub fn set_electronics(&mut self, node: NodeId, electronics: Electronics) {
         let seed = self.random.u64(..);
         let Node { port, electronics: state, .. } = &mut self.nodes[node.0];
-        state.electronics = electronics;
+        state.settings = electronics;
         let (from, to) = electronics.answer;
         let slow = SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) };
         let queues = electronics.cycle > Duration::from_ticks(0);
@@ -142,7 +142,7 @@ impl World {
     /// Returns the electronics of a device.
     #[must_use]
     pub fn electronics(&self, node: NodeId) -> Electronics {
-        self.nodes[node.0].electronics.electronics
+        self.nodes[node.0].electronics.settings
     }
 
     /// Switches a device off when its supply falls below the undervoltage limit, and on again when the supply recovers.
@@ -164,6 +164,6 @@ impl Node {
     /// Returns whether the supply is below the device's undervoltage limit.
     pub(super) fn is_undervoltage(&self) -> bool {
         let supply = self.inputs.valve().map(|valve| valve.supply_mv);
-        self.electronics.electronics.brown_out_mv.zip(supply).is_some_and(|(limit, supply)| supply < limit)
+        self.electronics.settings.brown_out_mv.zip(supply).is_some_and(|(limit, supply)| supply < limit)
     }
 }

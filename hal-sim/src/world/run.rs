@@ -69,7 +69,7 @@ impl World {
         let now = self.now;
         // During the shutdown, slow applications do not wait for their next cycle.
         let cycles: Vec<Duration> =
-            self.nodes.iter_mut().map(|node| std::mem::take(&mut node.electronics.electronics.cycle)).collect();
+            self.nodes.iter_mut().map(|node| std::mem::take(&mut node.electronics.settings.cycle)).collect();
         for id in self.devices() {
             self.follow_links(id);
             if let Power::On(device) = &mut self.nodes[id.0].power {
@@ -85,7 +85,7 @@ impl World {
             self.settle(id);
         }
         for (node, cycle) in self.nodes.iter_mut().zip(cycles) {
-            node.electronics.electronics.cycle = cycle;
+            node.electronics.settings.cycle = cycle;
         }
     }
 

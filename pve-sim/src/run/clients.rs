@@ -216,6 +216,10 @@ impl Clients {
     /// If the controller is empty, because its frame was sent or is held back by a fault, refunds the permit for that
     /// frame and loads the next frame. Call this after every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
+        if world.pending(self.port) == 0 {
+            // Of a repeated frame, copies beyond the limit are never sent.
+            self.sent.clear();
+        }
         while world.is_controller_empty(self.port) {
             if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
                 client.to_client.refund(1);

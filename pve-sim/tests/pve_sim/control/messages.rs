@@ -143,3 +143,20 @@ fn read_before(client: &mut TcpStream, others: &mut [&mut TcpStream]) {
 fn wait_for_a_strike(rig: &Rig) {
     while names(&rig.get("/bus/faults"))[0].1 == 0 {}
 }
+
+/// What a fault did stands in the trace and in a log whose format has comments.
+#[test]
+fn faults_are_traced_and_logged() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("faults.asc");
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=boom", "--log", log.to_str().expect("text")]);
+    rig.post("/bus/faults", json!({"lose": "220", "count": 1}));
+    rig.send("220: 0F 00 00 20");
+    let told = "fault lose-220: 220: 0F 00 00 20 of http lost for all receivers";
+    let trace = rig.get("/trace");
+    assert!(trace.as_array().expect("a list").iter().any(|entry| entry["meaning"] == told), "{trace}");
+    let (stdout, _) = rig.simulator.end(rustix::process::Signal::TERM);
+    assert!(stdout.lines().any(|line| line.starts_with("# (") && line.ends_with(told)), "{stdout}");
+    let log = std::fs::read_to_string(log).expect("a log");
+    assert!(log.lines().any(|line| line.starts_with("// ") && line.ends_with(told)), "{log}");
+}
