@@ -170,26 +170,28 @@ fn each_frame_of_a_cycle_is_sent() {
     assert!(count("720: 05") >= 8 && count("1A0: ") >= 20 && count("5A0: 43 18") == 1, "{frames:?}");
 }
 
-/// The fault log is stored at the end, although the next cycle has not come.
+/// A fault counted soon after the last write of the fault log is stored at the end, although the next cycle has not come.
 #[test]
 fn the_end_does_not_wait_for_a_cycle() {
     let mut rig = Rig::started("pvea-canopen,cycle-ms=1000");
-    let mut inputs = *rig.world.inputs(rig.device);
-    inputs.internal_fault = true;
-    rig.world.set_inputs(rig.device, inputs);
-    rig.frames(1001);
+    let set_fault = |rig: &mut Rig, is_there| {
+        rig.world.set_plant(rig.device, Plant::InternalFault(is_there)).expect("a valve");
+    };
     let counts = |rig: &mut Rig| {
         let view = rig.world.view(rig.device).expect("power");
         view.faults.iter().map(|fault| u32::from(fault.count)).sum::<u32>()
     };
-    assert_eq!(counts(&mut rig), 1);
+    for is_there in [true, false, true] {
+        set_fault(&mut rig, is_there);
+        rig.frames(1001);
+    }
+    assert_eq!(counts(&mut rig), 2);
     rig.world.flush_all();
     rig.world.power(rig.device, false);
-    inputs.internal_fault = false;
-    rig.world.set_inputs(rig.device, inputs);
+    set_fault(&mut rig, false);
     rig.world.power(rig.device, true);
     rig.frames(10);
-    assert_eq!(counts(&mut rig), 1);
+    assert_eq!(counts(&mut rig), 2);
 }
 
 /// More requests than a slow application can take: answers are dropped, and nothing else suffers.
