@@ -1,4 +1,4 @@
-//! Writes that fail without saying so, or say so although they succeeded.
+//! Writes that fail without saying so, or say so although they succeeded (SPEC 6).
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use nvm::{BUFFER, Contents, ERASED, Records};

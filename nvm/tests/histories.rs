@@ -1,5 +1,5 @@
 //! Random histories of stores with power cuts, on flashes with words of 1 to 32 bytes. A cut leaves a record old or new
-//! and all others unchanged; no word is written twice. On some flashes a torn word cannot be read.
+//! and all others unchanged; no word is written twice (SPEC 6). On some flashes a torn word cannot be read.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use nvm::{BUFFER, Contents, ERASED, Records};

@@ -1,5 +1,5 @@
-//! What is on the bus, to the microsecond: the use cases, the scenarios, and a life of each kind as a log. A log is read
-//! again, explained, and replayed.
+//! What is on the bus, to the microsecond: the use cases (SPEC 8), the scenarios, and a life of each kind as a log. A
+//! log is read again, explained, and replayed.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! The use cases check each byte of each frame: a changed byte turns its use case red.
+//! The use cases check each byte of each frame (SPEC 8): a changed byte turns its use case red.
 
 use std::thread;
 

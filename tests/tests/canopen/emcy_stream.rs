@@ -1,5 +1,5 @@
-//! Whatever happens to a valve, its EMCYs tell the whole story: each activation once, counted without a gap, and the
-//! end.
+//! Whatever happens to a valve, its EMCYs tell the whole story (SPEC 4.2): each activation once, counted without a gap,
+//! and the end.
 
 use std::collections::BTreeMap;
 

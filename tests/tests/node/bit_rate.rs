@@ -1,4 +1,4 @@
-//! The bit rate: configured, activated, stored.
+//! The bit rate (SPEC 4.4, 9): configured, activated, stored.
 
 use protocol_core::controller::BitRate;
 use protocol_core::time::Duration;

@@ -1,4 +1,4 @@
-//! LSS: every service in every LSS and NMT state, and what each comes to.
+//! LSS (SPEC 4.4, 9): every service in every LSS and NMT state, and what each comes to.
 
 use protocol_core::controller::BitRate;
 use protocol_core::memory::RecordKey;

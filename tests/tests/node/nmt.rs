@@ -1,4 +1,4 @@
-//! NMT: boot-up, the five commands, and a node without a node ID.
+//! NMT (SPEC 4.2, 9): boot-up, the five commands, and a node without a node ID.
 
 use protocol_core::device::Setup;
 use protocol_core::time::Duration;

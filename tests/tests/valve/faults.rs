@@ -1,4 +1,4 @@
-//! Limits and delays of the faults, how each is told, counted and ended, and what it does.
+//! Limits and delays of the faults, how each is told, counted and ended, and what it does (SPEC 2, 3).
 
 use protocol_core::time::Duration;
 use tests::Inputs;

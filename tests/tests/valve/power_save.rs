@@ -1,4 +1,4 @@
-//! Power save: without anything to do the solenoids are de-energised.
+//! Power save: without anything to do the solenoids are de-energised (SPEC 2).
 
 use protocol_core::actuator::Led;
 

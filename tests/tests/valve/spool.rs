@@ -1,5 +1,5 @@
-//! The spool as it is told: its way, the lever, float, and what can be wrong with it. The limits and delays of its monitors
-//! are the actuator's.
+//! The spool as it is told (SPEC 2): its way, the lever, float, and what can be wrong with it. The limits and delays of
+//! its monitors are the actuator's.
 
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::device::pve::Kind;

@@ -1,4 +1,4 @@
-//! Activation, clearing and counting of faults.
+//! Activation, clearing and counting of faults (SPEC 2).
 
 use super::*;
 use crate::time::NEVER;

@@ -1,4 +1,4 @@
-//! The beginning and the end of power save.
+//! The beginning and the end of power save (SPEC 2).
 
 use super::*;
 use crate::time::NEVER;

@@ -1,4 +1,4 @@
-//! The movement of the spool.
+//! The movement of the spool (SPEC 2).
 
 use super::*;
 use crate::time::NEVER;

@@ -1,4 +1,5 @@
-//! The angle sensor on the board: its shaft, by the words of the console; cyclic transmission; kind, LEDs and button.
+//! The angle sensor on the board (SPEC 9): its shaft, by the words of the console; cyclic transmission; kind, LEDs and
+//! button.
 
 use hal_sim::bus::FrameBits;
 use protocol_core::controller::BitRate;

@@ -1,4 +1,4 @@
-//! Bus-off and the way back, as the host device does it.
+//! Bus-off and the way back (SPEC 4.2), as the host device does it.
 
 use hal_sim::bus::DestroyNext;
 use protocol_core::controller::BusErrorMode;

@@ -1,4 +1,4 @@
-//! The bus goes on while the memory is written and erased: nothing is lost, and every answer is on time.
+//! The bus goes on while the memory is written and erased (SPEC 6): nothing is lost, and every answer is on time.
 
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::content;

@@ -1,4 +1,5 @@
-//! The use cases of the manuals, the files that the host's devices pass, with the image in the place of the first device.
+//! The use cases of the manuals (SPEC 8), the files that the host's devices pass, with the image in the place of the
+//! first device.
 
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::rig::BoardTarget;

@@ -1,4 +1,4 @@
-//! DM1: the active fault of the highest priority, when it changes and every second.
+//! DM1: the active fault of the highest priority, when it changes and every second (SPEC 5).
 
 use super::*;
 

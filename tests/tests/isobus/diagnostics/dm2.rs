@@ -1,4 +1,4 @@
-//! DM2: the previously active faults, in one frame or in packets.
+//! DM2: the previously active faults, in one frame or in packets (SPEC 5).
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! DM3 clears the previously active faults and their counters; the counters themselves.
+//! DM3 clears the previously active faults and their counters; the counters themselves (SPEC 2, 5).
 
 use super::*;
 
