@@ -20,6 +20,7 @@
 //!
 //! ```text
 //! simulation  simulation/  a world with commands to named devices, and its history of events
+//! campaign    campaign/    each fault at each instant of a scenario, with verdicts
 //! scenario    scenario/    scenarios from TOML files
 //! recording   recording/   bus recordings in the file formats of other tools
 //!             decode       explains a recording
@@ -61,6 +62,8 @@
 #![forbid(unsafe_code)]
 
 pub mod bus;
+#[cfg(feature = "campaign")]
+pub mod campaign;
 #[cfg(feature = "recording")]
 pub mod decode;
 #[cfg(feature = "describe")]

@@ -165,7 +165,7 @@ pub(super) struct StepTable {
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
 #[schema(as = Expected)]
-pub(super) enum Expected {
+pub(crate) enum Expected {
     /// A frame, as in "1A0#0F00 0020": ? is any hex digit, .. at the end any bytes, an identifier alone any data.
     Frame(String),
     /// Several frames.
@@ -183,27 +183,47 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 /// # Errors
 /// [`ReadError`] with the line of the error.
 pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
+    // If devices or steps are missing, a later check reports them with an example.
+    let schemas = Schemas::of::<ScenarioFile>();
+    parse(text, (schemas, "Scenario", "steps"), |table| document(toml::Value::Table(table), 0), |path| path.is_empty())
+}
+
+/// Parses a text and validates it by the named schema. `list` is the key of a list whose items have a line each; their
+/// index is left out of messages. `json` converts the text for the validation. Ignores a mismatch at an excused path.
+///
+/// # Errors
+/// [`ReadError`] with the line of the error.
+pub(crate) fn parse<T: for<'de> Deserialize<'de>>(
+    text: &str,
+    (schemas, name, list): (&Schemas, &str, &str),
+    json: impl FnOnce(toml::Table) -> serde_json::Value,
+    is_excused: impl FnOnce(&[Place]) -> bool,
+) -> Result<T, ReadError> {
     let refuse = |error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_of(text, span.start));
         let lines = error.message().lines().map(str::trim).filter(|line| !line.is_empty());
         ReadError { line: Some(line), reason: lines.collect::<Vec<_>>().join("; ") }
     };
-    let document = toml::from_str(text).map(|table| document(toml::Value::Table(table), 0)).map_err(refuse)?;
-    match Schemas::of::<ScenarioFile>().check("Scenario", &document, NONE) {
-        // If devices or steps are missing, a later check reports them with an example.
-        Err(mismatch) if !mismatch.path.is_empty() => {
-            let place = DeTable::parse(text).ok().and_then(|table| place_of(table.get_ref(), &mismatch.path));
-            let step = mismatch.path.get(1).map_or_else(String::new, |place| match place {
-                Place::Item(step) => format!("steps[{step}]"),
+    let document = toml::from_str(text).map(json).map_err(refuse)?;
+    match schemas.check(name, &document, NONE) {
+        Err(mismatch) if !is_excused(&mismatch.path) => {
+            let item = mismatch.path.get(1).map_or_else(String::new, |place| match place {
+                Place::Item(item) => format!("{list}[{item}]"),
                 Place::Key(_) => String::new(),
             });
-            let inner = mismatch.reason.strip_prefix(&step).filter(|_| !step.is_empty());
+            let inner = mismatch.reason.strip_prefix(&item).filter(|_| !item.is_empty());
             let inner = inner.and_then(|rest| rest.strip_prefix('.').or_else(|| rest.strip_prefix(": ")));
             let reason = inner.unwrap_or(&mismatch.reason).to_owned();
-            Err(ReadError { line: Some(place.map_or(1, |place| line_of(text, place))), reason })
+            Err(ReadError { line: Some(line_at(text, &mismatch.path)), reason })
         }
         _ => toml::from_str(text).map_err(refuse),
     }
+}
+
+/// Returns the line number of a member; 1 if the text has no part of its path.
+pub(crate) fn line_at(text: &str, path: &[Place]) -> usize {
+    let place = DeTable::parse(text).ok().and_then(|table| place_of(table.get_ref(), path));
+    place.map_or(1, |place| line_of(text, place))
 }
 
 /// Returns the text offset of a member. For a missing member, returns the offset of the deepest existing part of its
@@ -231,7 +251,7 @@ pub(super) fn line_of(text: &str, place: usize) -> usize {
 }
 
 /// The word that stands for null in the tables of steps.
-const NONE: &str = "\"none\"";
+pub(crate) const NONE: &str = "\"none\"";
 
 /// The nesting depth from which values belong to the tables of steps, in which "none" stands for null.
 const TABLES: usize = 4;
@@ -251,12 +271,12 @@ fn document(value: toml::Value, depth: usize) -> serde_json::Value {
 ///
 /// # Errors
 /// The reason why the table is invalid.
-pub(super) fn table<T: for<'de> Deserialize<'de>>(table: toml::Table) -> Result<T, String> {
+pub(crate) fn table<T: for<'de> Deserialize<'de>>(table: toml::Table) -> Result<T, String> {
     T::deserialize(json(toml::Value::Table(table))).map_err(|error| error.to_string())
 }
 
 /// Converts a value to JSON; the text "none" becomes null.
-fn json(value: toml::Value) -> serde_json::Value {
+pub(crate) fn json(value: toml::Value) -> serde_json::Value {
     match value {
         toml::Value::String(text) if text == "none" => serde_json::Value::Null,
         toml::Value::String(text) => text.into(),

@@ -10,16 +10,16 @@
 //!
 //! Each scenario has its own world, so that many can run in parallel. Two runs with the same seed are byte-identical.
 
-mod file;
+pub(crate) mod file;
 mod frames;
 mod report;
 mod runner;
-mod schema;
+pub(crate) mod schema;
 mod script;
-mod step;
+pub(crate) mod step;
 mod strict;
 mod target;
-mod trial;
+pub(crate) mod trial;
 
 #[cfg(test)]
 mod heard_tests;

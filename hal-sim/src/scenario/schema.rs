@@ -9,21 +9,30 @@ use crate::state::schema::Schemas;
 /// Returns the JSON schema, in draft 2020-12.
 #[must_use]
 pub fn schema() -> String {
-    let name = ScenarioFile::name();
     let mut definitions: Map<String, Value> = Schemas::of::<ScenarioFile>().by_name().clone();
+    replace_null(&mut definitions);
+    published(&ScenarioFile::name(), "Scenario of pve-sim", definitions)
+}
+
+/// Returns the named definition as the text of a JSON schema that contains the other definitions.
+pub(crate) fn published(name: &str, title: &str, mut definitions: Map<String, Value>) -> String {
+    let mut schema = definitions.remove(name).unwrap_or_default();
+    if let Some(root) = schema.as_object_mut() {
+        root.insert("$schema".to_owned(), json!("https://json-schema.org/draft/2020-12/schema"));
+        root.insert("title".to_owned(), json!(title));
+        root.insert("$defs".to_owned(), Value::Object(definitions));
+    }
+    let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
+    text.replace("#/components/schemas/", "#/$defs/") + "\n"
+}
+
+/// Replaces null with "none" in the schemas of nullable members.
+pub(crate) fn replace_null(definitions: &mut Map<String, Value>) {
     for schema in definitions.values_mut() {
         if let Some(members) = schema.get_mut("properties").and_then(Value::as_object_mut) {
             members.values_mut().for_each(with_none);
         }
     }
-    let mut schema = definitions.remove(&*name).unwrap_or_default();
-    if let Some(root) = schema.as_object_mut() {
-        root.insert("$schema".to_owned(), json!("https://json-schema.org/draft/2020-12/schema"));
-        root.insert("title".to_owned(), json!("Scenario of pve-sim"));
-        root.insert("$defs".to_owned(), Value::Object(definitions));
-    }
-    let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
-    text.replace("#/components/schemas/", "#/$defs/") + "\n"
 }
 
 /// Replaces null with "none" in the schema of a nullable member.

@@ -112,7 +112,7 @@ impl Scenario {
     }
 
     /// Creates a simulation with the unpowered devices.
-    pub(super) fn simulation(&self, seed: u64) -> Simulation {
+    pub(crate) fn simulation(&self, seed: u64) -> Simulation {
         let mut simulation = Simulation::new(self.bit_rate, seed);
         for (device, entry) in self.devices.iter().zip(&self.entries) {
             let node = simulation.add(device, Memory::in_ram());

@@ -57,10 +57,10 @@ pub(super) enum What {
 
 /// A wanted or forbidden state of a device.
 #[derive(Debug)]
-pub(super) struct Wanted {
+pub(crate) struct Wanted {
     /// The name of the device.
-    pub(super) device: String,
-    pub(super) condition: StateCondition,
+    pub(crate) device: String,
+    pub(crate) condition: StateCondition,
     /// Each key with its value as written in the file, and a condition on this key only.
     pub(super) keys: Vec<(String, String, StateCondition)>,
 }

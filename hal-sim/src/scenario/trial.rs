@@ -5,7 +5,7 @@ use protocol_core::device::{Protocol, Setup};
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::Duration;
 
-use super::file::{self, Expected, PATIENCE, StepTable};
+use super::file::{self, Expected, NONE, PATIENCE, StepTable};
 use super::step::{Begin, Expect, Never, Step, Wanted, What};
 use crate::bus::Disturbance;
 use crate::devices::NamedDevice;
@@ -13,9 +13,6 @@ use crate::simulation::{Command, Refusal, Simulation};
 use crate::state::{
     self, BusChange, Disturb, FaultRequest, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition,
 };
-
-/// The word for null in scenarios.
-const NONE: &str = "\"none\"";
 
 /// The trial run of the steps, which tracks the devices and the active cyclic frames.
 pub(super) struct Trial {
@@ -46,7 +43,7 @@ impl Trial {
             return Err("expect and never cannot be in the same step".to_owned());
         }
         refuse_two_acts(&table)?;
-        let device = &self.device(table.device.as_deref(), about_device)?;
+        let device = &device(&self.devices, table.device.as_deref(), about_device)?;
         let begin = match (table.at_ms, table.after_ms) {
             (None, None) => Begin::Now,
             (Some(at), None) => Begin::At(millis(at)),
@@ -152,21 +149,6 @@ impl Trial {
         }
     }
 
-    /// Returns the named device. Without a name, returns the only device on the bus. With several devices, returns the
-    /// first device, or an error if `is_meant`: the step then needs a name.
-    fn device(&self, name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
-        let names = || self.devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
-        let found = match (name, self.devices.as_slice()) {
-            (Some(name), devices) => {
-                devices.iter().find(|known| known.name == name).ok_or(format!("'{name}' is not on the bus"))
-            }
-            (None, [only]) => Ok(only),
-            (None, [any, ..]) if !is_meant => Ok(any),
-            (None, _) => return Err(format!("device is missing; accepted: {}", names())),
-        };
-        found.cloned().map_err(|reason| format!("device: {reason}; accepted: {}", names()))
-    }
-
     fn send(&mut self, text: &str, every_ms: Option<u32>) -> Result<Command, String> {
         let (frame, period) = (one_frame(text)?, period(every_ms)?);
         if period.is_some() && !self.cyclic.contains(&frame.id()) {
@@ -255,34 +237,53 @@ impl Trial {
                     .collect::<Result<_, _>>()
                     .map(What::Frames);
             }
-            Expected::State(state) if state.is_empty() => {
-                return Err("empty state; give at least one key, as in { dsm = \"active\" }".to_owned());
-            }
             Expected::State(state) => state,
         };
-        let NamedDevice { name, setup: Setup { kind, .. }, .. } = device;
-        let keys = state.clone().into_iter().map(|(key, value)| {
-            let alone: Result<StateCondition, String> =
-                file::table([(key.clone(), value.clone())].into_iter().collect());
-            match alone {
-                Ok(alone) => Ok((key, value.to_string(), alone)),
-                Err(reason) if !reason.starts_with("invalid ") => Err(reason),
-                Err(_) => {
-                    Err(format!("{key} {value} is not valid; accepted: {}", state::accepted(&key, *kind, name, NONE)))
-                }
-            }
-        });
-        let keys = keys.collect::<Result<_, String>>()?;
-        let condition: StateCondition = file::table(state)?;
-        condition.check(name, *kind, NONE).map_err(|Invalid(reason)| reason)?;
-        if condition.is_always_so(name, *kind) {
-            return Err(format!("this condition is always true for {name}; use one that can be false"));
-        }
-        Ok(What::State(Wanted { device: name.clone(), condition, keys }))
+        wanted(device, state).map(What::State)
     }
 }
 
-fn within(key: &'static str) -> impl FnOnce(String) -> String {
+/// Returns the named device. Without a name, returns the only device on the bus. With several devices, returns the first
+/// device, or an error if `is_meant`: the user then has to give a name.
+pub(crate) fn device(devices: &[NamedDevice], name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
+    let names = || devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
+    let found = match (name, devices) {
+        (Some(name), devices) => {
+            devices.iter().find(|known| known.name == name).ok_or(format!("'{name}' is not on the bus"))
+        }
+        (None, [only]) => Ok(only),
+        (None, [any, ..]) if !is_meant => Ok(any),
+        (None, _) => return Err(format!("device is missing; accepted: {}", names())),
+    };
+    found.cloned().map_err(|reason| format!("device: {reason}; accepted: {}", names()))
+}
+
+/// Checks a state: the device can have it, and does not always have it.
+pub(crate) fn wanted(device: &NamedDevice, state: toml::Table) -> Result<Wanted, String> {
+    if state.is_empty() {
+        return Err("empty state; give at least one key, as in { dsm = \"active\" }".to_owned());
+    }
+    let NamedDevice { name, setup: Setup { kind, .. }, .. } = device;
+    let keys = state.clone().into_iter().map(|(key, value)| {
+        let alone: Result<StateCondition, String> = file::table([(key.clone(), value.clone())].into_iter().collect());
+        match alone {
+            Ok(alone) => Ok((key, value.to_string(), alone)),
+            Err(reason) if !reason.starts_with("invalid ") => Err(reason),
+            Err(_) => {
+                Err(format!("{key} {value} is not valid; accepted: {}", state::accepted(&key, *kind, name, NONE)))
+            }
+        }
+    });
+    let keys = keys.collect::<Result<_, String>>()?;
+    let condition: StateCondition = file::table(state)?;
+    condition.check(name, *kind, NONE).map_err(|Invalid(reason)| reason)?;
+    if condition.is_always_so(name, *kind) {
+        return Err(format!("this condition is always true for {name}; use one that can be false"));
+    }
+    Ok(Wanted { device: name.clone(), condition, keys })
+}
+
+pub(crate) fn within(key: &'static str) -> impl FnOnce(String) -> String {
     move |reason| format!("{key}: {reason}")
 }
 
@@ -290,7 +291,7 @@ fn millis(ms: u32) -> Duration {
     Duration::from_millis(ms.into())
 }
 
-fn power(change: toml::Table) -> Result<Power, String> {
+pub(crate) fn power(change: toml::Table) -> Result<Power, String> {
     let change: PowerChange = file::table(change)?;
     // The control interface's message has the JSON form of the accepted values.
     let accepted = "must be { on = true }, { on = false } or { reset = \"watchdog\" }";

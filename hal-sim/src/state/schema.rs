@@ -98,6 +98,12 @@ impl Schemas {
     }
 }
 
+impl From<Map<String, Value>> for Schemas {
+    fn from(definitions: Map<String, Value>) -> Self {
+        Self(definitions)
+    }
+}
+
 impl From<Mismatch> for Invalid {
     fn from(mismatch: Mismatch) -> Self {
         Self(mismatch.reason)

@@ -1,0 +1,64 @@
+//! Cells of a campaign and their results.
+
+use protocol_core::time::Instant;
+use serde::{Deserialize, Serialize};
+
+use super::verdict::Verdict;
+
+/// A cell: one fault, one seed, one instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Cell {
+    /// The number of the row, from 0.
+    pub row: usize,
+    /// The instant of the fault.
+    pub at: Instant,
+}
+
+/// The result of a cell: a line of a results file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CellResult {
+    /// The number of a grid cell: the number of the first cell of its row plus the index of its instant. `None` for a
+    /// cell of the refinement.
+    pub number: Option<u64>,
+    /// The number of the row, from 0.
+    pub row: usize,
+    /// The fault in words.
+    pub fault: String,
+    /// The seed of the run.
+    pub seed: u64,
+    /// The instant of the fault, in microseconds of virtual time.
+    pub at_us: u64,
+    /// Whether the cell belongs to the refinement of its row.
+    pub refined: bool,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The time from the fault to its detection, in microseconds.
+    pub detected_us: Option<u64>,
+    /// The time from the fault to the safe state, in microseconds; 0 if the state held throughout.
+    pub safe_us: Option<u64>,
+    /// The number of frames that a communication fault affected; 1 for another fault that acted.
+    pub struck: u64,
+}
+
+impl CellResult {
+    /// Returns the reaction time in microseconds: the later of detection and safe state. `None` if neither occurred.
+    #[must_use]
+    pub fn reaction_us(&self) -> Option<u64> {
+        self.detected_us.max(self.safe_us)
+    }
+
+    /// Returns the cell.
+    #[must_use]
+    pub const fn cell(&self) -> Cell {
+        Cell { row: self.row, at: Instant::from_micros(self.at_us) }
+    }
+
+    /// Returns a key that orders cells by severity: by verdict, then by reaction time. A reaction that did not occur is
+    /// worse than any other.
+    #[must_use]
+    pub fn severity(&self) -> (Verdict, bool, u64) {
+        let reaction = self.reaction_us();
+        (self.verdict, reaction.is_none() && self.verdict != Verdict::NoEffect, reaction.unwrap_or(0))
+    }
+}

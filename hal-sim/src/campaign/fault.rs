@@ -1,0 +1,208 @@
+//! The faults of a plan: each entry as one fault for each combination of its values.
+
+use std::fmt::Write as _;
+
+use protocol_core::device::Kind;
+use protocol_core::time::Duration;
+use toml::{Table, Value};
+
+use crate::bus::Fault;
+use crate::devices::NamedDevice;
+use crate::scenario::file::table;
+use crate::scenario::trial::{device, power, within};
+use crate::simulation::{Command, Refusal, Simulation};
+use crate::state::{FaultRequest, Invalid, PlantChange, Power};
+
+/// A fault of a plan.
+#[derive(Clone, Debug)]
+pub(super) struct PlanFault {
+    /// The fault in words.
+    pub(super) text: String,
+    /// The requirement that the fault belongs to.
+    pub(super) reference: Option<String>,
+    pub(super) act: Act,
+}
+
+/// The injection of a fault.
+#[derive(Clone, Debug)]
+pub(super) enum Act {
+    /// A change of the plant of the named device.
+    Plant(String, PlantChange),
+    /// A change of the power of the named device, which is switched on again after the duration, if any.
+    Power(String, Power, Option<Duration>),
+    /// A communication fault.
+    Message(Fault),
+}
+
+/// The own faults of a valve: those of its monitors (SPEC 3), of its power and of its processor.
+const ALL_OF_PVE: [&str; 14] = [
+    "plant = { supply_mv = 8000 }",
+    "plant = { supply_mv = 40000 }",
+    "plant = { temperature_c = 130 }",
+    "plant = { spool = \"stuck\" }",
+    "plant = { spool = \"slow\" }",
+    "plant = { spool = \"drifting\" }",
+    "plant = { spool = \"no-float\" }",
+    "plant = { lever = 16384 }",
+    "plant = { lever = -16384 }",
+    "plant = { internal_fault = true }",
+    "plant = { memory = \"write-fails\" }",
+    "plant = { bus_off = true }",
+    "power = { on = false }",
+    "power = { reset = \"watchdog\" }",
+];
+
+/// Returns the number of combinations of an entry's values.
+pub(super) fn count(entry: &Table) -> u64 {
+    let of = |(key, value): (&String, &Value)| match value {
+        Value::Table(table) => count(table),
+        Value::Array(items) if !is_one_value(key, items) => items.len() as u64,
+        _ => 1,
+    };
+    entry.iter().map(of).fold(1, u64::saturating_mul)
+}
+
+/// Returns one table for each combination of an entry's values, the last key varying fastest.
+pub(super) fn combinations(entry: &Table) -> Vec<Table> {
+    let mut all = vec![Table::new()];
+    for (key, value) in entry {
+        let values: Vec<Value> = match value {
+            Value::Table(table) => combinations(table).into_iter().map(Value::Table).collect(),
+            Value::Array(items) if !is_one_value(key, items) => items.clone(),
+            value => vec![value.clone()],
+        };
+        let with = |table: &Table, value: &Value| {
+            let mut table = table.clone();
+            table.insert(key.clone(), value.clone());
+            table
+        };
+        all = all.iter().flat_map(|table| values.iter().map(move |value| with(table, value))).collect();
+    }
+    all
+}
+
+/// Returns whether a list is one value of its key, as in scenarios: names of receivers, the limits of a delay, the
+/// points of a profile.
+fn is_one_value(key: &str, items: &[Value]) -> bool {
+    match key {
+        "receivers" => items.iter().all(Value::is_str),
+        "ms" => items.len() == 2 && items.iter().all(Value::is_integer),
+        "points" => items.iter().all(|item| item.as_array().is_some_and(|pair| pair.iter().all(Value::is_integer))),
+        _ => false,
+    }
+}
+
+/// Returns the own faults of each valve.
+///
+/// # Errors
+/// The reason, if there is no valve.
+pub(super) fn all_of_pve(devices: &[NamedDevice]) -> Result<Vec<Table>, String> {
+    let valves = devices.iter().filter(|device| matches!(device.setup.kind, Kind::Pve(_)));
+    let entries = valves.flat_map(|valve| {
+        let entry = |text: &&str| toml::from_str(&format!("{text}\ndevice = \"{}\"", valve.name)).ok();
+        ALL_OF_PVE.iter().filter_map(entry)
+    });
+    let entries: Vec<Table> = entries.collect();
+    if entries.is_empty() {
+        return Err("'all-of-pve': the scenario has no valve; add one, or give the faults of its devices".to_owned());
+    }
+    Ok(entries)
+}
+
+impl PlanFault {
+    /// Checks one combination of an entry's values. `trial` is a simulation of the devices, without power.
+    ///
+    /// # Errors
+    /// The reason, with the accepted values.
+    pub(super) fn check(mut entry: Table, devices: &[NamedDevice], trial: &Simulation) -> Result<Self, String> {
+        let reference = match entry.remove("reference") {
+            Some(Value::String(text)) => Some(text),
+            _ => None,
+        };
+        let name = entry.remove("device");
+        let is_message = FaultRequest::kinds().any(|kind| entry.contains_key(kind));
+        let (text, act) = match (entry.remove("plant"), entry.remove("power")) {
+            (None, None) if name.is_some() => {
+                return Err("device is only valid together with plant or power".to_owned());
+            }
+            (None, None) if is_message => message(entry)?,
+            (Some(Value::Table(change)), None) if !is_message => {
+                let device = device(devices, name.as_ref().and_then(Value::as_str), true)?;
+                plant(&device.name, change, entry).map_err(within("plant"))?
+            }
+            (None, Some(Value::Table(change))) if !is_message => {
+                let device = device(devices, name.as_ref().and_then(Value::as_str), true)?;
+                switch(&device.name, change, entry).map_err(within("power"))?
+            }
+            _ => {
+                let kinds = FaultRequest::kinds().collect::<Vec<_>>().join(", ");
+                return Err(format!("a fault needs one of plant, power, {kinds}"));
+            }
+        };
+        let fault = Self { text, reference, act };
+        let mut trial = trial.clone();
+        match fault.command().map(|command| trial.execute(command)) {
+            // A device without power cannot be reset.
+            Some(Err(Refusal::Conflict(_))) if matches!(fault.act, Act::Power(..)) => Ok(fault),
+            Some(Err(refusal)) => Err(refusal.to_string()),
+            _ => Ok(fault),
+        }
+    }
+
+    /// Returns the command that injects the fault.
+    pub(super) fn command(&self) -> Option<Command> {
+        Some(match &self.act {
+            Act::Plant(device, change) => Command::Plant(device.clone(), change.clone()),
+            Act::Power(device, power, _) => Command::Power(device.clone(), *power),
+            Act::Message(fault) => Command::Fault(fault.clone()),
+        })
+    }
+}
+
+fn message(entry: Table) -> Result<(String, Act), String> {
+    let request: FaultRequest = table(entry)?;
+    let fault = request.fault().map_err(|Invalid(reason)| reason)?;
+    Ok((fault.to_string(), Act::Message(fault)))
+}
+
+fn plant(device: &str, mut change: Table, rest: Table) -> Result<(String, Act), String> {
+    if change.is_empty() {
+        return Err("empty change; give at least one key, as in { supply_mv = 8000 }".to_owned());
+    }
+    if change.contains_key("for_ms") && rest.contains_key("for_ms") {
+        return Err("for_ms is given twice".to_owned());
+    }
+    change.extend(only_duration(rest)?);
+    let text = change.iter().fold(format!("{device}:"), |mut text, (key, value)| {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{} {key} = {value}", if text.ends_with(':') { "" } else { "," });
+        text
+    });
+    Ok((text, Act::Plant(device.to_owned(), table(change)?)))
+}
+
+fn switch(device: &str, change: Table, rest: Table) -> Result<(String, Act), String> {
+    let power = power(change)?;
+    let lasts = match only_duration(rest)?.remove("for_ms") {
+        Some(Value::Integer(_)) if power != Power::Off => {
+            return Err("for_ms is only valid with { on = false }".to_owned());
+        }
+        Some(Value::Integer(ms)) => u64::try_from(ms).ok().map(Duration::from_millis),
+        _ => None,
+    };
+    let word = match power {
+        Power::Off => "power off",
+        Power::On => "power on",
+        Power::Watchdog => "watchdog reset",
+    };
+    let span = lasts.map_or_else(String::new, |lasts| format!(" for {} ms", lasts.as_millis()));
+    Ok((format!("{device}: {word}{span}"), Act::Power(device.to_owned(), power, lasts)))
+}
+
+/// Refuses each key but the duration.
+fn only_duration(rest: Table) -> Result<Table, String> {
+    match rest.keys().find(|key| *key != "for_ms") {
+        Some(key) => Err(format!("{key} is a key of communication faults; accepted here: device, for_ms, reference")),
+        None => Ok(rest),
+    }
+}

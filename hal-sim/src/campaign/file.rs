@@ -1,0 +1,228 @@
+//! The file format of a plan: keys and values, not yet checked for consistency.
+
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+use utoipa::ToSchema;
+
+use crate::scenario::ReadError;
+use crate::scenario::file::{self as scenario_file, Expected};
+use crate::scenario::schema::{published, replace_null};
+use crate::state::schema::Schemas;
+use crate::state::{FaultRequest, Identifier, PlantChange, PowerChange, StateCondition};
+
+/// A plan of a campaign: each fault at each instant of a scenario, against the controller.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(as = Plan)]
+pub(super) struct PlanFile {
+    /// The title of the campaign.
+    #[serde(default)]
+    pub(super) title: String,
+    /// The scenario of the run without a fault, relative to the plan. Its steps are the controller, or the surroundings
+    /// of `controller`.
+    pub(super) scenario: String,
+    /// The seeds of the runs; 1 by default.
+    #[serde(default)]
+    pub(super) seeds: Option<Vec<u64>>,
+    /// The faults: ready sets, and own faults. A list as a value stands for each of its items.
+    #[schema(value_type = Vec<FaultEntry>)]
+    pub(super) faults: Vec<toml::Value>,
+    /// The instants of the faults.
+    pub(super) instants: Instants,
+    /// The proof that the controller has detected the fault.
+    #[serde(default)]
+    pub(super) detected: Option<Detected>,
+    /// The safe state.
+    #[serde(default)]
+    pub(super) safe: Option<Safe>,
+    /// The observation of each cell after the fault, in milliseconds; by default three times the larger `within_ms`.
+    #[serde(default)]
+    #[schema(minimum = 1, maximum = 86400000)]
+    pub(super) observe_ms: Option<u32>,
+    /// A program that is the controller, with its arguments; "{bus}" stands for the address of the bus.
+    #[serde(default)]
+    pub(super) controller: Option<Vec<String>>,
+}
+
+/// Faults of a plan. Only its schema is used.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(untagged)]
+#[schema(as = FaultEntry)]
+#[expect(dead_code, reason = "a schema")]
+enum FaultEntry {
+    /// A ready set.
+    Ready(ReadySet),
+    /// One fault, or one for each combination of the values in lists.
+    Own(FaultTable),
+}
+
+/// A ready set of faults.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ReadySet {
+    /// The own faults of each valve.
+    AllOfPve,
+    /// The eight errors of IEC 61784-3 on each identifier that comes throughout the run without a fault.
+    Communication,
+}
+
+/// A fault: a change of the plant or of the power of a device, or a communication fault.
+#[derive(Debug, Deserialize, ToSchema)]
+#[schema(as = FaultTable)]
+#[expect(dead_code, reason = "a schema, which `schemas` completes by the keys of communication faults")]
+struct FaultTable {
+    /// Changes the plant of the device.
+    plant: Option<PlantChange>,
+    /// Switches the power of the device, or resets its processor.
+    power: Option<PowerChange>,
+    /// The name of the device for plant or power; required with several devices on the bus.
+    device: Option<String>,
+    /// The requirement that the fault belongs to, for the report.
+    reference: Option<String>,
+}
+
+/// The instants of the faults.
+#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Instants {
+    /// The first instant, in milliseconds of virtual time.
+    #[schema(minimum = 0, maximum = 86400000)]
+    pub(super) from_ms: u32,
+    /// The last instant, in milliseconds of virtual time.
+    #[schema(minimum = 0, maximum = 86400000)]
+    pub(super) to_ms: u32,
+    /// The distance of two instants, in milliseconds.
+    #[serde(default)]
+    #[schema(minimum = 1, maximum = 86400000)]
+    pub(super) step_ms: Option<u32>,
+    /// The end of each frame of the run without a fault, instead of `step_ms`.
+    #[serde(default)]
+    pub(super) at: Option<At>,
+}
+
+/// Instants that the run without a fault defines.
+#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+pub(super) enum At {
+    /// The end of each frame.
+    #[serde(rename = "each frame")]
+    EachFrame,
+}
+
+/// The proof that the controller has detected the fault: one of `expect` and `stops`.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Detected {
+    /// A frame of any sender, several frames in order, or a state of a device.
+    #[serde(default)]
+    pub(super) expect: Option<Expected>,
+    /// The identifier of a frame, as in "220", that has stopped: it did not come for `for_ms`.
+    #[serde(default)]
+    pub(super) stops: Option<Identifier>,
+    /// The silence of `stops`, in milliseconds.
+    #[serde(default)]
+    #[schema(minimum = 1, maximum = 86400000)]
+    pub(super) for_ms: Option<u32>,
+    /// The device of a state; required with several devices on the bus.
+    #[serde(default)]
+    pub(super) device: Option<String>,
+    /// The limit, in milliseconds after the fault.
+    #[schema(minimum = 0, maximum = 86400000)]
+    pub(super) within_ms: u32,
+}
+
+/// The safe state.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Safe {
+    /// A state of a device: any subset of its keys.
+    #[schema(value_type = StateCondition)]
+    pub(super) expect: toml::Table,
+    /// The device; required with several devices on the bus.
+    #[serde(default)]
+    pub(super) device: Option<String>,
+    /// The time for which the state has to hold without a break, in milliseconds; by default to the end of the
+    /// observation.
+    #[serde(default)]
+    #[schema(minimum = 1, maximum = 86400000)]
+    pub(super) for_ms: Option<u32>,
+    /// The limit for its beginning, in milliseconds after the fault.
+    #[schema(minimum = 0, maximum = 86400000)]
+    pub(super) within_ms: u32,
+}
+
+/// Parses the text of a plan.
+///
+/// # Errors
+/// [`ReadError`] with the line of the error.
+pub(super) fn read(text: &str) -> Result<PlanFile, ReadError> {
+    scenario_file::parse(text, (&SCHEMAS, "Plan", "faults"), |table| document(toml::Value::Table(table)), |_| false)
+}
+
+/// Converts a value to JSON. In the tables `plant` and `expect`, "none" becomes null.
+fn document(value: toml::Value) -> Value {
+    match value {
+        toml::Value::Array(values) => values.into_iter().map(document).collect(),
+        toml::Value::Table(table) => {
+            let member = |(key, value): (String, toml::Value)| match (&*key, &value) {
+                ("plant" | "expect", toml::Value::Table(_)) => (key, scenario_file::json(value)),
+                _ => (key, document(value)),
+            };
+            table.into_iter().map(member).collect()
+        }
+        toml::Value::String(text) => text.into(),
+        value => scenario_file::json(value),
+    }
+}
+
+/// The schemas that a plan is checked by.
+static SCHEMAS: LazyLock<Schemas> = LazyLock::new(|| {
+    let mut definitions = definitions();
+    vary(&mut definitions);
+    definitions.into()
+});
+
+/// Returns the JSON schema of plans, in draft 2020-12.
+#[must_use]
+pub fn schema() -> String {
+    let mut definitions = definitions();
+    replace_null(&mut definitions);
+    vary(&mut definitions);
+    published("Plan", "Campaign plan of pve-sim", definitions)
+}
+
+/// Returns the schemas of a plan by name. A fault has the keys of a communication fault, too.
+fn definitions() -> Map<String, Value> {
+    let mut definitions = Schemas::of::<PlanFile>().by_name().clone();
+    definitions.extend(Schemas::of::<FaultRequest>().by_name().clone());
+    let message = definitions.remove("CommunicationFault").unwrap_or_default();
+    let message = message["properties"].as_object().cloned().unwrap_or_default();
+    if let Some(members) = definitions.get_mut("FaultTable").and_then(|table| table["properties"].as_object_mut()) {
+        members.extend(message.into_iter().map(|(key, mut member)| {
+            if key == "for_ms" {
+                let text = "The duration of the fault, in milliseconds; by default to the end of the observation.";
+                member["description"] = text.into();
+            }
+            (key, member)
+        }));
+    }
+    definitions
+}
+
+/// Accepts a list of values for each key of a fault and of its plant.
+fn vary(definitions: &mut Map<String, Value>) {
+    for name in ["FaultTable", "PlantChange"] {
+        let Some(members) = definitions.get_mut(name).and_then(|table| table["properties"].as_object_mut()) else {
+            continue;
+        };
+        for (_, member) in members.iter_mut().filter(|(key, _)| !matches!(&***key, "plant" | "reference")) {
+            let description = member.as_object_mut().and_then(|fields| fields.remove("description"));
+            let one = member.take();
+            *member = json!({ "anyOf": [one, { "type": "array", "items": one, "minItems": 1 }] });
+            if let Some(description) = description {
+                member["description"] = description;
+            }
+        }
+    }
+}

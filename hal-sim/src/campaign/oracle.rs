@@ -1,0 +1,99 @@
+//! The oracles of a plan: the proof of detection, and the safe state.
+
+use protocol_core::frame::Id;
+use protocol_core::time::Duration;
+
+use super::file::{Detected, Safe};
+use crate::devices::NamedDevice;
+use crate::scenario::file::Expected;
+use crate::scenario::step::Wanted;
+use crate::scenario::trial::{device, wanted, within};
+use crate::state::{Invalid, Pattern};
+
+/// An oracle with its limit.
+#[derive(Debug)]
+pub(super) struct Oracle<T> {
+    pub(super) what: T,
+    /// The limit, from the instant of the fault.
+    pub(super) within: Duration,
+}
+
+/// The proof that the controller has detected the fault.
+#[derive(Debug)]
+pub(super) enum Proof {
+    /// Frames of any sender, in order.
+    Frames(Vec<Pattern>),
+    /// A state of a device.
+    State(Wanted),
+    /// The frame with this identifier has not come for this time. The time counts from the first such frame of the run.
+    Stops(Id, Duration),
+}
+
+/// A state that has to hold without a break.
+#[derive(Debug)]
+pub(super) struct SafeState {
+    pub(super) state: Wanted,
+    /// The time for which the state has to hold; `None` to the end of the observation.
+    pub(super) span: Option<Duration>,
+}
+
+/// The forms of `detected`.
+const FORMS: &str = "give expect = \"000#02..\", expect = { dsm = \"fault-hold\" }, or stops = \"220\" with for_ms";
+
+impl Detected {
+    /// Checks the proof against the devices on the bus.
+    ///
+    /// # Errors
+    /// The reason, with the accepted forms.
+    pub(super) fn check(self, devices: &[NamedDevice]) -> Result<Oracle<Proof>, String> {
+        let Self { expect, stops, for_ms, device: name, within_ms } = self;
+        let is_state = matches!(expect, Some(Expected::State(_)));
+        if name.is_some() && !is_state {
+            return Err("device is only valid together with a state".to_owned());
+        }
+        if for_ms.is_some() && stops.is_none() {
+            return Err("for_ms is only valid together with stops".to_owned());
+        }
+        let frames = |frames: Vec<String>| match frames.is_empty() {
+            true => Err("expect: empty list; give at least one frame, as in [\"000#02..\"]".to_owned()),
+            false => frames.iter().map(|frame| frame.parse().map_err(within("expect"))).collect(),
+        };
+        let what = match (expect, stops) {
+            (Some(Expected::Frame(frame)), None) => Proof::Frames(frames(vec![frame])?),
+            (Some(Expected::Frames(list)), None) => Proof::Frames(frames(list)?),
+            (Some(Expected::State(state)), None) => {
+                let device = device(devices, name.as_deref(), true)?;
+                Proof::State(wanted(&device, state).map_err(within("expect"))?)
+            }
+            (None, Some(stops)) => {
+                let span = for_ms.ok_or("for_ms is missing: the silence that proves that the frame has stopped")?;
+                let extended = stops.needs_29_bits().then_some(true);
+                let id = stops.id(extended).map_err(|Invalid(reason)| format!("stops: {reason}"))?;
+                Proof::Stops(id, millis(span))
+            }
+            (None, None) => return Err(format!("nothing to look for; {FORMS}")),
+            (Some(_), Some(_)) => return Err(format!("expect and stops cannot be together; {FORMS}")),
+        };
+        Ok(Oracle { what, within: millis(within_ms) })
+    }
+}
+
+impl Safe {
+    /// Checks the safe state against the devices on the bus.
+    ///
+    /// # Errors
+    /// The reason, with the accepted values.
+    pub(super) fn check(self, devices: &[NamedDevice]) -> Result<Oracle<SafeState>, String> {
+        let Self { expect, device: name, for_ms, within_ms } = self;
+        if expect.contains_key("t_us") {
+            return Err("expect: t_us is an instant, not a state; remove it".to_owned());
+        }
+        let device = device(devices, name.as_deref(), true)?;
+        let state = wanted(&device, expect).map_err(within("expect"))?;
+        Ok(Oracle { what: SafeState { state, span: for_ms.map(millis) }, within: millis(within_ms) })
+    }
+}
+
+fn millis(ms: u32) -> Duration {
+    Duration::from_millis(ms.into())
+}
