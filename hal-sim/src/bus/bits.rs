@@ -65,12 +65,6 @@ impl FrameBits {
         self.len + self.stuff_bits(self.len) + TRAILER
     }
 
-    /// Returns the number of bits on the wire from start of frame to the ACK slot, inclusive.
-    #[must_use]
-    pub fn to_ack_slot(self) -> u32 {
-        self.on_wire() - AFTER_ACK_SLOT
-    }
-
     /// Returns the first bit at which this frame differs from `other`; `None` if the frames are equal.
     #[must_use]
     pub fn first_difference(self, other: Self) -> Option<Difference> {
@@ -114,7 +108,8 @@ const STATE: u16 = (STATES as u16 - 1) << 8;
 /// The mask of the number of stuff bits in a table entry.
 const COUNT: u16 = 0xFF;
 
-/// The next state and the number of stuff bits, indexed by the current state and the next byte.
+/// The next state and the number of stuff bits, indexed by the current state and the next byte. One look-up a byte
+/// replaces a step a bit.
 static STUFF: [u16; STATES * 256] = {
     let mut table = [0; STATES * 256];
     let mut state = 0;

@@ -51,14 +51,6 @@ fn remote_frames_have_a_length_and_no_data() {
 }
 
 #[test]
-fn the_acknowledgement_comes_eight_bits_before_the_end() {
-    let bits = data(standard(0x123), &[]);
-    // CRC delimiter and ACK slot
-    assert_eq!(bits.to_ack_slot(), 34 + 1 + 2);
-    assert_eq!(bits.on_wire() - bits.to_ack_slot(), 8);
-}
-
-#[test]
 fn two_frames_part_where_the_first_bit_differs() {
     let (a, b) = (data(standard(0x700), &[0x7F]), data(standard(0x700), &[0x05]));
     // 19 bits up to the data, including two stuff bits (8 zeros of the identifier, the zeros up to the length), and the

@@ -7,19 +7,6 @@ use protocol_core::time::{Instant, NEVER};
 /// Nanoseconds since the start of the world.
 pub(super) type Nanos = u64;
 
-/// The bit time at each bit rate, by table index.
-const BIT: [Nanos; 9] = {
-    let mut lengths = [0; 9];
-    let mut number = 0;
-    while number < BitRate::ALL.len() {
-        let rate = BitRate::ALL[number];
-        lengths[rate.table_index() as usize] = 1_000_000_000 / rate.bits_per_second() as Nanos;
-        number += 1;
-    }
-    lengths
-};
-
-/// Converts an instant to bus time.
 pub(super) const fn nanos(instant: Instant) -> Nanos {
     instant.as_ticks().saturating_mul(1000)
 }
@@ -29,7 +16,6 @@ pub(super) const fn instant(nanos: Nanos) -> Instant {
     if nanos == Nanos::MAX { NEVER } else { Instant::from_ticks(nanos.div_ceil(1000)) }
 }
 
-/// Returns the duration of `bits` bits.
 pub(super) const fn bit_times(bits: u32, rate: BitRate) -> Nanos {
-    bits as Nanos * BIT[rate.table_index() as usize]
+    bits as Nanos * (1_000_000_000 / rate.bits_per_second() as Nanos)
 }

@@ -42,10 +42,8 @@ impl Confinement {
 
     /// Decrements the transmit error counter after a successful transmission.
     pub(super) const fn sent(&mut self) {
-        if self.transmit > 0 {
-            self.transmit -= 1;
-            self.settle();
-        }
+        self.transmit = self.transmit.saturating_sub(1);
+        self.settle();
     }
 
     /// Lowers the receive error counter after a successful reception.
@@ -71,13 +69,12 @@ impl Confinement {
 
     /// Raises the receive error counter after an error in another controller's frame: by 1, or by 9 if this controller
     /// sent the `first` error flag, because it then detects a dominant bit after its own flag.
-    pub(super) const fn receive_error(&mut self, first: bool) {
-        let raised = self.receive + if first { 1 + 8 } else { 1 };
-        self.receive = if raised < RECEIVE_LIMIT { raised } else { RECEIVE_LIMIT };
+    pub(super) fn receive_error(&mut self, first: bool) {
+        self.receive = (self.receive + if first { 1 + 8 } else { 1 }).min(RECEIVE_LIMIT);
         self.settle();
     }
 
-    /// Enters bus-off regardless of the counters.
+    /// Raises the transmit error counter to the bus-off limit.
     pub(super) const fn force_bus_off(&mut self) {
         self.transmit = BUS_OFF_FROM;
         self.settle();

@@ -15,25 +15,9 @@ pub(super) enum Contends {
     Ready(u32),
 }
 
-/// The rank of a port in the arbitration: the arbitration key, then the port number. The lowest rank wins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Rank(u64);
+/// The rank of a port: the arbitration key, then the port number. The lowest rank wins the arbitration.
+type Rank = (u32, PortId);
 
-impl Rank {
-    const fn of(key: u32, id: PortId) -> Self {
-        Self((key as u64) << u32::BITS | id.0 as u64)
-    }
-
-    const fn key(self) -> u32 {
-        (self.0 >> u32::BITS) as u32
-    }
-
-    const fn id(self) -> PortId {
-        PortId(self.0 as u32 as usize)
-    }
-}
-
-/// The ports with pending frames.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contenders {
     /// The ports that may send, in descending order of rank: the last entry wins.
@@ -52,7 +36,6 @@ impl Contenders {
         !self.ready.is_empty()
     }
 
-    /// Returns the ports that may not send yet.
     pub(super) fn waiting(&self) -> &[PortId] {
         &self.waiting
     }
@@ -62,23 +45,12 @@ impl Contenders {
         match from {
             Contends::No => {}
             Contends::Waiting => self.waiting.retain(|other| *other != id),
-            Contends::Ready(key) => {
-                let rank = Rank::of(key, id);
-                // The port is usually the last sender.
-                if self.ready.last() == Some(&rank) {
-                    self.ready.pop();
-                } else {
-                    self.ready.remove(self.place_of(rank));
-                }
-            }
+            Contends::Ready(key) => drop(self.ready.remove(self.place_of((key, id)))),
         }
         match to {
             Contends::No => {}
             Contends::Waiting => self.waiting.push(id),
-            Contends::Ready(key) => {
-                let rank = Rank::of(key, id);
-                self.ready.insert(self.place_of(rank), rank);
-            }
+            Contends::Ready(key) => self.ready.insert(self.place_of((key, id)), (key, id)),
         }
     }
 
@@ -98,14 +70,8 @@ impl Contenders {
 
     /// Appends the ports that win the arbitration to `into`: usually one port, or several with equal keys.
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
-        let Some((first, others)) = self.ready.split_last() else { return };
-        into.push(first.id());
-        for other in others.iter().rev() {
-            if other.key() != first.key() {
-                break;
-            }
-            into.push(other.id());
-        }
+        let Some((first, _)) = self.ready.last() else { return };
+        into.extend(self.ready.iter().rev().take_while(|(key, _)| key == first).map(|(_, id)| id));
     }
 
     /// Returns the index of `rank` in `ready`, or the index at which to insert `rank`.

@@ -20,19 +20,29 @@ const MAX_ANSWERS: usize = 32;
 #[derive(Clone, Debug, Default)]
 pub(super) struct DelayedFrames(Vec<Delayed>);
 
-/// A delayed frame.
 #[derive(Clone, Copy, Debug)]
 struct Delayed {
-    frame: Frame,
+    handed: Handed,
     wait: Wait,
-    /// Whether later frames with the same identifier may overtake this frame.
-    is_overtaken: bool,
     /// Whether this frame must be sent before the frame with which it was swapped.
     is_next: bool,
-    /// Whether the frame is a copy made by a fault.
-    is_copy: bool,
-    /// Whether the frame is an answer delayed by the slow application itself.
-    is_own: bool,
+}
+
+impl Delayed {
+    const fn new(handed: Handed, wait: Wait) -> Self {
+        Self { handed, wait, is_next: false }
+    }
+
+    /// Returns whether a fault delays the frame, which the application therefore considers sent. All other frames are
+    /// slow answers, or wait for a free mailbox.
+    fn is_sent(&self) -> bool {
+        !self.handed.is_own && self.wait != Wait::Room
+    }
+
+    /// Returns whether later frames with the same identifier as `frame` must not overtake this frame.
+    fn precedes(&self, frame: &Frame) -> bool {
+        self.handed.frame.key() == frame.key() && !self.handed.is_overtaken
+    }
 }
 
 /// The condition for the handover of a delayed frame.
@@ -60,27 +70,25 @@ impl DelayedFrames {
 
     /// Returns whether the maximum number of frames is delayed; copies do not count.
     pub(super) fn is_full(&self) -> bool {
-        self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.is_copy).count() >= MAX
+        self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.handed.is_copy).count() >= MAX
     }
 
     /// Returns whether the maximum number of answers of a slow application is pending.
     pub(super) fn is_full_of_answers(&self) -> bool {
-        self.0.len() >= MAX_ANSWERS && self.0.iter().filter(|delayed| delayed.is_own).count() >= MAX_ANSWERS
+        self.0.len() >= MAX_ANSWERS && self.0.iter().filter(|delayed| delayed.handed.is_own).count() >= MAX_ANSWERS
     }
 
     /// Returns whether the application has no pending frame here: no slow answer, and no frame that waits for a free
     /// mailbox. Frames delayed by a fault do not count, because the application considers them sent.
     pub(super) fn is_idle(&self) -> bool {
-        self.0.iter().all(|delayed| delayed.is_copy || !(delayed.is_own || delayed.wait == Wait::Room))
+        self.0.iter().all(|delayed| delayed.handed.is_copy || delayed.is_sent())
     }
 
     /// Takes the frames that a fault delays, without the application's own.
     pub(super) fn take_away(&mut self) -> Self {
-        let is_away = |delayed: &Delayed| !(delayed.is_own || delayed.wait == Wait::Room);
-        Self(std::mem::take(&mut self.0).into_iter().filter(is_away).collect())
+        Self(std::mem::take(&mut self.0).into_iter().filter(Delayed::is_sent).collect())
     }
 
-    /// Drops all frames.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }
@@ -89,13 +97,13 @@ impl DelayedFrames {
     /// mailbox. Frames that a fault still delays are dropped only by [`Filter::ALL`].
     pub(super) fn abort(&mut self, which: Filter) {
         let is_all = which == Filter::ALL;
-        self.0.retain(|delayed| !which.passes(&delayed.frame) || !(is_all || delayed.wait == Wait::Room));
+        self.0.retain(|delayed| !which.passes(&delayed.handed.frame) || !(is_all || delayed.wait == Wait::Room));
     }
 
     /// Returns whether a new frame must queue behind a delayed frame.
     pub(super) fn holds_back(&self, frame: &Frame) -> bool {
         self.0.iter().any(|delayed| match delayed.wait {
-            Wait::Until(_) | Wait::Room => delayed.frame.key() == frame.key() && !delayed.is_overtaken,
+            Wait::Until(_) | Wait::Room => delayed.precedes(frame),
             Wait::Next(_) => false,
             Wait::Sent => true,
         })
@@ -104,28 +112,24 @@ impl DelayedFrames {
     /// Delays a frame. The handover is not earlier than that of delayed frames with the same identifier, unless those
     /// frames may be overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
-        let Handed { frame, late, is_overtaken, is_copy, is_own, swaps } = handed;
-        if is_copy && self.0.len() >= MAX_COPIES {
+        if handed.is_copy && self.0.len() >= MAX_COPIES {
             return;
         }
-        let due = after(now, late);
+        let due = after(now, handed.late);
         let last = self.0.iter().filter_map(|delayed| match delayed.wait {
-            Wait::Until(due) if delayed.frame.key() == frame.key() && !delayed.is_overtaken => Some(due),
+            Wait::Until(due) if delayed.precedes(&handed.frame) => Some(due),
             _ => None,
         });
-        let wait = match swaps {
+        let wait = match handed.swaps {
             Some(within) => Wait::Next(after(due, within)),
             None => Wait::Until(last.max().map_or(due, |last| last.max(due))),
         };
-        self.0.push(Delayed { frame, wait, is_overtaken, is_next: false, is_copy, is_own });
+        self.0.push(Delayed::new(handed, wait));
     }
 
     /// Queues a frame for a free mailbox.
     pub(super) fn queue(&mut self, frame: &Frame) {
-        let room = Wait::Room;
-        let frame =
-            Delayed { frame: *frame, wait: room, is_overtaken: false, is_next: false, is_copy: false, is_own: false };
-        self.0.push(frame);
+        self.0.push(Delayed::new(Handed::at_once(frame), Wait::Room));
     }
 
     /// Returns the index of the frame to be swapped with the sender's next frame.
@@ -159,19 +163,11 @@ impl DelayedFrames {
             }
             if !is_due {
                 place += 1;
-            } else if let Ok(overtaken) = transmit.put(delayed.frame) {
+            } else if let Ok(overtaken) = transmit.put(delayed.handed.frame) {
                 has_released = true;
                 self.0.remove(place);
                 if let Some(frame) = overtaken {
-                    let room = Delayed {
-                        frame,
-                        wait: Wait::Room,
-                        is_overtaken: false,
-                        is_next: false,
-                        is_copy: false,
-                        is_own: false,
-                    };
-                    self.0.insert(0, room);
+                    self.0.insert(0, Delayed::new(Handed::at_once(&frame), Wait::Room));
                     place += 1;
                 }
             } else {

@@ -1,4 +1,4 @@
-//! Bus events in chronological order: frames, error frames, changes of error modes, faults, dropped frames.
+//! The events of the bus, for its observers and for external controllers.
 
 use std::sync::Arc;
 use std::vec::Drain;
@@ -7,7 +7,6 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-use super::error::BusError;
 use super::fault::FaultEffect;
 
 /// An event on the bus.
@@ -84,6 +83,47 @@ impl Event {
     }
 }
 
+/// An error that destroys a frame (ISO 11898-1, error types).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusError {
+    /// The sender read back a bit that differs from the sent bit.
+    Bit,
+    /// A listener detected a violation of the stuffing rule, because the sender was cut off or uses another bit rate.
+    Stuff,
+    /// No controller acknowledged the frame.
+    Acknowledgement,
+}
+
+/// A bus event that an external controller detects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WireEvent {
+    /// Bus integration is complete: the controller has seen 11 recessive bits.
+    Joined,
+    /// A frame begins.
+    Begins {
+        /// Whether this controller sends the frame, because its offer won the arbitration.
+        own: bool,
+    },
+    /// The controller's offer lost the arbitration to a more urgent frame.
+    LostArbitration,
+    /// The controller's own frame was sent and acknowledged.
+    Sent,
+    /// The controller's own frame was destroyed or not acknowledged, or lost a bit to another frame with the same
+    /// identifier.
+    NotSent(BusError),
+    /// A frame was received.
+    Received(Frame),
+    /// Another controller's frame was destroyed.
+    NotReceived {
+        /// Whether this controller sent the first error flag.
+        first: bool,
+    },
+    /// The frame or error frame on the wire has ended.
+    Ends,
+    /// Bus-off recovery is complete: the controller has seen 128 sequences of 11 recessive bits.
+    Recovered,
+}
+
 /// The recorded events that have not been taken yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Journal {
@@ -100,13 +140,6 @@ impl Journal {
         }
     }
 
-    /// Records events, if recording is on.
-    pub(super) fn extend(&mut self, events: impl IntoIterator<Item = Event>) {
-        if self.recording {
-            self.events.extend(events);
-        }
-    }
-
     /// Inserts events before the event of a frame, or after all events if the frame has no event.
     pub(super) fn extend_before(&mut self, frame: &Frame, at: Instant, events: Vec<Event>) {
         if self.recording {
@@ -116,14 +149,13 @@ impl Journal {
         }
     }
 
-    /// Records an event, if recording is on.
-    pub(super) fn note(&mut self, event: impl FnOnce() -> Option<Event>) {
+    /// Records the events that `events` returns, if recording is on.
+    pub(super) fn note<I: IntoIterator<Item = Event>>(&mut self, events: impl FnOnce() -> I) {
         if self.recording {
-            self.events.extend(event());
+            self.events.extend(events());
         }
     }
 
-    /// Takes the recorded events, oldest first.
     pub(super) fn take(&mut self) -> Drain<'_, Event> {
         self.events.drain(..)
     }

@@ -13,14 +13,15 @@ use protocol_core::time::Instant;
 
 use super::clock::{Nanos, instant, nanos};
 use super::confinement::Confinement;
-use super::port::Port;
-use super::wire_event::WireEvent;
+use super::event::WireEvent;
+use super::port::{External, Port};
+use super::transmit::Transmit;
 use super::{Bus, PortId};
 
 impl Bus {
     /// Adds an external controller, initially disconnected.
     pub fn add_external(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
-        let id = self.add(Port::of_external(name, rate));
+        let id = self.add(Port::new(name, rate, Transmit::Offer(None, false), usize::MAX));
         self.externals.push(id);
         id
     }
@@ -51,7 +52,7 @@ impl Bus {
             self.change(id, now, Confinement::recover);
         }
         if let Some(external) = &mut self.ports[id.0].external {
-            external.leave();
+            **external = External { silent: external.silent, ..External::default() };
         }
     }
 
@@ -76,7 +77,7 @@ impl Bus {
 
     /// Takes the wire events of a controller since the last call; `None` if the port has no external controller.
     pub(crate) fn take_wire_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
-        self.ports[id.0].external.as_mut().map(|external| external.take())
+        self.ports[id.0].external.as_mut().map(|external| external.events.drain(..))
     }
 
     /// Returns the time of the next [`WireEvent::Joined`] to report.
@@ -97,7 +98,7 @@ impl Bus {
                 && let Some(external) = &mut port.external
                 && std::mem::take(&mut external.joining)
             {
-                external.tell(instant(joined_at), WireEvent::Joined);
+                external.events.push_back((instant(joined_at), WireEvent::Joined));
             }
         }
     }
@@ -120,7 +121,7 @@ impl Bus {
             let own = self.senders.contains(id);
             if let Some(external) = port.external.as_mut().filter(|_| on_bus || own) {
                 external.in_frame = true;
-                external.tell(instant(start), WireEvent::Begins { own });
+                external.events.push_back((instant(start), WireEvent::Begins { own }));
             }
         }
     }
@@ -131,7 +132,7 @@ impl Bus {
             if let Some(external) = &mut self.ports[id.0].external
                 && std::mem::take(&mut external.in_frame)
             {
-                external.tell(instant(end), WireEvent::Ends);
+                external.events.push_back((instant(end), WireEvent::Ends));
             }
         }
     }

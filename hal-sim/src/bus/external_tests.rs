@@ -22,7 +22,7 @@ impl Rig {
     fn new(silent: bool) -> Self {
         let start = Instant::from_micros(0);
         let mut bus = Bus::default();
-        let client = bus.add_client_port("client".into(), RATE, start);
+        let client = bus.add_client("client".into(), RATE, usize::MAX, start);
         let controller = bus.add_external("controller".into(), RATE);
         bus.attach(controller, RATE, silent, start);
         Self { bus, controller, client, now: start }
@@ -93,7 +93,7 @@ fn it_takes_part_after_eleven_recessive_bits() {
 #[test]
 fn a_frame_that_begins_before_eleven_recessive_bits_is_waited_for() {
     let mut rig = Rig::new(false);
-    rig.bus.add_client_port("listener".into(), RATE, rig.now);
+    rig.bus.add_client("listener".into(), RATE, usize::MAX, rig.now);
     rig.run(5 * BIT_US);
     rig.send(frame(0x100, &[]));
     let end = 5 * BIT_US + length_us(&frame(0x100, &[]));
@@ -159,7 +159,7 @@ fn it_comes_back_from_bus_off_only_when_it_wants_to() {
 #[test]
 fn a_recovery_that_begins_during_a_frame_counts_from_its_end() {
     let mut rig = Rig::in_bus_off();
-    rig.bus.add_client_port("listener".into(), RATE, rig.now);
+    rig.bus.add_client("listener".into(), RATE, usize::MAX, rig.now);
     rig.bus.detach(rig.controller, false, rig.now);
     let start = rig.now.as_micros() + 1000;
     rig.run(start);

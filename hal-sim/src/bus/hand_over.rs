@@ -134,7 +134,7 @@ impl Bus {
                 Ok(None)
             }
             Some(struck) => {
-                self.journal.extend(struck.events);
+                self.journal.note(|| struck.events);
                 struck.frames.into_iter().for_each(|handed| port.delayed.add(handed, now));
                 Ok(None)
             }
@@ -146,7 +146,7 @@ impl Bus {
         taken
     }
 
-    /// Sets the delay of a device's answers, or `None` for no delay. If `queues`, frames queue for a free mailbox,
+    /// Sets the delay of a device's answers; `None` is no delay. If `queues`, frames queue for a free mailbox,
     /// because a device with a slow cycle could offer them again only in its next cycle.
     pub(crate) fn slow_down(&mut self, id: PortId, answers: Option<SlowAnswers>, queues: bool) {
         self.ports[id.0].answers = answers.map(Box::new);
@@ -164,7 +164,6 @@ impl Bus {
             Some(place) if is_empty => drop(self.delaying.remove(place)),
             _ => {}
         }
-        self.schedule_faults();
     }
 
     /// Hands over all delayed frames that are due by `now`.

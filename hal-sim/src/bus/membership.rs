@@ -6,9 +6,9 @@ use protocol_core::time::Instant;
 use super::bits::{BUS_IDLE, SUSPEND};
 use super::clock::{Nanos, bit_times, instant, nanos};
 use super::confinement::{Confinement, RECOVERY_SEQUENCES};
+use super::event::WireEvent;
 use super::listeners::Group;
 use super::port::{Port, Recovery};
-use super::wire_event::WireEvent;
 use super::{Bus, Event, EventKind, PortId};
 
 impl Bus {
@@ -116,7 +116,7 @@ impl Bus {
     fn change_mode(&mut self, id: PortId, from: BusErrorMode, at: Instant) {
         let port = &mut self.ports[id.0];
         let to = port.mode();
-        if port.is_device {
+        if port.is_device() {
             self.touched.push(id);
         }
         self.journal.note(|| Some(Event { at, who: port.name.clone(), what: EventKind::ErrorMode { from, to } }));
@@ -196,15 +196,10 @@ impl Bus {
         if self.current.is_some() {
             return;
         }
-        let mut recovered = std::mem::take(&mut self.recovering);
-        let mut is_due = |id: &PortId| self.ports[id.0].recovered_at().is_some_and(|due| due <= now);
-        let due: Vec<PortId> = recovered.iter().copied().filter(&mut is_due).collect();
-        recovered.retain(|id| !due.contains(id));
-        self.recovering = recovered;
-        for id in due {
+        let due = |id: &PortId| Some((self.ports[id.0].recovered_at().filter(|due| *due <= now)?, *id));
+        for (at, id) in self.recovering.iter().filter_map(due).collect::<Vec<_>>() {
+            self.stop_recovery(id);
             let port = &mut self.ports[id.0];
-            let at = port.recovered_at().unwrap_or(now);
-            port.recovery = None;
             port.joined_at = at;
             port.ready_at = at;
             port.tell(at, WireEvent::Recovered);

@@ -12,13 +12,11 @@
 //! Simplifications: a failed attempt ends at the bit of the first error, and all controllers see the error frame
 //! simultaneously. Oscillator tolerance, resynchronisation and overload frames are not simulated.
 
-mod alone;
 mod bits;
 mod clock;
 mod confinement;
 mod contenders;
 mod delayed;
-mod error;
 mod event;
 mod external;
 mod fault;
@@ -28,13 +26,11 @@ mod hand_over;
 mod injector;
 mod listeners;
 mod load;
-mod mailboxes;
 mod membership;
 mod outcome;
 mod port;
 mod transmission;
 mod transmit;
-mod wire_event;
 
 #[cfg(test)]
 mod bits_tests;
@@ -49,17 +45,17 @@ mod rig;
 #[cfg(test)]
 mod tests;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::vec::Drain;
 
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
-use protocol_core::time::{Instant, NEVER};
+use protocol_core::time::Instant;
 
 pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
-pub use error::BusError;
-pub use event::{Event, EventKind};
+pub use event::{BusError, Event, EventKind, WireEvent};
 pub use fault::{
     ALWAYS, Corruption, Delay, Fault, FaultEffect, FaultError, FaultKind, FrameFilter, MAX_FAULTS, MAX_REPEATS, Masks,
 };
@@ -68,7 +64,6 @@ pub use hand_over::DeviceCan;
 pub use injector::{BitErrors, DestroyNext, Disturbance, Injector};
 pub(crate) use port::SlowAnswers;
 pub use port::{Port, RECEIVE_QUEUE};
-pub use wire_event::WireEvent;
 
 use clock::{Nanos, instant, nanos};
 use contenders::{Contenders, Contends};
@@ -78,6 +73,7 @@ use injector::Injects;
 use listeners::Group;
 use load::Load;
 use transmission::Transmission;
+use transmit::{Mailboxes, Transmit};
 
 /// The suffix of the name of a gateway's second controller, which only acknowledges.
 pub(crate) const LISTENING: &str = ", listening";
@@ -87,7 +83,7 @@ pub(crate) const LISTENING: &str = ", listening";
 pub struct PortId(pub(crate) usize);
 
 /// A bus and all its controllers.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Bus {
     ports: Vec<Port>,
     /// The free port numbers of removed clients.
@@ -115,51 +111,31 @@ pub struct Bus {
     faults: Faults,
     /// The ports with frames delayed between application and controller.
     delaying: Vec<PortId>,
-    /// The earliest time at which a delayed frame or an insertion may be due.
-    fault_due: Instant,
     load: Load,
     journal: Journal,
-}
-
-impl Default for Bus {
-    fn default() -> Self {
-        Self {
-            ports: Vec::new(),
-            vacant: Vec::new(),
-            contenders: Contenders::default(),
-            groups: Vec::new(),
-            joining: Vec::new(),
-            externals: Vec::new(),
-            recovering: Vec::new(),
-            current: None,
-            senders: Vec::new(),
-            free_at: 0,
-            touched: Vec::new(),
-            injectors: Vec::new(),
-            disturbance: Disturbance::default(),
-            faults: Faults::default(),
-            delaying: Vec::new(),
-            fault_due: NEVER,
-            load: Load::default(),
-            journal: Journal::default(),
-        }
-    }
 }
 
 impl Bus {
     /// Adds the controller of a new device, initially disconnected.
     pub fn add_device(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
-        self.add(Port::of_device(name, rate))
+        self.add(Port::new(name, rate, Transmit::Mailboxes(Mailboxes::default()), RECEIVE_QUEUE))
     }
 
-    /// Adds a client. It is connected and integrated immediately.
-    pub fn add_client_port(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
-        self.add_connected(Port::of_client(name, rate), now)
-    }
-
-    /// Adds a client that discards received frames. It is connected and integrated immediately.
-    pub fn add_gateway(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
-        self.add_connected(Port::of_gateway(name, rate), now)
+    /// Adds a client with a receive queue of this capacity, connected and integrated immediately.
+    pub fn add_client(&mut self, name: Arc<str>, rate: BitRate, room: usize, now: Instant) -> PortId {
+        let mut port = Port::new(name, rate, Transmit::Queue(VecDeque::new()), room);
+        port.connected = true;
+        port.joined_at = nanos(now);
+        port.ready_at = nanos(now);
+        let id = match self.vacant.pop() {
+            Some(id) => {
+                self.ports[id.0] = port;
+                id
+            }
+            None => self.add(port),
+        };
+        self.joining.push(id);
+        id
     }
 
     /// Removes a client; its port number can be reused.
@@ -212,8 +188,8 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Drops the pending frames of a port, except those that a fault delays: they have left the application. Its frame
-    /// on the wire is cut off.
+    /// Drops the pending frames of a port, except the frames that a fault delays, because these have left the
+    /// application. Its frame on the wire is cut off.
     pub(crate) fn drop_own(&mut self, id: PortId, now: Instant) {
         let delayed = self.ports[id.0].delayed.take_away();
         self.drop_pending(id, now);
@@ -278,11 +254,12 @@ impl Bus {
         self.disturbance
     }
 
-    fn schedule_faults(&mut self) {
-        self.fault_due = self.faults.next_insertion.min(self.next_release());
+    /// Returns the earliest time at which a delayed frame or an insertion is due.
+    fn fault_due(&self) -> Instant {
+        self.faults.next_insertion.min(self.next_release())
     }
 
-    /// Adds a communication fault.
+    /// Adds a communication fault. `own` are the names of the controllers that send inserted frames.
     ///
     /// # Errors
     /// [`FaultError`]; the faults are unchanged.
@@ -297,22 +274,17 @@ impl Bus {
         {
             return Err(FaultError::Invalid("an inserted frame needs a name that nobody on the bus has"));
         }
-        self.faults.add(fault, now)?;
-        self.schedule_faults();
-        Ok(())
+        self.faults.add(fault, now)
     }
 
     /// Ends a fault; returns whether the fault existed. Frames already delayed by the fault are still sent when due.
     pub fn end_fault(&mut self, name: &str) -> bool {
-        let has_ended = self.faults.end(name);
-        self.schedule_faults();
-        has_ended
+        self.faults.end(name)
     }
 
     /// Ends all faults.
     pub fn end_faults(&mut self) {
         self.faults.clear();
-        self.schedule_faults();
     }
 
     /// Returns the faults in the order in which they were added. Expired faults remain listed until they are ended.
@@ -322,7 +294,7 @@ impl Bus {
 
     /// Returns whether [`serve_faults`](Self::serve_faults) must be called at `now`.
     pub(crate) fn is_fault_due(&self, now: Instant) -> bool {
-        self.fault_due <= now
+        self.fault_due() <= now
     }
 
     /// Hands over the delayed frames that are due by `now`. Returns the due frames to insert, each with the name of its
@@ -331,9 +303,8 @@ impl Bus {
     pub(crate) fn serve_faults(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Arc<str>, Frame)> {
         self.release_due(now);
         let inserted = self.faults.insert(now, busy);
-        self.schedule_faults();
         let frames = inserted.iter().map(|(frame, event)| (Arc::clone(&event.who), *frame)).collect();
-        self.journal.extend(inserted.into_iter().map(|(_, event)| event));
+        self.journal.note(|| inserted.into_iter().map(|(_, event)| event));
         frames
     }
 
@@ -395,7 +366,7 @@ impl Bus {
         if !self.externals.is_empty() {
             due = due.min(instant(self.next_joining()));
         }
-        due.min(self.fault_due)
+        due.min(self.fault_due())
     }
 
     /// Starts or stops recording events for [`take_events`](Self::take_events).
@@ -438,20 +409,5 @@ impl Bus {
     fn add(&mut self, port: Port) -> PortId {
         self.ports.push(port);
         PortId(self.ports.len() - 1)
-    }
-
-    fn add_connected(&mut self, mut port: Port, now: Instant) -> PortId {
-        port.connected = true;
-        port.joined_at = nanos(now);
-        port.ready_at = nanos(now);
-        let id = match self.vacant.pop() {
-            Some(id) => {
-                self.ports[id.0] = port;
-                id
-            }
-            None => self.add(port),
-        };
-        self.joining.push(id);
-        id
     }
 }

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use super::bits::{ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPEND};
 use super::clock::{Nanos, bit_times, instant, nanos};
 use super::confinement::Confinement;
-use super::transmission::{Failure, Omission, Transmission};
-use super::wire_event::WireEvent;
+use super::event::WireEvent;
+use super::transmission::{Failure, Omission, Transmission, members};
 use super::{Bus, BusError, Event, EventKind, FaultEffect, PortId};
 
 impl Bus {
@@ -35,32 +35,26 @@ impl Bus {
     /// to its last bit instead. Returns whether the transmission continues.
     #[cold]
     fn accept(&mut self) -> bool {
-        let Some(mut transmission) = self.current.take_if(|transmission| transmission.failure.is_none()) else {
-            return false;
+        let is_pending = |transmission: &mut Transmission| {
+            let omission = transmission.omission.as_deref();
+            transmission.failure.is_none() && omission.is_some_and(|omission| omission.signalled_by.is_some())
         };
-        let Some(omission) = transmission.omission.as_mut().filter(|omission| omission.signalled_by.is_some()) else {
-            self.current = Some(transmission);
-            return false;
+        let Some(mut transmission) = self.current.take_if(is_pending) else { return false };
+        let signals = |id: &PortId| self.ports[id.0].member && self.ports[id.0].signals_errors();
+        let by = transmission.omission.as_mut().and_then(|omission| {
+            omission.signalled_by = omission.receivers.iter().copied().find(signals);
+            omission.signalled_by
+        });
+        let bits = match by {
+            None => 1,
+            Some(by) => {
+                self.deliver(&transmission);
+                transmission.failure = Some(Failure::new(BusError::Bit, Some(self.ports[by.0].name.clone())));
+                // The sender responds with an error flag one bit later, the unaffected receivers with an overload flag.
+                1 + ERROR_FLAG + ERROR_DELIMITER
+            }
         };
-        let signals = |id: &PortId| {
-            let port = &self.ports[id.0];
-            port.member && port.mode() == BusErrorMode::ErrorActive && !port.is_silent()
-        };
-        omission.signalled_by = omission.receivers.iter().copied().find(signals);
-        let Some(by) = omission.signalled_by else {
-            transmission.set_end(transmission.end + bit_times(1, transmission.rate));
-            self.current = Some(transmission);
-            return true;
-        };
-        self.deliver(&transmission);
-        transmission.failure = Some(Box::new(Failure {
-            error: BusError::Bit,
-            by_other_rate: false,
-            signalled_by: Some(self.ports[by.0].name.clone()),
-            gone: None,
-        }));
-        // The sender responds with an error flag one bit later, the unaffected receivers with an overload flag.
-        transmission.set_end(transmission.end + bit_times(1 + ERROR_FLAG + ERROR_DELIMITER, transmission.rate));
+        transmission.set_end(transmission.end + bit_times(bits, transmission.rate));
         self.current = Some(transmission);
         true
     }
@@ -71,8 +65,7 @@ impl Bus {
         // The only acknowledging controller may have disconnected while the frame was on the wire.
         if transmission.failure.is_none() && !self.is_heard(transmission.rate) {
             let signalled_by = self.senders.first().map(|id| self.ports[id.0].name.clone());
-            let error = BusError::Acknowledgement;
-            transmission.failure = Some(Box::new(Failure { error, by_other_rate: false, signalled_by, gone: None }));
+            transmission.failure = Some(Failure::new(BusError::Acknowledgement, signalled_by));
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
@@ -138,7 +131,7 @@ impl Bus {
                     continue;
                 }
                 port.deliver(frame, *at);
-                if port.is_device {
+                if port.is_device() {
                     touched.push(*id);
                 }
             }
@@ -164,13 +157,11 @@ impl Bus {
         let Self { faults, ports, groups, senders, .. } = self;
         let Some(sender) = senders.first() else { return false };
         let has_receiver = |names: &[Arc<str>]| {
-            let members =
-                groups.iter().filter(|group| group.rate == transmission.rate).flat_map(|group| &group.members);
             let hears = |id: &PortId| {
                 let port = &ports[id.0];
                 !senders.contains(id) && names.contains(&port.name) && port.accepts(&transmission.frame)
             };
-            members.into_iter().any(hears)
+            members(groups, transmission.rate).any(hears)
         };
         let (frame, name) = (&transmission.frame, &ports[sender.0].name);
         let struck = faults.at_receivers(name, frame, has_receiver, transmission.over);
@@ -236,7 +227,7 @@ impl Bus {
         if port.mode() == BusErrorMode::ErrorPassive {
             port.ready_at = self.free_at + bit_times(SUSPEND, port.rate);
         }
-        if port.is_device {
+        if port.is_device() {
             self.touched.push(id);
         }
         self.release_waiting(id, at);

@@ -14,9 +14,8 @@ use super::clock::{Nanos, bit_times, instant};
 use super::confinement::Confinement;
 use super::contenders::Contends;
 use super::delayed::DelayedFrames;
-use super::listeners::Hears;
-use super::transmit::Transmit;
-use super::wire_event::{External, WireEvent};
+use super::event::WireEvent;
+use super::transmit::{Mailboxes, Transmit};
 
 /// The capacity of a device controller's receive queue, equal to the firmware's queue.
 pub const RECEIVE_QUEUE: usize = 256;
@@ -25,8 +24,6 @@ pub const RECEIVE_QUEUE: usize = 256;
 #[derive(Clone, Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
-    /// Whether the port belongs to a device, which must be served after events on its port.
-    pub(super) is_device: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
@@ -54,7 +51,7 @@ pub struct Port {
     pub(super) heard: Nanos,
     /// The time at which bus integration completes; `Nanos::MAX` while the port waits for the end of a frame.
     pub(super) joined_at: Nanos,
-    /// The earliest time at which the port may send; `Nanos::MAX` while it may not send.
+    /// The earliest time at which the port may send; `Nanos::MAX` if the port may not send.
     pub(super) ready_at: Nanos,
     /// Whether the bus lists the port among the members at its bit rate.
     pub(super) member: bool,
@@ -63,7 +60,6 @@ pub struct Port {
     /// Whether the port is forced bus-off.
     pub(super) held: bool,
     pub(super) recovery: Option<Recovery>,
-    /// The contention state of the port.
     pub(super) contends: Contends,
     /// The state of an external controller.
     pub(super) external: Option<Box<External>>,
@@ -86,6 +82,19 @@ impl SlowAnswers {
     }
 }
 
+/// The state of an external controller.
+#[derive(Clone, Debug, Default)]
+pub(super) struct External {
+    /// The wire events that the controller has not taken yet.
+    pub(super) events: VecDeque<(Instant, WireEvent)>,
+    /// Whether [`WireEvent::Joined`] has yet to be reported.
+    pub(super) joining: bool,
+    /// Whether the start of the current frame was reported.
+    pub(super) in_frame: bool,
+    /// Whether the controller is in listen-only mode: it sends no frames, acknowledgements or error flags.
+    pub(super) silent: bool,
+}
+
 /// The progress of a bus-off recovery.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Recovery {
@@ -96,34 +105,17 @@ pub(super) struct Recovery {
 }
 
 impl Port {
-    /// Creates the port of a device, initially disconnected.
-    pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
-        let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
-        port.is_device = true;
-        port
+    /// Creates a device controller without a bus. The caller takes the frames from the mailboxes; no frames are received.
+    #[must_use]
+    pub fn alone(name: &str, rate: BitRate) -> Self {
+        Self::new(name.into(), rate, Transmit::Mailboxes(Mailboxes::default()), RECEIVE_QUEUE)
     }
 
-    /// Creates the port of a client, initially disconnected.
-    pub(super) fn of_client(name: Arc<str>, rate: BitRate) -> Self {
-        Self::new(name, rate, Transmit::queue(), usize::MAX)
-    }
-
-    /// Creates the port of a gateway, which discards received frames; initially disconnected.
-    pub(super) fn of_gateway(name: Arc<str>, rate: BitRate) -> Self {
-        Self::new(name, rate, Transmit::queue(), 0)
-    }
-
-    /// Creates the port of an external controller, initially disconnected.
-    pub(super) fn of_external(name: Arc<str>, rate: BitRate) -> Self {
-        let mut port = Self::new(name, rate, Transmit::offer(), usize::MAX);
-        port.external = Some(Box::default());
-        port
-    }
-
-    fn new(name: Arc<str>, rate: BitRate, transmit: Transmit, room: usize) -> Self {
+    /// Creates a disconnected port. `room` is the capacity of the receive queue.
+    pub(super) fn new(name: Arc<str>, rate: BitRate, transmit: Transmit, room: usize) -> Self {
         Self {
+            external: matches!(transmit, Transmit::Offer(..)).then(Box::default),
             name,
-            is_device: false,
             rate,
             connected: false,
             confinement: Confinement::default(),
@@ -146,7 +138,6 @@ impl Port {
             held: false,
             recovery: None,
             contends: Contends::No,
-            external: None,
         }
     }
 
@@ -180,6 +171,30 @@ impl Port {
         self.transmit.len() + self.delayed.len()
     }
 
+    /// Returns whether the port belongs to a device, which must be served after events on its port.
+    pub(super) const fn is_device(&self) -> bool {
+        matches!(self.transmit, Transmit::Mailboxes(_))
+    }
+
+    /// Returns the frame that the controller will send next.
+    #[must_use]
+    pub fn head(&self) -> Option<&Frame> {
+        self.transmit.head()
+    }
+
+    /// Sends the most urgent pending frame immediately, as a controller on an idle bus would.
+    pub fn send_head(&mut self) -> Option<Frame> {
+        let frame = *self.head()?;
+        self.transmit.sending();
+        self.transmit.sent(true);
+        Some(frame)
+    }
+
+    /// Drops all pending frames, as bus-off does.
+    pub fn clear(&mut self) {
+        self.transmit.clear();
+    }
+
     /// Returns whether the acceptance filters pass a frame.
     pub(super) fn accepts(&self, frame: &Frame) -> bool {
         self.filters.as_ref().is_none_or(|filters| filters.iter().any(|filter| filter.passes(frame)))
@@ -201,7 +216,6 @@ impl Port {
         self.overruns
     }
 
-    /// Takes the received frames, oldest first.
     pub(crate) fn take_received(&mut self) -> Drain<'_, (Instant, Frame)> {
         self.received.drain(..)
     }
@@ -211,18 +225,20 @@ impl Port {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
+    /// Returns whether the port's error flags destroy a frame: the port must be error-active and not in listen-only mode.
+    pub(super) fn signals_errors(&self) -> bool {
+        self.mode() == BusErrorMode::ErrorActive && !self.is_silent()
+    }
+
     /// Returns whether the port is in listen-only mode.
     pub(super) fn is_silent(&self) -> bool {
         self.external.as_ref().is_some_and(|external| external.silent)
     }
 
-    /// Returns which frames the port receives.
-    pub(super) const fn hears(&self) -> Hears<'_> {
-        match &self.filters {
-            _ if self.room == 0 => Hears::Nothing,
-            None => Hears::Everything,
-            Some(filters) => Hears::Filtered(filters),
-        }
+    /// Returns the filters of which a received frame must pass one; `None` if the port receives every frame. A port
+    /// without a receive queue discards all frames.
+    pub(super) fn hears(&self) -> Option<&[Filter]> {
+        if self.room == 0 { Some(&[]) } else { self.filters.as_deref().map(|filters| &filters[..]) }
     }
 
     /// Returns the time at which the bus-off recovery completes if the bus stays idle; `None` if no recovery is in
@@ -236,7 +252,7 @@ impl Port {
     /// an overrun if the queue is full.
     pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
         if let Some(external) = &mut self.external {
-            external.tell(at, WireEvent::Received(*frame));
+            external.events.push_back((at, WireEvent::Received(*frame)));
         } else if self.received.len() < self.room {
             self.received.push_back((at, *frame));
         } else {
@@ -247,7 +263,7 @@ impl Port {
     /// Records a wire event for an external controller.
     pub(super) fn tell(&mut self, at: Nanos, event: WireEvent) {
         if let Some(external) = &mut self.external {
-            external.tell(instant(at), event);
+            external.events.push_back((instant(at), event));
         }
     }
 }
@@ -258,7 +274,7 @@ impl embedded_can::nb::Can for Port {
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
         self.used = true;
-        self.transmit.put(*frame).map_err(|_| nb::Error::WouldBlock)
+        self.transmit.put(*frame)
     }
 
     fn receive(&mut self) -> nb::Result<Frame, Infallible> {

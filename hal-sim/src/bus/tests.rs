@@ -67,7 +67,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
     assert_eq!(first.1.error, Some(BusError::Acknowledgement));
     assert_eq!(first.1.from.as_ref(), "a");
     // An attempt up to the ACK slot, error flag and delimiter; the retransmission follows after the intermission.
-    let attempt = FrameBits::of(&sent).to_ack_slot() + 6 + 8;
+    let attempt = FrameBits::of(&sent).on_wire() - 8 + 6 + 8;
     assert_eq!(first.0, micros(10_000) + bits(attempt));
     assert_eq!(rig.next().0, first.0 + bits(3 + attempt));
     for errors in 3..=16 {
@@ -82,7 +82,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
     assert_eq!((rig.counters(0), rig.mode(0)), ((128, 0), BusErrorMode::ErrorPassive));
 
     // A late listener acknowledges, so the frame is sent.
-    let late = rig.bus.add_client_port("late".into(), RATE, rig.now);
+    let late = rig.bus.add_client("late".into(), RATE, usize::MAX, rig.now);
     rig.run_for(Duration::from_millis(5));
     assert_eq!(rig.frames(), [sent]);
     assert_eq!((rig.counters(0), rig.mode(0)), ((127, 0), BusErrorMode::ErrorActive));
@@ -326,7 +326,7 @@ fn filters_keep_frames_away_and_not_the_error_counters() {
 
 #[test]
 fn overruns_are_counted() {
-    let mut port = Port::of_device("a".into(), RATE);
+    let mut port = Port::alone("a", RATE);
     for _ in 0..RECEIVE_QUEUE + 3 {
         port.deliver(&frame(1, &[]), micros(0));
     }
@@ -340,7 +340,7 @@ mod mailboxes {
     const WAIT: nb::Result<Option<Frame>, std::convert::Infallible> = Err(nb::Error::WouldBlock);
 
     fn device() -> Port {
-        Port::of_device("a".into(), RATE)
+        Port::alone("a", RATE)
     }
 
     fn pending(port: &mut Port) -> Vec<Frame> {

@@ -8,8 +8,9 @@ use protocol_core::time::Instant;
 
 use super::bits::{AFTER_ACK_SLOT, ERROR_DELIMITER, ERROR_FLAG, FrameBits};
 use super::clock::{Nanos, bit_times, instant, nanos};
+use super::event::WireEvent;
 use super::injector::Injector as _;
-use super::wire_event::WireEvent;
+use super::listeners::Group;
 use super::{Bus, BusError, EventKind, FaultEffect, PortId};
 
 /// The number of bits after which a controller at another bit rate detects an error (A).
@@ -31,9 +32,9 @@ pub(super) struct Transmission {
     pub(super) end: Nanos,
     /// The value of `end` in world time, rounded up.
     pub(super) over: Instant,
-    /// The failure of the attempt; boxed because it is rare.
+    /// The failure of the attempt; boxed because failures are rare.
     pub(super) failure: Option<Box<Failure>>,
-    /// The receivers that detect an error in the last but one bit of the end of frame; boxed because it is rare.
+    /// The receivers that detect an error in the last but one bit of the end of frame; boxed because omissions are rare.
     pub(super) omission: Option<Box<Omission>>,
 }
 
@@ -61,6 +62,12 @@ pub(super) struct Failure {
     pub(super) gone: Option<Arc<str>>,
 }
 
+impl Failure {
+    pub(super) fn new(error: BusError, signalled_by: Option<Arc<str>>) -> Box<Self> {
+        Box::new(Self { error, by_other_rate: false, signalled_by, gone: None })
+    }
+}
+
 impl Transmission {
     pub(super) const fn set_end(&mut self, end: Nanos) {
         self.end = end;
@@ -81,6 +88,12 @@ struct Disruption {
     by_other_rate: bool,
     /// The controller that sends the first error flag; `None` if the sender does.
     by: Option<PortId>,
+}
+
+impl Disruption {
+    const fn new(error: BusError, bits: u32, by: Option<PortId>) -> Self {
+        Self { error, bits, by_other_rate: false, by }
+    }
 }
 
 impl Bus {
@@ -152,27 +165,23 @@ impl Bus {
         if is_intact {
             return transmission;
         }
-        let disruption = |error, bits, by| Disruption { error, bits, by_other_rate: false, by };
         let disruptions = [
             collision,
-            injected.map(|bit| disruption(BusError::Bit, bit + 1, None)),
+            injected.map(|bit| Disruption::new(BusError::Bit, bit + 1, None)),
             disturber.map(|by| Disruption {
                 by_other_rate: heard,
-                ..disruption(BusError::Stuff, WRONG_RATE_SEEN, Some(by))
+                ..Disruption::new(BusError::Stuff, WRONG_RATE_SEEN, Some(by))
             }),
-            (!heard).then(|| disruption(BusError::Acknowledgement, on_wire - AFTER_ACK_SLOT, None)),
+            (!heard).then(|| Disruption::new(BusError::Acknowledgement, on_wire - AFTER_ACK_SLOT, None)),
         ];
         if let Some(disruption) = disruptions.into_iter().flatten().min_by_key(|disruption| disruption.bits) {
             let error_frame = if heard || disturber.is_some() { ERROR_FRAME } else { LONE_ERROR_FRAME };
             let by = disruption.by.unwrap_or(first);
             transmission.omission = None;
             transmission.set_end(start + bit_times(disruption.bits + error_frame, rate));
-            transmission.failure = Some(Box::new(Failure {
-                error: disruption.error,
-                by_other_rate: disruption.by_other_rate,
-                signalled_by: Some(self.ports[by.0].name.clone()),
-                gone: None,
-            }));
+            let mut failure = Failure::new(disruption.error, Some(self.ports[by.0].name.clone()));
+            failure.by_other_rate = disruption.by_other_rate;
+            transmission.failure = Some(failure);
         }
         transmission
     }
@@ -183,8 +192,7 @@ impl Bus {
         let Transmission { frame, rate, start, .. } = *transmission;
         let Self { faults, ports, groups, senders, .. } = self;
         let has_receiver = |names: &[Arc<str>]| {
-            let members = groups.iter().filter(|group| group.rate == rate).flat_map(|group| &group.members);
-            members.into_iter().any(|id| !senders.contains(id) && names.contains(&ports[id.0].name))
+            members(groups, rate).any(|id| !senders.contains(id) && names.contains(&ports[id.0].name))
         };
         let event = faults.on_wire(&ports[sender.0].name, &frame, has_receiver, instant(start))?;
         let mut destroyed = None;
@@ -206,14 +214,9 @@ impl Bus {
 
     /// Creates an omission that affects the members with these names at a bit rate.
     fn omission(&self, names: &[Arc<str>], rate: BitRate) -> Omission {
-        let members = self.groups.iter().filter(|group| group.rate == rate).flat_map(|group| &group.members);
         let is_meant = |id: &PortId| !self.senders.contains(id) && names.contains(&self.ports[id.0].name);
-        let receivers: Vec<PortId> = members.copied().filter(is_meant).collect();
-        let is_active = |id: &&PortId| {
-            let port = &self.ports[id.0];
-            port.mode() == BusErrorMode::ErrorActive && !port.is_silent()
-        };
-        Omission { signalled_by: receivers.iter().find(is_active).copied(), receivers }
+        let receivers: Vec<PortId> = members(&self.groups, rate).copied().filter(is_meant).collect();
+        Omission { signalled_by: receivers.iter().copied().find(|id| self.ports[id.0].signals_errors()), receivers }
     }
 
     /// Returns whether a controller other than the senders acknowledges frames at a bit rate.
@@ -227,10 +230,7 @@ impl Bus {
     /// Returns the first error-active listener at another bit rate. Its error flag destroys the frame.
     fn disturber(&self, rate: BitRate) -> Option<PortId> {
         let others = self.groups.iter().filter(|group| group.rate != rate && group.active > 0);
-        let disturbs = |id: &&PortId| {
-            let port = &self.ports[id.0];
-            port.mode() == BusErrorMode::ErrorActive && !port.is_silent() && !self.senders.contains(id)
-        };
+        let disturbs = |id: &&PortId| self.ports[id.0].signals_errors() && !self.senders.contains(id);
         others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
     }
 
@@ -243,12 +243,7 @@ impl Bus {
             let first = self.head_of(senders[0]);
             let rate = self.ports[senders[0].0].rate;
             if senders.iter().any(|id| self.ports[id.0].rate != rate) {
-                return Some(Disruption {
-                    error: BusError::Bit,
-                    bits: MIXED_RATES_SEEN,
-                    by_other_rate: false,
-                    by: None,
-                });
+                return Some(Disruption::new(BusError::Bit, MIXED_RATES_SEEN, None));
             }
             let differences = senders[1..].iter().filter_map(|id| first.first_difference(self.head_of(*id)));
             let parting = differences.min_by_key(|difference| difference.bit)?;
@@ -259,7 +254,7 @@ impl Bus {
             let losers: Vec<PortId> = senders.iter().copied().filter(recessive).collect();
             let by = losers.iter().find(|id| self.ports[id.0].mode() == BusErrorMode::ErrorActive).copied();
             if by.is_some() {
-                return Some(Disruption { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false, by });
+                return Some(Disruption::new(BusError::Bit, parting.bit + 1, by));
             }
             self.senders.retain(|id| !losers.contains(id));
             let at = start + bit_times(parting.bit + 1, rate);
@@ -275,7 +270,7 @@ impl Bus {
         let port = &mut self.ports[id.0];
         port.tell(at, WireEvent::NotSent(BusError::Bit));
         port.transmit.sent(false);
-        if port.is_device {
+        if port.is_device() {
             self.touched.push(id);
         }
         self.fall_out_of_step(id, instant(at));
@@ -307,7 +302,10 @@ impl Bus {
         let witness = group.and_then(|group| group.members.iter().find(|other| **other != id));
         let signalled_by = witness.map(|id| self.ports[id.0].name.clone());
         transmission.set_end(nanos(now).max(transmission.start) + bit_times(ERROR_FRAME, transmission.rate));
-        transmission.failure =
-            Some(Box::new(Failure { error: BusError::Stuff, by_other_rate: false, signalled_by, gone }));
+        transmission.failure = Some(Box::new(Failure { gone, ..*Failure::new(BusError::Stuff, signalled_by) }));
     }
+}
+
+pub(super) fn members(groups: &[Group], rate: BitRate) -> impl Iterator<Item = &PortId> {
+    groups.iter().filter(move |group| group.rate == rate).flat_map(|group| &group.members)
 }

@@ -1,13 +1,11 @@
 //! The pending transmit frames of a port: device mailboxes, client queue or external controller's offer.
 
 use std::collections::VecDeque;
+use std::convert::Infallible;
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 
-use super::mailboxes::{Full, Mailboxes};
-
-/// The pending transmit frames of a port.
 #[derive(Clone, Debug)]
 pub(super) enum Transmit {
     /// The mailboxes of a device's controller, which sends the most urgent frame first.
@@ -19,18 +17,6 @@ pub(super) enum Transmit {
 }
 
 impl Transmit {
-    pub(super) fn mailboxes() -> Self {
-        Self::Mailboxes(Mailboxes::default())
-    }
-
-    pub(super) const fn queue() -> Self {
-        Self::Queue(VecDeque::new())
-    }
-
-    pub(super) const fn offer() -> Self {
-        Self::Offer(None, false)
-    }
-
     /// Sets the offer of an external controller, unless its frame is on the wire.
     pub(super) const fn set_offer(&mut self, frame: Option<Frame>) {
         if let Self::Offer(offer, false) = self {
@@ -38,7 +24,6 @@ impl Transmit {
         }
     }
 
-    /// Returns whether a frame would be accepted.
     pub(super) fn takes(&self, frame: &Frame) -> bool {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.takes(frame),
@@ -50,15 +35,15 @@ impl Transmit {
     /// Stores a frame. Returns the less urgent frame that it displaces, if any.
     ///
     /// # Errors
-    /// [`Full`] when the frame is not accepted now.
-    pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
+    /// `WouldBlock` if the frame is not accepted now.
+    pub(super) fn put(&mut self, frame: Frame) -> nb::Result<Option<Frame>, Infallible> {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.put(frame),
             Self::Queue(queue) => {
                 queue.push_back(frame);
                 Ok(None)
             }
-            Self::Offer(..) => Err(Full),
+            Self::Offer(..) => Err(nb::Error::WouldBlock),
         }
     }
 
@@ -90,7 +75,7 @@ impl Transmit {
                     queue.pop_front();
                 }
             }
-            Self::Offer(..) => *self = Self::offer(),
+            Self::Offer(..) => *self = Self::Offer(None, false),
         }
     }
 
@@ -112,25 +97,89 @@ impl Transmit {
 
     pub(super) fn clear(&mut self) {
         match self {
-            Self::Mailboxes(mailboxes) => mailboxes.clear(),
+            Self::Mailboxes(mailboxes) => mailboxes.waiting.clear(),
             Self::Queue(queue) => queue.clear(),
-            Self::Offer(..) => *self = Self::offer(),
+            Self::Offer(..) => *self = Self::Offer(None, false),
         }
     }
 
     pub(super) fn len(&self) -> usize {
         match self {
-            Self::Mailboxes(mailboxes) => mailboxes.len(),
+            Self::Mailboxes(mailboxes) => mailboxes.waiting.len(),
             Self::Queue(queue) => queue.len(),
             Self::Offer(offer, _) => usize::from(offer.is_some()),
         }
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.is_empty(),
-            Self::Queue(queue) => queue.is_empty(),
-            Self::Offer(offer, _) => offer.is_none(),
+        self.head().is_none()
+    }
+}
+
+const MAILBOXES: usize = 3;
+
+/// The transmit mailboxes of a device's controller, modelled on bxCAN and its driver (RM0090 32.7.1).
+///
+/// bxCAN sends frames with equal identifiers in mailbox order, not in request order. To preserve the order of requests,
+/// the driver accepts a frame only if it is strictly more urgent than all pending frames.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Mailboxes {
+    /// The pending frames, in ascending order of urgency.
+    waiting: Vec<Mailbox>,
+}
+
+#[derive(Clone, Debug)]
+struct Mailbox {
+    frame: Frame,
+    /// Whether the frame is on the wire and cannot be displaced.
+    on_wire: bool,
+    /// Whether the frame was aborted on the wire and is dropped if this attempt fails.
+    aborted: bool,
+}
+
+impl Mailboxes {
+    /// Returns whether the mailboxes accept a frame, which must be more urgent than all pending frames.
+    fn takes(&self, frame: &Frame) -> bool {
+        self.head().is_none_or(|head| head.arbitration() > frame.arbitration())
+    }
+
+    /// Stores a frame. If all mailboxes are full, removes and returns the least urgent frame that is not on the wire.
+    fn put(&mut self, frame: Frame) -> nb::Result<Option<Frame>, Infallible> {
+        if !self.takes(&frame) {
+            return Err(nb::Error::WouldBlock);
         }
+        let full = self.waiting.len() >= MAILBOXES;
+        let least = self.waiting.iter().position(|mailbox| !mailbox.on_wire).filter(|_| full);
+        let overtaken = least.map(|least| self.waiting.remove(least).frame);
+        self.waiting.push(Mailbox { frame, on_wire: false, aborted: false });
+        Ok(overtaken)
+    }
+
+    fn head(&self) -> Option<&Frame> {
+        self.waiting.last().map(|mailbox| &mailbox.frame)
+    }
+
+    /// Marks the most urgent frame as on the wire.
+    fn sending(&mut self) {
+        if let Some(head) = self.waiting.last_mut() {
+            head.on_wire = true;
+        }
+    }
+
+    /// Ends the attempt on the wire. Removes the frame if it was sent or aborted, otherwise keeps it for a retry.
+    fn sent(&mut self, success: bool) {
+        self.waiting.retain_mut(|mailbox| {
+            let done = std::mem::take(&mut mailbox.on_wire) && (success || mailbox.aborted);
+            !done
+        });
+    }
+
+    /// Drops the pending frames that pass `which`. A frame on the wire is not retransmitted if it fails.
+    fn abort(&mut self, which: Filter) {
+        self.waiting.retain_mut(|mailbox| {
+            let meant = which.passes(&mailbox.frame);
+            mailbox.aborted |= meant;
+            !meant || mailbox.on_wire
+        });
     }
 }

@@ -1,27 +1,19 @@
-//! The agenda: the device with the earliest due time.
+//! The due times of the devices, and the search for the earliest.
 
 use protocol_core::time::{Instant, NEVER};
 
 /// The due times of all devices, as a tournament tree. The earliest due time wins; among equal times, the lowest device
 /// number. A change of a due time replays only the matches of its device.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Agenda {
     /// The due time of each device, by number.
     due: Vec<Instant>,
     /// The winner of each match, indexed as in a heap: the final at 1, the semi-finals at 2 and 3, and so on. The last
     /// entries are the devices themselves, or [`NOBODY`].
     winners: Vec<usize>,
-    /// The due time of the winner.
-    next: Instant,
 }
 
 const NOBODY: usize = usize::MAX;
-
-impl Default for Agenda {
-    fn default() -> Self {
-        Self { due: Vec::new(), winners: Vec::new(), next: NEVER }
-    }
-}
 
 impl Agenda {
     /// Adds a device without a due time.
@@ -36,7 +28,6 @@ impl Agenda {
         }
     }
 
-    /// Sets the due time of a device.
     pub(super) fn set(&mut self, node: usize, due: Instant) {
         if self.due[node] != due {
             self.due[node] = due;
@@ -44,14 +35,13 @@ impl Agenda {
         }
     }
 
-    /// Returns the earliest due time.
-    pub(super) const fn next(&self) -> Instant {
-        self.next
+    pub(super) fn next(&self) -> Instant {
+        self.winners.get(1).map_or(NEVER, |winner| self.due_of(*winner))
     }
 
     /// Returns the next device that is due by `now`.
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
-        if self.next <= now { self.winners.get(1).copied() } else { None }
+        self.winners.get(1).copied().filter(|winner| self.due_of(*winner) <= now)
     }
 
     fn enter(&mut self, node: usize) {
@@ -68,7 +58,6 @@ impl Agenda {
             self.winners[place] = if self.due_of(right) < self.due_of(left) { right } else { left };
             place /= 2;
         }
-        self.next = self.due_of(self.winners[1]);
     }
 
     fn due_of(&self, node: usize) -> Instant {

@@ -36,7 +36,7 @@ impl embedded_can::nb::Can for Client {
     type Error = WorldGone;
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, WorldGone> {
-        let mut queues = self.0.lock();
+        let mut queues = lock(&self.0);
         if queues.world_gone {
             return Err(nb::Error::Other(WorldGone));
         }
@@ -45,7 +45,7 @@ impl embedded_can::nb::Can for Client {
     }
 
     fn receive(&mut self) -> nb::Result<Frame, WorldGone> {
-        let mut queues = self.0.lock();
+        let mut queues = lock(&self.0);
         let none = if queues.world_gone { nb::Error::Other(WorldGone) } else { nb::Error::WouldBlock };
         queues.received.pop_front().ok_or(none)
     }
@@ -53,7 +53,7 @@ impl embedded_can::nb::Can for Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        self.0.lock().client_gone = true;
+        lock(&self.0).client_gone = true;
     }
 }
 
@@ -67,13 +67,10 @@ struct Queues {
 }
 
 /// The queues, shared by the client and its world.
-#[derive(Debug, Default)]
-struct Shared(Arc<Mutex<Queues>>);
+type Shared = Arc<Mutex<Queues>>;
 
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, Queues> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+fn lock(queues: &Shared) -> MutexGuard<'_, Queues> {
+    queues.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The world's side of a [`Client`].
@@ -87,14 +84,14 @@ pub(super) struct Connection {
 /// The clone has its own queues, with the same frames.
 impl Clone for Connection {
     fn clone(&self) -> Self {
-        let queues = Shared(Arc::new(Mutex::new(self.queues.lock().clone())));
+        let queues = Arc::new(Mutex::new(lock(&self.queues).clone()));
         Self { port: self.port, queues, untaken: true }
     }
 }
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        self.queues.lock().world_gone = true;
+        lock(&self.queues).world_gone = true;
     }
 }
 
@@ -112,7 +109,7 @@ impl World {
     /// cloned, and the frames received since then. Returns `None` if the client is unknown or already taken.
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
         let is_it = |connection: &&mut Connection| {
-            let is_there = connection.untaken && !connection.queues.lock().client_gone;
+            let is_there = connection.untaken && !lock(&connection.queues).client_gone;
             is_there && self.bus.port(connection.port.0).name() == name
         };
         self.clients.iter_mut().find(is_it).map(Connection::take)
@@ -122,7 +119,7 @@ impl World {
     pub(super) fn take_from_clients(&mut self) {
         let mut clients = std::mem::take(&mut self.clients);
         clients.retain(|Connection { port, queues, .. }| {
-            let mut queues = queues.lock();
+            let mut queues = lock(queues);
             for frame in queues.sent.drain(..) {
                 self.send(*port, frame);
             }
@@ -137,7 +134,7 @@ impl World {
     /// Transfers received frames to the clients.
     pub(super) fn give_to_clients(&mut self) {
         for Connection { port, queues, .. } in &self.clients {
-            queues.lock().received.extend(self.bus.port_mut(port.0).take_received().map(|(_, frame)| frame));
+            lock(queues).received.extend(self.bus.port_mut(port.0).take_received().map(|(_, frame)| frame));
         }
     }
 }
@@ -145,6 +142,6 @@ impl World {
 impl Connection {
     fn take(&mut self) -> Client {
         self.untaken = false;
-        Client(Shared(Arc::clone(&self.queues.0)))
+        Client(Arc::clone(&self.queues))
     }
 }

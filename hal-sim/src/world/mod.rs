@@ -71,7 +71,6 @@ pub struct World {
     bus: Bus,
     nodes: Vec<Node>,
     agenda: Agenda,
-    /// The links between valves and sensors.
     couplings: Vec<Coupling>,
     /// The device of each port, by port number; `None` for a client's port.
     owners: Vec<Option<NodeId>>,
@@ -175,6 +174,10 @@ impl World {
     /// Returns a powered device.
     #[must_use]
     pub fn device(&self, node: NodeId) -> Option<&dyn Device> {
+        self.on(node).map(|device| device as &dyn Device)
+    }
+
+    fn on(&self, node: NodeId) -> Option<&dyn SimDevice> {
         match &self.nodes[node.0].power {
             Power::On(device) => Some(&**device),
             _ => None,
@@ -184,10 +187,7 @@ impl World {
     /// Returns a powered device as a `T`.
     #[must_use]
     pub fn device_as<T: Device + 'static>(&self, node: NodeId) -> Option<&T> {
-        match &self.nodes[node.0].power {
-            Power::On(device) => (&**device as &dyn std::any::Any).downcast_ref(),
-            _ => None,
-        }
+        (self.on(node)? as &dyn std::any::Any).downcast_ref()
     }
 
     /// Returns the outputs of a powered device.
@@ -253,7 +253,7 @@ impl World {
     /// Adds a client that sends frames in FIFO order, receives all frames except its own, and acknowledges. Received
     /// frames are kept without limit until they are [taken](Self::take_received).
     pub fn add_client_port(&mut self, name: &str) -> ClientPortId {
-        let port = self.bus.add_client_port(name.into(), self.bit_rate, self.now);
+        let port = self.bus.add_client(name.into(), self.bit_rate, usize::MAX, self.now);
         self.own(port, None);
         ClientPortId(port)
     }
@@ -263,9 +263,14 @@ impl World {
     /// acknowledges the frames of a lone device, which therefore does not become error-passive.
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}{LISTENING}");
-        let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
+        let [port, _] = [name, &listener].map(|name| self.add_deaf_client(name.into()));
+        port
+    }
+
+    /// Adds a client that discards received frames.
+    fn add_deaf_client(&mut self, name: Arc<str>) -> ClientPortId {
+        let port = self.bus.add_client(name, self.bit_rate, 0, self.now);
         self.own(port, None);
-        self.own(listener, None);
         ClientPortId(port)
     }
 
@@ -345,16 +350,14 @@ impl World {
 
     /// Returns the bit rate of a device; for an unpowered device, the rate at its next start.
     pub(crate) fn device_rate(&self, node: NodeId) -> BitRate {
-        let Node { factory, memory, power, .. } = &self.nodes[node.0];
-        match power {
-            Power::On(device) => device.bit_rate(),
-            _ => factory(&memory.peek_image(), StartCause::PowerOn, self.now).bit_rate(),
-        }
+        let Node { factory, memory, .. } = &self.nodes[node.0];
+        let restarted = || factory(&memory.peek_image(), StartCause::PowerOn, self.now).bit_rate();
+        self.on(node).map_or_else(restarted, |device| device.bit_rate())
     }
 
     /// Returns whether a device has stopped communication to switch its bit rate.
     pub(crate) fn is_switching_bit_rate(&self, node: NodeId) -> bool {
-        matches!(&self.nodes[node.0].power, Power::On(device) if device.is_switching_bit_rate())
+        self.on(node).is_some_and(|device| device.is_switching_bit_rate())
     }
 
     /// Returns the counter of bit rate changes of the bus and the devices, including power-ups and restarts.
@@ -362,7 +365,6 @@ impl World {
         self.rate_changes
     }
 
-    /// Sets the bit rate of a device's controller.
     fn set_device_rate(&mut self, node: NodeId, rate: BitRate) {
         self.rate_changes += 1;
         self.bus.set_bit_rate(self.nodes[node.0].port, rate, self.now);

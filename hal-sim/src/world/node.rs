@@ -55,11 +55,10 @@ impl From<AnyDevice> for Box<dyn SimDevice> {
     }
 }
 
-/// Creates a device from its memory image, start cause and start time. The result must depend on nothing else:
-/// otherwise clones of a world would diverge.
+/// A function that creates a device from its memory image, start cause and start time. The result must depend on
+/// nothing else: otherwise clones of a world would diverge.
 pub type Factory = Arc<dyn Fn(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + Sync>;
 
-/// A device with its hardware.
 #[derive(Clone)]
 pub(super) struct Node {
     pub(super) name: Arc<str>,
@@ -68,7 +67,6 @@ pub(super) struct Node {
     pub(super) memory: Memory,
     pub(super) inputs: Inputs,
     pub(super) power: Power,
-    /// The write in progress.
     pub(super) write: Option<Write>,
     pub(super) forced_bus_off: bool,
     /// The value of the device's counter of dropped frames when the device was last served.

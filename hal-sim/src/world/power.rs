@@ -56,7 +56,6 @@ impl World {
         }
     }
 
-    /// Schedules the start of a device.
     fn come(&mut self, node: NodeId, start: Instant, cause: StartCause) {
         self.nodes[node.0].power = Power::Coming(start, cause);
         self.agenda.set(node.0, start);
@@ -65,7 +64,7 @@ impl World {
     /// Returns whether a device is running.
     #[must_use]
     pub fn is_powered(&self, node: NodeId) -> bool {
-        matches!(self.nodes[node.0].power, Power::On(_))
+        self.on(node).is_some()
     }
 
     /// Reads the memory, creates the device and connects its controller.

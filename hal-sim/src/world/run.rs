@@ -115,8 +115,7 @@ impl World {
         for (fault, frame) in self.bus.serve_faults(self.now, &busy) {
             let known = self.inserters.iter().find(|(name, _)| *name == fault).map(|(_, port)| *port);
             let port = known.unwrap_or_else(|| {
-                let port = ClientPortId(self.bus.add_gateway(Arc::clone(&fault), self.bit_rate, self.now));
-                self.own(port.0, None);
+                let port = self.add_deaf_client(Arc::clone(&fault));
                 self.inserters.push((fault, port));
                 port
             });
@@ -135,21 +134,16 @@ impl World {
     }
 
     fn service_touched(&mut self) {
-        if self.bus.is_any_touched() {
-            self.service_all_touched();
+        if !self.bus.is_any_touched() {
+            return;
         }
-    }
-
-    #[inline(never)]
-    fn service_all_touched(&mut self) {
         let mut touched = std::mem::take(&mut self.touched);
         self.bus.swap_touched(&mut touched);
-        for port in &touched {
+        for port in touched.drain(..) {
             if let Some(id) = self.owners[port.0] {
                 self.service(id);
             }
         }
-        touched.clear();
         self.touched = touched;
     }
 

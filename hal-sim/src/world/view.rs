@@ -7,7 +7,6 @@ use protocol_core::encoder::{POSITION_MAX, STEPS, Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use protocol_core::wire::pdo_mapping::MappingEntry;
 
-use super::node::Power;
 use super::{NodeId, World};
 
 /// The maximum time between two samples of a linked shaft. A spool that passes neutral reverses the shaft; within this
@@ -19,23 +18,17 @@ const SECOND: Duration = Duration::from_secs(1);
 const MINUTE: Duration = Duration::from_secs(60);
 
 impl World {
-    /// Returns the current view of a device; `None` while it is unpowered.
+    /// Returns the current view of a device; `None` without power.
     pub fn view(&mut self, node: NodeId) -> Option<View> {
         self.follow_links(node);
-        match &self.nodes[node.0].power {
-            Power::On(device) => Some(device.view(self.now)),
-            _ => None,
-        }
+        self.on(node).map(|device| device.view(self.now))
     }
 
     /// Returns the [key](protocol_core::frame::Frame::key) and the mapped objects of TPDO 1 of a device; `None` while
     /// the device is unpowered or the TPDO is disabled.
     #[must_use]
     pub fn tpdo(&self, node: NodeId) -> Option<(u32, &[MappingEntry])> {
-        match &self.nodes[node.0].power {
-            Power::On(device) => device.tpdo(),
-            _ => None,
-        }
+        self.on(node)?.tpdo()
     }
 
     /// Returns whether the spool of a valve floats. The position objects then contain the value for float (SPEC 2).
@@ -76,7 +69,7 @@ impl World {
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
         let Some(shaft) = self.inputs(node).shaft() else { return self.now };
-        let Power::On(device) = &self.nodes[node.0].power else { return NEVER };
+        let Some(device) = self.on(node) else { return NEVER };
         let position = i64::from(device.view(self.now).position);
         let (min, max) = (i64::from(*range.start()).max(0), i64::from(*range.end()).min(POSITION_MAX.into()));
         if min > max {
