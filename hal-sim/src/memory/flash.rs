@@ -4,15 +4,19 @@ use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-use super::cells::{Cells, ERASED, SECTOR, SIZE};
-
+/// The size of a sector, the unit of erasing, in bytes: sectors 12 and 13 of the board's STM32F429.
+pub const SECTOR: usize = 16 * 1024;
+/// The size of the whole flash, in bytes.
+pub const SIZE: usize = 2 * SECTOR;
+/// The value of an erased byte.
+pub const ERASED: u8 = 0xFF;
 /// The size of a word, the unit of writing, in bytes.
 pub const WORD: usize = 4;
 
 /// A NOR flash in RAM with two sectors of four-byte words. A write can only clear bits.
 #[derive(Clone, Debug)]
 pub struct Flash {
-    cells: Cells,
+    pub(super) cells: Vec<u8>,
     reads: u64,
     word_writes: u64,
     erases: u64,
@@ -69,7 +73,6 @@ impl TornErase {
     }
 }
 
-/// The faults of a flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Faults {
     /// Whether writes and erases fail without changing the content.
@@ -120,16 +123,16 @@ impl Flash {
     /// Creates an erased flash.
     #[must_use]
     pub fn new() -> Self {
-        Self::of(Cells::default())
+        Self::of(vec![ERASED; SIZE])
     }
 
     /// Creates a flash from an image; `None` if the size is wrong.
     #[must_use]
     pub fn from_image(image: Vec<u8>) -> Option<Self> {
-        (image.len() == SIZE).then(|| Self::of(Cells::of(&image)))
+        (image.len() == SIZE).then(|| Self::of(image))
     }
 
-    fn of(cells: Cells) -> Self {
+    fn of(cells: Vec<u8>) -> Self {
         let (torn_erase, noise) = (TornErase::default(), fastrand::Rng::with_seed(0));
         Self { cells, reads: 0, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
     }
@@ -137,19 +140,7 @@ impl Flash {
     /// Returns a copy of the content.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
-        let mut image = vec![ERASED; SIZE];
-        self.cells.read(0, &mut image);
-        image
-    }
-
-    /// Returns the content.
-    pub(super) const fn cells(&self) -> &Cells {
-        &self.cells
-    }
-
-    /// Replaces the content; counters and faults are unchanged.
-    pub(super) fn set_cells(&mut self, cells: Cells) {
-        self.cells = cells;
+        self.cells.clone()
     }
 
     /// Returns the number of reads since the flash was created.
@@ -173,7 +164,7 @@ impl Flash {
     /// Returns the number of words that are not erased.
     #[must_use]
     pub fn words_in_use(&self) -> usize {
-        self.image().chunks_exact(WORD).filter(|word| *word != [ERASED; WORD]).count()
+        self.cells.chunks_exact(WORD).filter(|word| *word != [ERASED; WORD]).count()
     }
 
     /// Sets whether writes and erases fail.
@@ -216,7 +207,6 @@ impl Flash {
         self.faults.dead
     }
 
-    /// Returns whether writes and erases can succeed.
     pub(super) const fn can_be_written(&self) -> bool {
         !self.faults.dead && !self.faults.write_fails
     }
@@ -228,14 +218,14 @@ impl Flash {
 
     /// Inverts the bit at an index; no effect beyond the end of the flash.
     pub fn flip_bit(&mut self, bit: usize) {
-        if bit / 8 < SIZE {
-            self.cells.change(bit / 8, 1)[0] ^= 1 << (bit % 8);
+        if let Some(cell) = self.cells.get_mut(bit / 8) {
+            *cell ^= 1 << (bit % 8);
         }
     }
 
     /// Overwrites the whole flash, as a programmer does.
     pub fn fill(&mut self, content: impl FnMut(usize) -> u8) {
-        self.cells = Cells::of(&(0..SIZE).map(content).collect::<Vec<u8>>());
+        self.cells = (0..SIZE).map(content).collect();
     }
 
     fn range(offset: u32, len: usize, unit: usize) -> Result<std::ops::Range<usize>, FlashError> {
@@ -248,8 +238,12 @@ impl Flash {
         }
     }
 
-    /// Counts a write or erase towards the planned faults, and returns the outcome of the operation.
-    fn attempt(&mut self) -> Result<Attempt, FlashError> {
+    /// Counts a write or erase towards the planned faults. Returns the error that interrupts the operation part-way, if
+    /// any.
+    ///
+    /// # Errors
+    /// The error of an operation that changes nothing.
+    fn attempt(&mut self) -> Result<Option<FlashError>, FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
         }
@@ -258,35 +252,17 @@ impl Flash {
         }
         if count_down(&mut self.faults.power_for) {
             self.faults.dead = true;
-            return Ok(Attempt::Torn(FlashError::PowerCut));
+            return Ok(Some(FlashError::PowerCut));
         }
-        if count_down(&mut self.faults.fails_after) {
-            return Ok(Attempt::Torn(FlashError::WriteFailed));
-        }
-        Ok(Attempt::Done)
+        Ok(count_down(&mut self.faults.fails_after).then_some(FlashError::WriteFailed))
     }
 }
 
 /// Decrements a fault counter. Returns whether the fault occurs now; a fault occurs only once.
 fn count_down(left: &mut Option<u64>) -> bool {
-    match left {
-        None => false,
-        Some(0) => {
-            *left = None;
-            true
-        }
-        Some(count) => {
-            *count -= 1;
-            false
-        }
-    }
-}
-
-/// The outcome of a write or erase.
-enum Attempt {
-    Done,
-    /// Interrupted part-way by this error.
-    Torn(FlashError),
+    let is_due = *left == Some(0);
+    *left = left.and_then(|count| count.checked_sub(1));
+    is_due
 }
 
 impl ErrorType for Flash {
@@ -300,7 +276,7 @@ impl ReadNorFlash for Flash {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
         }
-        self.cells.read(Self::range(offset, bytes.len(), 1)?.start, bytes);
+        bytes.copy_from_slice(&self.cells[Self::range(offset, bytes.len(), 1)?]);
         self.reads += 1;
         Ok(())
     }
@@ -317,29 +293,27 @@ impl NorFlash for Flash {
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let len = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
         for start in Self::range(from, len, SECTOR)?.step_by(SECTOR) {
-            let attempt = self.attempt()?;
-            match attempt {
-                Attempt::Done => self.cells.erase(start),
-                Attempt::Torn(error) => {
-                    self.torn_erase.tear(self.cells.change(start, SECTOR), &mut self.noise);
-                    return Err(error);
-                }
+            let torn = self.attempt()?;
+            let sector = &mut self.cells[start..start + SECTOR];
+            if let Some(error) = torn {
+                self.torn_erase.tear(sector, &mut self.noise);
+                return Err(error);
             }
+            sector.fill(ERASED);
             self.erases += 1;
         }
         Ok(())
     }
 
-    /// Writes words. A torn write clears only some of the bits that it should clear in its word.
+    /// Writes words. A torn write clears only some of the bits that are 0 in `bytes`, and no further word is written.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
-            let attempt = self.attempt()?;
-            let done = matches!(attempt, Attempt::Done);
-            for (cell, byte) in self.cells.change(start, WORD).iter_mut().zip(word) {
-                *cell &= if done { *byte } else { *byte | self.noise.u8(..) };
+            let torn = self.attempt()?;
+            for (cell, byte) in self.cells[start..start + WORD].iter_mut().zip(word) {
+                *cell &= if torn.is_none() { *byte } else { *byte | self.noise.u8(..) };
             }
-            if let Attempt::Torn(error) = attempt {
+            if let Some(error) = torn {
                 return Err(error);
             }
             self.word_writes += 1;

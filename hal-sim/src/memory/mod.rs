@@ -1,7 +1,5 @@
 //! The non-volatile memory of one device: a flash with a record store, in RAM or backed by a file.
 
-mod cells;
-mod file;
 mod flash;
 
 #[cfg(test)]
@@ -15,11 +13,12 @@ mod setting_tests;
 #[cfg(test)]
 mod tests;
 
+use std::error::Error;
+use std::fmt::Debug;
+
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 
-pub use cells::{ERASED, SECTOR, SIZE};
-pub use file::{Content, MemoryFile, MemoryFileError};
-pub use flash::{Flash, FlashError, TornErase, WORD};
+pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
 
 use nvm::{BUFFER, Contents, Records, Unreadable};
 
@@ -43,15 +42,8 @@ pub struct Memory {
 /// A clone of a file-backed memory is in RAM and starts with the same content.
 impl Clone for Memory {
     fn clone(&self) -> Self {
-        let Self { flash, file: _, damaged, spoilt, put_aside, warnings } = self;
-        Self {
-            flash: flash.clone(),
-            file: None,
-            damaged: *damaged,
-            spoilt: *spoilt,
-            put_aside: put_aside.clone(),
-            warnings: warnings.clone(),
-        }
+        let (flash, put_aside, warnings) = (self.flash.clone(), self.put_aside.clone(), self.warnings.clone());
+        Self { flash, file: None, put_aside, warnings, ..*self }
     }
 }
 
@@ -74,7 +66,7 @@ impl Memory {
     /// [`take_warnings`](Self::take_warnings) returns the details.
     ///
     /// # Errors
-    /// If the file cannot be written or put aside. The file is then unchanged.
+    /// If the file cannot be put aside or written.
     pub fn kept_in(file: Box<dyn MemoryFile>, content: Content) -> Result<Self, MemoryFileError> {
         let mut memory = Self { file: Some(file), ..Self::default() };
         match content {
@@ -128,12 +120,12 @@ impl Memory {
     /// [`StoreError`] if the flash or the file cannot be written. Neither of them then contains the record, so that no
     /// later write or start can restore it.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
-        let kept = self.file.as_ref().map(|_| self.flash.cells().clone());
+        let kept = self.file.as_ref().map(|_| self.flash.cells.clone());
         let stored = store(&mut self.flash, key, record);
         if let Err(error) = self.persist() {
             self.warnings.push(error.to_string());
             if let Some(cells) = kept {
-                self.flash.set_cells(cells);
+                self.flash.cells = cells;
                 // The file may already have the new content, for example if only the sync failed. Restores the old
                 // content.
                 let _ = self.persist();
@@ -214,7 +206,7 @@ impl Memory {
         if !self.flash.can_be_written() {
             return;
         }
-        self.put_aside = Some(found.image());
+        self.put_aside = Some(found.cells.clone());
         self.flash.fill(|_| ERASED);
         if let Err(error) = self.persist_aside().and_then(|()| self.persist()) {
             self.warnings.push(error.to_string());
@@ -237,8 +229,37 @@ impl Memory {
     }
 
     fn persist(&self) -> Result<(), MemoryFileError> {
-        self.file.as_ref().map_or(Ok(()), |file| file.write(&self.flash.image()))
+        self.file.as_ref().map_or(Ok(()), |file| file.write(&self.flash.cells))
     }
+}
+
+/// The reason why a file cannot be written or put aside. Its text is one line that includes the file name.
+pub type MemoryFileError = Box<dyn Error + Send + Sync>;
+
+/// A file with the image of a flash. The library itself does not access the file system.
+pub trait MemoryFile: Debug + Send {
+    /// Replaces the image. When the function returns, the image is on disk.
+    ///
+    /// # Errors
+    /// If the file cannot be written. The file then still contains the previous image.
+    fn write(&self, image: &[u8]) -> Result<(), MemoryFileError>;
+
+    /// Moves unusable content aside; the next write creates a new file. Returns a one-line message for the user.
+    ///
+    /// # Errors
+    /// If the file cannot be moved. The file is then unchanged.
+    fn put_aside(&self) -> Result<String, MemoryFileError>;
+}
+
+/// The content of a memory file at opening.
+#[derive(Debug)]
+pub enum Content {
+    /// The file did not exist.
+    New,
+    /// The image of a flash.
+    Image(Flash),
+    /// The content is not a flash image.
+    Damaged,
 }
 
 fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
