@@ -32,7 +32,7 @@ pub enum DecodeError {
     },
     /// The output cannot be written.
     #[error("stdout: {0}")]
-    Write(io::Error),
+    Write(#[from] io::Error),
 }
 
 /// Explains a recording line by line to `out`, and passes a message about each unreadable line to `warn`. Returns
@@ -41,6 +41,19 @@ pub enum DecodeError {
 /// # Errors
 /// [`DecodeError`] if the recording cannot be read or `out` cannot be written.
 pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMut(&str)) -> Result<bool, DecodeError> {
+    let mut all_read = true;
+    let warn = |line: &str| {
+        all_read = false;
+        warn(line);
+    };
+    match explain(options, out, warn) {
+        Err(DecodeError::Write(error)) if error.kind() == io::ErrorKind::BrokenPipe => {}
+        explained => explained?,
+    }
+    Ok(all_read)
+}
+
+fn explain(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMut(&str)) -> Result<(), DecodeError> {
     let unread = |source| DecodeError::Read { path: options.file.clone(), source };
     let mut reader = Reader::open(&options.file).map_err(unread)?;
     let node = |device: &NamedDevice| Node {
@@ -49,15 +62,14 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
         node_id: device.setup.node_id,
     };
     let mut explainer = Explainer::new(options.devices.iter().map(node).collect());
-    let mut all_read = true;
     let mut line = String::new();
     loop {
         // Flushes before a read that may block, so that all explanations so far are visible.
-        if reader.may_wait() && !is_read(out.flush())? {
-            return Ok(all_read);
+        if reader.may_wait() {
+            out.flush()?;
         }
         match reader.next() {
-            None => break,
+            None => return Ok(out.flush()?),
             Some(Ok(Logged { record, .. })) => {
                 line.clear();
                 write_entry(&mut line, record.at, reader.bus(), &record.entry);
@@ -70,33 +82,17 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
                     }
                     Entry::Error(error) => explain_error_frame(error),
                 };
-                if !is_read(writeln!(out, "{line}  {meaning}"))? {
-                    return Ok(all_read);
-                }
+                writeln!(out, "{line}  {meaning}")?;
             }
             Some(Err(error @ ReadError::NoEntry { .. })) => {
-                all_read = false;
                 // Prints the message after the earlier lines if both outputs share a terminal.
-                if !is_read(out.flush())? {
-                    return Ok(all_read);
-                }
+                out.flush()?;
                 warn(&format!("{}:{error}", options.file.display()));
             }
             Some(Err(ReadError::Io(source))) => {
-                is_read(out.flush())?;
+                out.flush()?;
                 return Err(unread(source));
             }
         }
-    }
-    is_read(out.flush())?;
-    Ok(all_read)
-}
-
-/// Returns whether `out` still has a reader; passes on all other write errors.
-fn is_read(written: io::Result<()>) -> Result<bool, DecodeError> {
-    match written {
-        Ok(()) => Ok(true),
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
-        Err(error) => Err(DecodeError::Write(error)),
     }
 }

@@ -27,18 +27,14 @@ pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
     write_hex(out, frame.data());
 }
 
-/// Writes an error frame without a line end: the class with the error-frame flag, and eight data bytes.
-pub fn write_error(out: &mut String, at: Timestamp, bus: &str, error: impl Into<ErrorFrame>) {
-    let ErrorFrame { class, data } = error.into();
-    let data = u64::from_be_bytes(data);
-    let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class);
-}
-
-/// Writes a frame or an error frame without a line end.
+/// Writes a frame, or an error frame with the error-frame flag and eight data bytes, without a line end.
 pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     match entry {
         Entry::Frame(frame) => write_frame(out, at, bus, frame),
-        Entry::Error(error) => write_error(out, at, bus, *error),
+        Entry::Error(ErrorFrame { class, data }) => {
+            let data = u64::from_be_bytes(*data);
+            let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class);
+        }
     }
 }
 
@@ -205,7 +201,7 @@ mod tests {
     fn error_frames_carry_linux_s_mark() {
         let line = |class| {
             let mut out = String::new();
-            write_error(&mut out, Timestamp::from_micros(5), "pve0", class);
+            write_entry(&mut out, Timestamp::from_micros(5), "pve0", &Entry::Error(ErrorFrame::from(class)));
             out
         };
         assert_eq!(line(ErrorClass::BusOff), "(0.000005) pve0 20000040#0000000000000000");
@@ -227,8 +223,8 @@ mod tests {
             }
         }
         let mut line = String::new();
-        write_error(&mut line, Timestamp::from_micros(5), "can0", ErrorClass::ErrorPassive);
         let error = Entry::Error(ErrorClass::ErrorPassive.into());
+        write_entry(&mut line, Timestamp::from_micros(5), "can0", &error);
         assert_eq!(parse(&line), Ok((Some(Timestamp::from_micros(5)), "can0", error)));
     }
 

@@ -1,26 +1,12 @@
-//! Log entries: frames and error frames with their times, in candump notation.
-//!
-//! ```text
-//! record     a log entry                    timestamp  the time of a frame
-//! candump    a line of candump -L
-//! ```
+//! Records of a log: frames and error frames with their times. `candump` writes and reads them as lines.
 
 pub mod candump;
-mod record;
 mod timestamp;
 
-pub use candump::{write_error, write_frame};
-pub use record::{Entry, ErrorFrame, Record};
-pub use timestamp::{ParseTimestampError, Timestamp};
+use protocol_core::frame::Frame;
 
-/// Writes bytes as two hex digits each, without blanks.
-pub fn write_hex(out: &mut String, bytes: &[u8]) {
-    const DIGITS: [char; 16] = ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'A', 'B', 'C', 'D', 'E', 'F'];
-    for byte in bytes {
-        out.push(DIGITS[usize::from(byte >> 4)]);
-        out.push(DIGITS[usize::from(byte & 0xF)]);
-    }
-}
+pub use candump::write_frame;
+pub use timestamp::{ParseTimestampError, Timestamp};
 
 /// The classes of Linux error frames (`linux/can/error.h`), used by logs and gateways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,5 +51,52 @@ impl ErrorClass {
             Self::NoAcknowledge | Self::BusError | Self::BusOff | Self::Restarted => 0,
         };
         [0, controller, 0, 0, 0, 0, 0, 0]
+    }
+}
+
+/// A record of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// The time at the end of the frame.
+    pub at: Timestamp,
+    /// The frame or error frame.
+    pub entry: Entry,
+}
+
+/// A frame or an error frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// A frame.
+    Frame(Frame),
+    /// An error frame.
+    Error(ErrorFrame),
+}
+
+/// An error frame with Linux error classes (`linux/can/error.h`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ErrorFrame {
+    /// The classes, one bit each in 29 bits; 0 for formats without classes.
+    pub class: u32,
+    /// The data bytes with the error details.
+    pub data: [u8; 8],
+}
+
+impl ErrorFrame {
+    /// An error frame from a format without classes.
+    pub const UNTOLD: Self = Self { class: 0, data: [0; 8] };
+}
+
+impl From<ErrorClass> for ErrorFrame {
+    fn from(class: ErrorClass) -> Self {
+        Self { class: class.code(), data: class.data() }
+    }
+}
+
+/// Writes bytes as two hex digits each, without blanks.
+pub fn write_hex(out: &mut String, bytes: &[u8]) {
+    const DIGITS: [char; 16] = ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'A', 'B', 'C', 'D', 'E', 'F'];
+    for byte in bytes {
+        out.push(DIGITS[usize::from(byte >> 4)]);
+        out.push(DIGITS[usize::from(byte & 0xF)]);
     }
 }

@@ -41,13 +41,11 @@ pub(super) fn write(out: &mut impl Write, origin: Timestamp, Record { at, entry 
     writeln!(out)
 }
 
-/// Writes a comment.
 pub(super) fn write_comment(out: &mut impl Write, origin: Timestamp, at: Timestamp, text: &str) -> io::Result<()> {
     let micros = at.as_micros().saturating_sub(origin.as_micros());
     writeln!(out, "// {}.{:06} {text}", micros / 1_000_000, micros % 1_000_000)
 }
 
-/// Writes the end of a file.
 pub(super) fn write_end(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "End TriggerBlock")
 }
@@ -63,7 +61,7 @@ pub(super) fn is_head(line: &str) -> bool {
     }
 }
 
-/// Parses an ASC file line by line.
+/// A line-by-line parser of an ASC file.
 #[derive(Debug)]
 pub(super) struct Parser {
     /// The number base of identifiers, lengths and data.

@@ -13,7 +13,7 @@ const GERMAN: [(&str, u32); 4] = [("mär", 3), ("mai", 5), ("okt", 10), ("dez", 
 const SECOND: u64 = 1_000_000;
 const DAY: u64 = 86_400 * SECOND;
 
-/// Formats a time as a date, with milliseconds.
+/// A time that is written as a date, with milliseconds.
 pub(super) struct Date(pub(super) Timestamp);
 
 impl fmt::Display for Date {

@@ -21,6 +21,7 @@ mod writer;
 pub use reader::{Logged, ReadError, Reader};
 pub use writer::Writer;
 
+use std::io;
 use std::path::Path;
 
 /// The format of a recording.
@@ -47,6 +48,10 @@ impl Format {
             Self::Candump
         }
     }
+}
+
+fn invalid(reason: &'static str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, reason)
 }
 
 #[cfg(test)]

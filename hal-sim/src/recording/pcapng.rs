@@ -6,6 +6,7 @@ use pcap_parser::traits::{PcapNGPacketBlock as _, PcapReaderIterator as _};
 use pcap_parser::{Block, PcapBlockOwned, PcapError, PcapNGReader};
 use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 
+use super::invalid;
 use crate::log::candump::{ERROR_FLAG, FD, Reason};
 use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 
@@ -19,8 +20,10 @@ const HEAD: usize = 8;
 /// The identifier's flag bits.
 const EXTENDED_FLAG: u32 = 0x8000_0000;
 const REMOTE_FLAG: u32 = 0x4000_0000;
-/// The flag of a CAN FD frame.
 const FD_FLAG: u8 = 0x04;
+
+/// The number by which a section header shows its byte order.
+const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;
 const INTERFACE_DESCRIPTION: u32 = 1;
@@ -36,7 +39,7 @@ const BLOCK_MAX: usize = 1 << 16;
 /// Writes the file header: a section header, and an interface description with the bus name and microsecond timestamps.
 pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
     let mut section = Vec::new();
-    section.extend(0x1A2B_3C4D_u32.to_le_bytes());
+    section.extend(BYTE_ORDER.to_le_bytes());
     section.extend([1_u16, 0].map(u16::to_le_bytes).as_flattened());
     // The length of the section is unknown.
     section.extend(u64::MAX.to_le_bytes());
@@ -113,7 +116,6 @@ struct Interface {
     offset: i64,
 }
 
-/// Reads a file packet by packet.
 pub(super) struct Packets {
     reader: PcapNGReader<Box<dyn Read + Send>>,
     interfaces: Vec<Interface>,
@@ -133,22 +135,24 @@ pub(super) enum PacketError {
 
 impl Packets {
     /// Starts to read a pcapng file.
-    pub(super) fn new(mut source: Box<dyn Read + Send>) -> Result<Self, PacketError> {
+    ///
+    /// # Errors
+    /// If the first block is truncated or invalid.
+    pub(super) fn new(mut source: Box<dyn Read + Send>) -> io::Result<Self> {
         // `PcapNGReader` requires the complete first block from its first read, which a pipe does not guarantee.
-        let mut head = vec![0; 12];
-        let whole = source.read_exact(&mut head);
-        whole.map_err(|_| PacketError::End(CUT_OFF))?;
-        let number = |at: usize| head.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).unwrap_or([0; 4]);
-        let is_big = number(8) == 0x1A2B_3C4D_u32.to_be_bytes();
-        let length = if is_big { u32::from_be_bytes(number(4)) } else { u32::from_le_bytes(number(4)) } as usize;
+        let mut head = [0; 12];
+        source.read_exact(&mut head).map_err(|_| invalid(CUT_OFF))?;
+        let [_, _, _, _, a, b, c, d, order @ ..] = head;
+        let is_big = order == BYTE_ORDER.to_be_bytes();
+        let length = if is_big { u32::from_be_bytes([a, b, c, d]) } else { u32::from_le_bytes([a, b, c, d]) } as usize;
         if !(28..=BLOCK_MAX).contains(&length) {
-            return Err(PacketError::End(BROKEN));
+            return Err(invalid(BROKEN));
         }
-        head.resize(length, 0);
-        let rest = head.get_mut(12..).unwrap_or_default();
-        source.read_exact(rest).map_err(|_| PacketError::End(CUT_OFF))?;
-        let whole: Box<dyn Read + Send> = Box::new(Cursor::new(head).chain(source));
-        let reader = PcapNGReader::new(BLOCK_MAX * 2, whole).map_err(|_| PacketError::End(BROKEN))?;
+        let mut rest = vec![0; length - head.len()];
+        source.read_exact(&mut rest).map_err(|_| invalid(CUT_OFF))?;
+        let block = [&head[..], &rest].concat();
+        let whole: Box<dyn Read + Send> = Box::new(Cursor::new(block).chain(source));
+        let reader = PcapNGReader::new(BLOCK_MAX * 2, whole).map_err(|_| invalid(BROKEN))?;
         Ok(Self { reader, interfaces: Vec::new(), last: 0 })
     }
 
@@ -157,7 +161,7 @@ impl Packets {
         self.interfaces.get(self.last).map_or("can0", |interface| &interface.name)
     }
 
-    /// Returns whether the next read may block.
+    /// Returns whether the buffer is empty, so that the next read may block.
     pub(super) fn may_wait(&self) -> bool {
         self.reader.data().is_empty()
     }
@@ -241,7 +245,6 @@ impl Interface {
     }
 }
 
-/// Decodes a SocketCAN packet.
 fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     let Some((&[a, b, c, d, length, flags, _, _], data)) = packet.split_first_chunk::<HEAD>() else {
         return Err("the packet is too short for a frame");
@@ -252,9 +255,7 @@ fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     let raw = u32::from_be_bytes([a, b, c, d]);
     let number = raw & ExtendedId::MAX.as_raw();
     let mut bytes = [0; 8];
-    for (room, byte) in bytes.iter_mut().zip(data) {
-        *room = *byte;
-    }
+    bytes.iter_mut().zip(data).for_each(|(room, byte)| *room = *byte);
     if raw & ERROR_FLAG != 0 {
         return Ok(Entry::Error(ErrorFrame { class: number, data: bytes }));
     }

@@ -1,4 +1,4 @@
-//! Reads recordings in any format. The content determines the format; for ambiguous text, the extension decides.
+//! Reads recordings in all formats. The content determines the format; for ambiguous text, the extension decides.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -6,7 +6,7 @@ use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
 use super::pcapng::{MAGIC, PacketError, Packets};
-use super::{Format, asc, foreign};
+use super::{Format, asc, foreign, invalid};
 use crate::log::candump::{self, Reason};
 use crate::log::{Record, Timestamp};
 
@@ -16,9 +16,7 @@ const LINE_MAX: u64 = 4096;
 /// The maximum length of an unreadable line quoted in messages, in characters.
 const SHOWN: usize = 80;
 
-const UNREADABLE: &str = "the rest of the file cannot be read";
-
-/// Reads a recording entry by entry.
+/// A reader of a recording, entry by entry.
 pub struct Reader {
     source: Source,
     /// The number of the last line or packet, from 1.
@@ -111,29 +109,22 @@ impl Reader {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;
         if let Some(refusal) = foreign::by_magic(&head) {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, refusal));
+            return Err(invalid(refusal));
         }
-        let is_packets = head == MAGIC;
-        let whole = Cursor::new(head).chain(source);
-        let source = if is_packets {
-            Source::Packets(Box::new(Packets::new(Box::new(whole)).map_err(|error| match error {
-                PacketError::End(reason) | PacketError::Packet(reason) => {
-                    io::Error::new(io::ErrorKind::InvalidData, reason)
-                }
-                PacketError::Io => io::Error::other(UNREADABLE),
-            })?))
+        let is_known = head == MAGIC;
+        let whole = Box::new(Cursor::new(head).chain(source));
+        let source = if is_known {
+            Source::Packets(Box::new(Packets::new(whole)?))
         } else {
-            let last = Timestamp::from_micros(0);
             Source::Text(Text {
-                input: BufReader::new(Box::new(whole)),
+                input: BufReader::new(whole),
                 style: Style::Unseen(ending),
-                last,
+                last: Timestamp::from_micros(0),
                 bus: "can0".to_owned(),
                 line: Vec::new(),
                 is_too_long: false,
             })
         };
-        let is_known = matches!(source, Source::Packets(_));
         Ok(Self { source, number: 0, ended: false, is_known, held: VecDeque::new() })
     }
 
@@ -146,7 +137,7 @@ impl Reader {
         }
     }
 
-    /// Returns whether the next read may block, as on a pipe.
+    /// Returns whether the buffer is empty, so that the next read may block, as on a pipe.
     #[must_use]
     pub fn may_wait(&self) -> bool {
         match &self.source {
@@ -169,14 +160,14 @@ impl Reader {
                         self.ended = true;
                         Err(none(reason, String::new()))
                     }
-                    Err(PacketError::Io) => Err(io::Error::other(UNREADABLE).into()),
+                    Err(PacketError::Io) => Err(io::Error::other("the rest of the file cannot be read").into()),
                 },
                 Source::Text(text) => match text.next_line() {
                     Err(error) => Err(error.into()),
-                    Ok(false) if matches!(text.style, Style::Unseen(_)) => Err(refusal(foreign::EMPTY)),
+                    Ok(false) if matches!(text.style, Style::Unseen(_)) => Err(invalid(foreign::EMPTY).into()),
                     Ok(false) => return None,
                     Ok(true) => match (text.refusal(), text.entry()) {
-                        (Some(reason), _) => Err(refusal(reason)),
+                        (Some(reason), _) => Err(invalid(reason).into()),
                         (None, Ok(None)) => continue,
                         (None, Ok(Some(record))) => Ok(record),
                         (None, Err(reason)) => Err(none(reason, text.shown())),
@@ -187,10 +178,6 @@ impl Reader {
             return Some(found.map(|record| Logged { number, record }));
         }
     }
-}
-
-fn refusal(reason: &'static str) -> ReadError {
-    io::Error::new(io::ErrorKind::InvalidData, reason).into()
 }
 
 /// Returns whether a line is not from a recording at all, rather than a damaged line of a recording.
@@ -210,7 +197,7 @@ impl Iterator for Reader {
             if is_short || self.held.len() >= foreign::LINES && !self.is_known {
                 self.ended = true;
                 self.held.clear();
-                return Some(Err(refusal(foreign::UNKNOWN)));
+                return Some(Err(invalid(foreign::UNKNOWN).into()));
             }
         }
         match self.held.pop_front() {

@@ -1,4 +1,4 @@
-//! Writes recordings in any format.
+//! Writes recordings in all formats.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -7,7 +7,7 @@ use super::{Format, asc, pcapng};
 use crate::log::candump::write_entry;
 use crate::log::{Record, Timestamp};
 
-/// Writes a recording.
+/// A writer of a recording.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
