@@ -8,7 +8,6 @@ use protocol_core::wire::cob_id::{Function, classify};
 
 use super::text_or_hex;
 
-/// A party of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Party {
     Client,
@@ -20,7 +19,6 @@ pub(super) enum Party {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Blocks(BTreeMap<u8, Transfer>);
 
-/// A block transfer.
 #[derive(Clone, Copy, Debug)]
 struct Transfer {
     /// The sender of the segments.

@@ -52,13 +52,13 @@ fn of_node(function: Function, node: u8, frame: &Frame, context: &Context<'_>) -
         Function::Rpdo1 => Some(to_device(rpdo(data))),
         Function::SdoAnswer => {
             let bytes = frame.eight()?;
-            let segment = context.blocks.segment(node, Party::Server, bytes);
+            let segment = context.known.blocks.segment(node, Party::Server, bytes);
             segment.or_else(|| sdo::answer(bytes, context.kind(node))).map(from_device)
         }
         Function::SdoRequest => {
             let bytes = frame.eight()?;
             let kind = context.node(node).map(|node| node.kind);
-            let segment = context.blocks.segment(node, Party::Client, bytes);
+            let segment = context.known.blocks.segment(node, Party::Client, bytes);
             Some(to_device(segment.unwrap_or_else(|| sdo::request(bytes, kind))))
         }
         Function::Heartbeat => heartbeat(data).map(from_device),
@@ -142,7 +142,6 @@ fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
     Some(format!("EMCY: {what}, register 0x{register:02X}, count {low}"))
 }
 
-/// Formats an error name with the error code.
 fn named(what: &str, code: u16) -> String {
     format!("{what} (0x{code:04X})")
 }

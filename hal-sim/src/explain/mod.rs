@@ -55,32 +55,29 @@ pub struct Node {
     pub node_id: Option<u8>,
 }
 
-/// Explains frames, based on the devices on the bus.
+/// A translator of frames into text, based on the devices on the bus.
 #[derive(Clone, Debug, Default)]
 pub struct Explainer {
     nodes: Vec<Node>,
     blocks: Blocks,
     writes: Writes,
-    /// The number of nodes given by the caller; the others were [learned](Self::learn).
-    given: usize,
-    /// The evidence for each learned node.
-    learned: BTreeMap<u8, Evidence>,
+    /// The devices that were [learned](Self::learn), with the evidence for their kinds, by node ID or address.
+    learned: BTreeMap<u8, (Node, Evidence)>,
 }
 
 impl Explainer {
     /// Creates an explainer for the given devices.
     #[must_use]
     pub fn new(nodes: Vec<Node>) -> Self {
-        Self { given: nodes.len(), nodes, ..Self::default() }
+        Self { nodes, ..Self::default() }
     }
 
     /// Adds a device.
     pub fn add(&mut self, node: Node) {
-        self.nodes.insert(self.given, node);
-        self.given += 1;
+        self.nodes.push(node);
     }
 
-    /// Returns the devices, to update their node IDs.
+    /// Returns the devices given by the caller, to update their node IDs.
     pub fn nodes_mut(&mut self) -> &mut [Node] {
         &mut self.nodes
     }
@@ -111,8 +108,7 @@ impl Explainer {
 
     fn context<'a>(&'a self, from: Option<&str>) -> Context<'a> {
         let sender = from.and_then(|name| self.nodes.iter().find(|node| node.name == name));
-        let (nodes, blocks, writes) = (&self.nodes, &self.blocks, &self.writes);
-        Context { nodes, blocks, writes, sender, from_client: from.is_some() && sender.is_none() }
+        Context { known: self, sender, from_client: from.is_some() && sender.is_none() }
     }
 
     fn meaning(&self, frame: &Frame, context: &Context<'_>) -> Option<String> {
@@ -148,21 +144,17 @@ pub fn explain_fault(fault: &str, frame: &Frame, effect: &FaultEffect, from: &st
     }
 }
 
-/// The context of an explanation.
 struct Context<'a> {
-    nodes: &'a [Node],
-    blocks: &'a Blocks,
-    writes: &'a Writes,
+    known: &'a Explainer,
     /// The device that sent the frame, if known.
     sender: Option<&'a Node>,
-    /// Whether a client sent the frame.
     from_client: bool,
 }
 
 impl Context<'_> {
-    /// Returns the device with a node ID.
     fn node(&self, id: u8) -> Option<&Node> {
-        self.nodes.iter().find(|node| node.node_id == Some(id))
+        let Explainer { nodes, learned, .. } = self.known;
+        nodes.iter().find(|node| node.node_id == Some(id)).or_else(|| learned.get(&id).map(|(node, _)| node))
     }
 
     /// Returns the name of the device with a node ID, or the text `node 0x…` if no device has the node ID.
@@ -206,7 +198,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
 }
 
-/// Formats bytes as a quoted string if they are printable, otherwise in hex.
+/// Formats bytes as a quoted string if all are printable, otherwise in hex.
 fn text_or_hex(bytes: &[u8]) -> String {
     let printable = !bytes.is_empty() && bytes.iter().all(|byte| (b' '..=b'~').contains(byte));
     if printable { format!("\"{}\"", String::from_utf8_lossy(bytes)) } else { hex(bytes) }

@@ -54,7 +54,6 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
     }
 }
 
-/// Formats a position of an angle sensor.
 pub(super) fn angle(position: u32) -> String {
     format!("{position} ({:.2}°)", f64::from(position) * 360.0 / f64::from(encoder::STEPS))
 }

@@ -36,21 +36,14 @@ impl Explainer {
     /// explained. Devices given by the caller are unchanged.
     pub fn learn(&mut self, frame: &Frame) {
         let Some((id, kind, evidence)) = told(frame) else { return };
-        if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {
-            return;
-        }
-        let known = self.learned.insert(id, evidence.max(self.learned.get(&id).copied().unwrap_or(evidence)));
-        let place = self.nodes.iter().skip(self.given).position(|node| node.node_id == Some(id));
-        match place.and_then(|place| self.nodes.get_mut(self.given + place)) {
-            Some(node) if known <= Some(evidence) => node.kind = kind,
-            Some(_) => {}
-            None => {
-                let name = match kind.protocol() {
-                    pve::Protocol::Canopen => format!("node 0x{id:02X}"),
-                    pve::Protocol::Isobus => format!("0x{id:02X}"),
-                };
-                self.nodes.push(Node { name, kind, node_id: Some(id) });
-            }
+        let is_known = self.nodes.iter().any(|node| node.node_id == Some(id))
+            || self.learned.get(&id).is_some_and(|(_, known)| *known > evidence);
+        if !is_known {
+            let name = match kind.protocol() {
+                pve::Protocol::Canopen => format!("node 0x{id:02X}"),
+                pve::Protocol::Isobus => format!("0x{id:02X}"),
+            };
+            self.learned.insert(id, (Node { name, kind, node_id: Some(id) }, evidence));
         }
     }
 }

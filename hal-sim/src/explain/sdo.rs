@@ -2,6 +2,7 @@
 
 use protocol_core::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
+use super::block::Party;
 use super::object::{self, object, value};
 use super::text_or_hex;
 use crate::Kind;
@@ -23,13 +24,13 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         Request::DownloadSegment(part) => format!("SDO write, {}", segment(&part)),
         Request::Abort(target, code) => abort(&object(target, kind), AbortCode(code)),
         Request::Unknown(_) => {
-            block_request(bytes, kind).unwrap_or_else(|| format!("SDO unknown command 0x{:02X}", bytes[0]))
+            block(bytes, kind, Party::Client).unwrap_or_else(|| format!("SDO unknown command 0x{:02X}", bytes[0]))
         }
     }
 }
 
 pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
-    let Some(answer) = Answer::parse(bytes) else { return block_answer(bytes, kind) };
+    let Some(answer) = Answer::parse(bytes) else { return block(bytes, kind, Party::Server) };
     Some(match answer {
         Answer::UploadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
@@ -47,32 +48,22 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// Explains a request of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the simulated devices refuse.
-/// `block` explains the segments.
-fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
+/// Explains a message that controls a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the simulated devices
+/// refuse. The module `block` explains the segments.
+fn block(bytes: &[u8; 8], kind: Option<Kind>, from: Party) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
+    let [five, six] = match from {
+        Party::Client => ["read", "write"],
+        Party::Server => ["write response", "read response"],
+    };
     Some(match (command >> 5, command & 0b11) {
-        (5, 0) => format!("SDO block read {}, blocks of {}", target(), bytes[4]),
-        (5, 1) => "SDO block read, end".to_owned(),
-        (5, 2) => format!("SDO block read, received up to segment {a}, next block of {b}"),
-        (5, 3) => "SDO block read, start".to_owned(),
-        (6, 1 | 3) => "SDO block write, end".to_owned(),
-        (6, _) => format!("SDO block write {}{}", target(), block_size(bytes)),
-        _ => return None,
-    })
-}
-
-/// Explains a response of a block transfer.
-fn block_answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
-    let &[command, a, b, ..] = bytes;
-    let target = || object(multiplexer(bytes), kind);
-    Some(match (command >> 5, command & 0b11) {
-        (5, 0) => format!("SDO block write response {}, blocks of {}", target(), bytes[4]),
-        (5, 1) => "SDO block write response, end".to_owned(),
-        (5, 2) => format!("SDO block write response, received up to segment {a}, next block of {b}"),
-        (6, 1 | 3) => "SDO block read response, end".to_owned(),
-        (6, _) => format!("SDO block read response {}{}", target(), block_size(bytes)),
+        (5, 0) => format!("SDO block {five} {}, blocks of {}", target(), bytes[4]),
+        (5, 1) => format!("SDO block {five}, end"),
+        (5, 2) => format!("SDO block {five}, received up to segment {a}, next block of {b}"),
+        (5, 3) if from == Party::Client => "SDO block read, start".to_owned(),
+        (6, 1 | 3) => format!("SDO block {six}, end"),
+        (6, _) => format!("SDO block {six} {}{}", target(), block_size(bytes)),
         _ => return None,
     })
 }

@@ -19,7 +19,7 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     let &[service, ref rest @ ..] = message else { return None };
     let sender = match (context.sender, device(source)) {
         (Some(sender), _) => sender.name.clone(),
-        (None, _) if !context.from_client && answers_write(id, message) => context.writes.asked(context),
+        (None, _) if !context.from_client && answers_write(id, message) => context.known.writes.asked(context),
         (None, Some(id)) => context.sender(id),
         (None, None) => party(source, context),
     };
