@@ -42,7 +42,7 @@ fn is_own_claim(frame: &Frame, nodes: &[Node], timeline: &Timeline) -> bool {
         Id::Standard(_) => Address::NULL,
     };
     let product = |name: Name| (name.fields().manufacturer_code, name.fields().function);
-    timeline.power_ups().iter().zip(nodes).any(|(power_up, node)| {
+    timeline.power_ups.iter().zip(nodes).any(|(power_up, node)| {
         let Some(own) = power_up.frame.filter(|first| is_claim(first.key())).as_ref().and_then(name_of) else {
             return false;
         };

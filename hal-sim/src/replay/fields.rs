@@ -18,7 +18,6 @@ const FLOAT: i32 = 32_767;
 /// The value of an AVEF without flow (SPEC 5).
 const NO_FLOW: i32 = 125;
 
-/// The position fields of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fields([Option<Field>; 8]);
 
@@ -63,7 +62,6 @@ impl Encoding {
         }
     }
 
-    /// Returns the range of positions.
     const fn positions(self) -> RangeInclusive<i32> {
         match self {
             Self::Shaft => 0..=POSITION_MAX as i32,

@@ -10,6 +10,7 @@ use protocol_core::time::{Duration, Instant, after, since};
 use super::identifier::is_cannot_claim;
 use super::item::{Item, PATIENCE};
 use super::position::PositionTolerance;
+use super::report::What;
 
 /// The additional tolerance of a cannot-claim: each node that loses its address delays this message randomly (SAE
 /// J1939-81).
@@ -24,21 +25,15 @@ const UNLIKE: u32 = 2;
 const ALONE: u32 = 2;
 const APART: u32 = 3;
 
-/// The verdict on a frame or a pair.
+/// The verdict on a frame without a partner, or on a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
-    /// The frame was sent with the logged data, within the time tolerance.
-    AsLogged,
-    /// The logged frame was not sent.
-    Missing(Item),
-    /// The sent frame was not logged.
-    Additional(Item),
-    /// The frame was sent with data different from the logged data.
-    Different(Item, Item),
-    /// The frame was sent too early.
-    Early(Item, Item),
-    /// The frame was sent too late.
-    Late(Item, Item),
+pub(super) struct Verdict {
+    /// The difference; `None` if the frame was sent with the logged data, within the time tolerance.
+    pub(super) what: Option<What>,
+    /// The logged frame, or an additional sent frame.
+    pub(super) item: Item,
+    /// The sent frame of a pair.
+    pub(super) partner: Option<Item>,
 }
 
 /// The logged and sent frames of one identifier that have no verdict yet, oldest first.
@@ -48,7 +43,6 @@ pub(super) struct FrameMatcher {
     pub(super) sent: VecDeque<Item>,
 }
 
-/// A step of an alignment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Pair,
@@ -57,7 +51,7 @@ enum Step {
 }
 
 impl FrameMatcher {
-    /// Judges the oldest frame or pair and removes it. Returns `None` if no frame is left, or if the verdict depends on
+    /// Judges and removes the oldest frame or pair. Returns `None` if no frame is left, or if the verdict depends on
     /// frames after `known`, the time up to which all frames are known.
     pub(super) fn next(
         &mut self,
@@ -81,19 +75,19 @@ impl FrameMatcher {
             (None, Some(sent)) if is_over(sent) => Step::Additional,
             _ => return None,
         };
-        match step {
-            Step::Missing => self.logged.pop_front().map(Verdict::Missing),
-            Step::Additional => self.sent.pop_front().map(Verdict::Additional),
-            Step::Pair => {
-                let (logged, sent) = (self.logged.pop_front()?, self.sent.pop_front()?);
-                Some(match pair(&logged, &sent, tolerance, positions) {
-                    Some(0) => Verdict::AsLogged,
-                    Some(UNLIKE) => Verdict::Different(logged, sent),
-                    _ if sent.at < logged.at => Verdict::Early(logged, sent),
-                    _ => Verdict::Late(logged, sent),
-                })
-            }
-        }
+        let logged = if step == Step::Additional { None } else { self.logged.pop_front() };
+        let sent = if step == Step::Missing { None } else { self.sent.pop_front() };
+        let what = match (&logged, &sent) {
+            (Some(_), None) => Some(What::Missing),
+            (None, _) => Some(What::Additional),
+            (Some(logged), Some(sent)) => match pair(logged, sent, tolerance, positions) {
+                Some(0) => None,
+                Some(UNLIKE) => Some(What::Different),
+                _ if sent.at < logged.at => Some(What::Early(since(logged.at, sent.at))),
+                _ => Some(What::Late(since(sent.at, logged.at))),
+            },
+        };
+        Some(Verdict { what, item: logged.or(sent)?, partner: logged.and(sent) })
     }
 
     /// Returns the first step of the cheapest alignment of the next frames.

@@ -35,7 +35,6 @@ pub(super) fn is_claim(key: u32) -> bool {
         && J1939Id::from_raw(key & !EXTENDED).pgn() == Pgn::ADDRESS_CLAIMED
 }
 
-/// Returns whether a frame is a cannot-claim.
 pub(super) fn is_cannot_claim(frame: &Frame) -> bool {
     match frame.id() {
         Id::Extended(id) => is_claim(frame.key()) && J1939Id::from_raw(id.as_raw()).source() == Address::NULL,

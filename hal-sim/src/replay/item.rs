@@ -13,7 +13,6 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 pub(super) struct Item {
     /// The end of the frame.
     pub(super) at: Instant,
-    /// The frame.
     pub(super) frame: Frame,
     /// The number of the log entry; `None` for a frame from a simulated device.
     pub(super) number: Option<u64>,
@@ -24,12 +23,10 @@ pub(super) struct Item {
 }
 
 impl Item {
-    /// Creates an item from a log frame.
     pub(super) fn logged(at: Instant, frame: Frame, number: u64) -> Self {
         Self { at, frame, number: Some(number), device: None, fields: Fields::default() }
     }
 
-    /// Creates an item from a frame that a simulated device sent.
     pub(super) fn sent(at: Instant, frame: Frame, device: usize) -> Self {
         Self { at, frame, number: None, device: Some(device), fields: Fields::default() }
     }

@@ -135,7 +135,7 @@ pub enum ReplayError {
         name: String,
     },
     /// After the last round, the client had still sent log frames with identifiers that a simulated device sends too.
-    #[error("{}: own identifiers, still sent as frames of other nodes after {ROUNDS} rounds: {ids}", path.display())]
+    #[error("{}: after {ROUNDS} rounds, identifiers of the devices were still sent as frames of other nodes: {ids}", path.display())]
     Misplayed {
         /// The file.
         path: PathBuf,
@@ -269,9 +269,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Collects the frames sent by the simulated devices.
     fn collect(&mut self) {
-        for item in self.bus.take_sent() {
+        for item in self.bus.sent.drain(..) {
             self.heard.extend(item.device);
             self.matchers.entry(item.frame.key()).or_default().sent.push_back(item);
         }
@@ -282,29 +281,21 @@ impl<'a> Player<'a> {
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for matcher in self.matchers.values_mut() {
-            while let Some(verdict) = matcher.next(known, tolerance, self.bus.positions()) {
-                let (what, item, other) = match verdict {
-                    Verdict::AsLogged => continue,
-                    Verdict::Missing(item) => (What::Missing, item, None),
-                    Verdict::Additional(item) => {
-                        let is_after = end.is_some_and(|end| after(item.at, tolerance) > end);
-                        if is_after || after(item.at, tolerance) < self.timeline.opened() {
-                            continue;
-                        }
-                        (What::Additional, item, None)
-                    }
-                    Verdict::Different(logged, sent) => (What::Different, logged, Some(sent)),
-                    Verdict::Early(logged, sent) => (What::Early(since(logged.at, sent.at)), logged, Some(sent)),
-                    Verdict::Late(logged, sent) => (What::Late(since(sent.at, logged.at)), logged, Some(sent)),
-                };
+            while let Some(Verdict { what, item, partner }) = matcher.next(known, tolerance, &self.bus.positions) {
+                let Some(what) = what else { continue };
+                let is_after = end.is_some_and(|end| after(item.at, tolerance) > end);
+                let is_outside = is_after || after(item.at, tolerance) < self.timeline.opened();
+                if what == What::Additional && is_outside {
+                    continue;
+                }
                 self.outcome.differences += 1;
                 if self.outcome.told.len() < TOLD {
-                    let difference = self.bus.difference(what, &item, other.as_ref(), self.timeline);
+                    let difference = self.bus.difference(what, &item, partner.as_ref(), self.timeline);
                     self.outcome.told.push(difference);
                 }
             }
         }
-        self.bus.forget(known);
+        self.bus.positions.forget(known);
     }
 
     /// Returns the name of the first simulated device that has sent no frame, for example a blank device without LSS
@@ -318,7 +309,7 @@ impl<'a> Player<'a> {
     /// Returns the identifiers that both a simulated device and the client have sent, except address claims and
     /// identifiers already known to be the device's own.
     fn misplayed(&self) -> BTreeSet<u32> {
-        let sent = self.bus.sent_keys().iter().copied().filter(|key| !is_claim(*key));
+        let sent = self.bus.sent_keys.iter().copied().filter(|key| !is_claim(*key));
         sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()
     }
 }

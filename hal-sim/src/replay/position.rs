@@ -20,7 +20,6 @@ use crate::world::{NodeId, World};
 /// The maximum time between two samples of a changing position.
 pub(super) const GRID: Duration = Duration::from_millis(1);
 
-/// The position of a device at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sample {
     at: Instant,

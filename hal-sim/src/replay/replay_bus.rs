@@ -18,7 +18,6 @@ use crate::devices::link_in;
 use crate::explain::{Explainer, Node};
 use crate::world::{ClientPortId, EventKind, NodeId, World};
 
-/// The bus of a replay.
 pub(super) struct ReplayBus {
     world: World,
     others: ClientPortId,
@@ -28,9 +27,11 @@ pub(super) struct ReplayBus {
     places: BTreeMap<Arc<str>, usize>,
     nodes: Vec<NodeId>,
     explainer: Explainer,
-    sent: Vec<Item>,
-    sent_keys: BTreeSet<u32>,
-    positions: PositionTolerance,
+    /// The frames of the simulated devices that have not been taken yet, oldest first.
+    pub(super) sent: Vec<Item>,
+    /// The identifiers sent by the simulated devices, as [keys](Frame::key).
+    pub(super) sent_keys: BTreeSet<u32>,
+    pub(super) positions: PositionTolerance,
 }
 
 impl ReplayBus {
@@ -47,7 +48,7 @@ impl ReplayBus {
         // the sender.
         let others = world.add_gateway("the log");
         link_in(&mut world, &options.links);
-        let mut to_come: Vec<_> = timeline.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
+        let mut to_come: Vec<_> = timeline.power_ups.iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
         to_come.sort_by(|one, other| other.cmp(one));
         let known = options.devices.iter().map(|device| Node {
             name: device.name.clone(),
@@ -138,25 +139,6 @@ impl ReplayBus {
 
     pub(super) fn send(&mut self, frame: Frame) {
         self.world.send(self.others, frame);
-    }
-
-    /// Takes the frames of the simulated devices, oldest first.
-    pub(super) fn take_sent(&mut self) -> std::vec::Drain<'_, Item> {
-        self.sent.drain(..)
-    }
-
-    /// Returns the identifiers sent by the simulated devices, as [keys](Frame::key).
-    pub(super) const fn sent_keys(&self) -> &BTreeSet<u32> {
-        &self.sent_keys
-    }
-
-    pub(super) const fn positions(&self) -> &PositionTolerance {
-        &self.positions
-    }
-
-    /// Drops the samples too old to match any frame after `known`, the time up to which all frames are known.
-    pub(super) fn forget(&mut self, known: Instant) {
-        self.positions.forget(known);
     }
 
     /// Returns whether a log frame belongs to a replayed device.

@@ -27,13 +27,11 @@ pub(super) struct Timeline {
     /// The number and time of the first entry that is not skipped.
     first: (u64, Timestamp),
     /// The power-up of each device, in the order of the options.
-    devices: Vec<PowerUp>,
+    pub(super) power_ups: Vec<PowerUp>,
 }
 
-/// The power-up of a device.
 #[derive(Debug)]
 pub(super) struct PowerUp {
-    /// The time of the power-up.
     pub(super) at: Instant,
     /// The first frame of the simulated device; `None` for a blank device, which sends no frame without a request.
     pub(super) frame: Option<Frame>,
@@ -56,9 +54,9 @@ enum Search {
     Open,
     /// The entry has been found.
     Found(FirstFrame),
-    /// A claim of the device's address with another NAME has been found. It counts as the first frame unless the
-    /// device's own claim follows: the first claim then came from a contender. `spoke`: the address has since sent
-    /// another frame.
+    /// A claim of the device's address with another NAME has been found. This claim counts as the first frame unless
+    /// the device's own claim follows, because then a contender sent this claim. `spoke` is whether the address has
+    /// since sent a frame other than a claim.
     Perhaps { claim: FirstFrame, spoke: bool },
     /// The first frame was sent before the log began, because the device has sent another frame.
     Before,
@@ -163,7 +161,7 @@ impl Timeline {
             logged: found.map(|entry| entry.frame),
             number: found.map(|entry| entry.number),
         });
-        Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
+        Ok(Self { zero: Timestamp::from_micros(zero), first: start, power_ups: devices.collect() })
     }
 
     /// Returns the virtual time of a log entry; `None` for a skipped entry.
@@ -184,17 +182,12 @@ impl Timeline {
 
     /// Returns whether a log entry contains the first frame of a device.
     pub(super) fn is_first(&self, number: u64) -> bool {
-        self.devices.iter().any(|device| device.number == Some(number))
+        self.power_ups.iter().any(|device| device.number == Some(number))
     }
 
     /// Returns the number of the entry with each device's first frame; `None` for a device powered up before the log.
     pub(super) fn entries(&self) -> Vec<Option<u64>> {
-        self.devices.iter().map(|device| device.number).collect()
-    }
-
-    /// Returns the power-ups of the devices, in the order of the options.
-    pub(super) fn power_ups(&self) -> &[PowerUp] {
-        &self.devices
+        self.power_ups.iter().map(|device| device.number).collect()
     }
 }
 
