@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use protocol_core::device::Protocol;
 use protocol_core::wire::j1939_id::Address;
 
+use super::Product;
 use super::layout::{Message, Role, Signal, commanded_address, messages};
-use super::product::Product;
 use crate::Kind;
 
 /// The flag of a 29-bit identifier in a DBC.

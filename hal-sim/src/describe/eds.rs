@@ -7,13 +7,13 @@ use protocol_core::canopen::dictionary::{Access, DataType, Entry, Initial, Mappa
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Capabilities, describe};
 
-use super::product::Product;
+use super::Product;
 use crate::Kind;
 
 /// The CiA 306 version of the sheet.
 const EDS_VERSION: &str = "4.0";
 
-/// The date of the sheet, month first. It is constant, so that the output is reproducible.
+/// The date of the sheet, month first; constant, so that the output is reproducible.
 const DATE: &str = "11-22-2026";
 const TIME: &str = "12:00AM";
 
@@ -27,12 +27,7 @@ const COMMENTS: [&str; 3] = [
     "Where sub-indices have gaps, sub-index 0 has the product's value, not their count.",
 ];
 
-/// An object with its sub-indices, as listed in the sheet.
-#[derive(Default)]
-struct Object {
-    rows: Vec<Row>,
-}
-
+/// A sub-index of an object.
 struct Row {
     entry: &'static Entry,
     default: Option<String>,
@@ -41,7 +36,7 @@ struct Row {
 /// Generates the EDS of a product, in ASCII; `None` for a kind without an object dictionary.
 #[must_use]
 pub fn eds(kind: Kind) -> Option<String> {
-    let mut objects = BTreeMap::<u16, Object>::new();
+    let mut objects = BTreeMap::<u16, Vec<Row>>::new();
     let mut identity = [0; 5];
     let capabilities = describe(kind, |entry, initial| {
         if let (0x1018, Initial::Fixed(Value::Number(number))) = (entry.object().index, initial)
@@ -50,7 +45,7 @@ pub fn eds(kind: Kind) -> Option<String> {
             *part = number;
         }
         let row = Row { entry, default: default(entry.data_type(), initial) };
-        objects.entry(entry.object().index).or_default().rows.push(row);
+        objects.entry(entry.object().index).or_default().push(row);
     })?;
     let mut sheet = String::new();
     // Writing to a string cannot fail.
@@ -63,7 +58,7 @@ fn write(
     kind: Kind,
     identity: [u32; 5],
     capabilities: Capabilities,
-    objects: &BTreeMap<u16, Object>,
+    objects: &BTreeMap<u16, Vec<Row>>,
 ) -> std::fmt::Result {
     let Product { vendor, name, order_code } = Product::of(kind);
     let [_, vendor_number, product, revision, _] = identity;
@@ -97,10 +92,7 @@ fn write(
     list(out, "MandatoryObjects", indices().filter(|index| MANDATORY.contains(index)))?;
     list(out, "OptionalObjects", indices().filter(|index| !MANDATORY.contains(index) && !is_manufacturers(index)))?;
     list(out, "ManufacturerObjects", indices().filter(|index| is_manufacturers(index)))?;
-    for (index, object) in objects {
-        object.write(out, *index)?;
-    }
-    Ok(())
+    objects.iter().try_for_each(|(index, rows)| write_object(out, *index, rows))
 }
 
 fn list<'a>(out: &mut String, section: &str, indices: impl Iterator<Item = &'a u16> + Clone) -> std::fmt::Result {
@@ -116,24 +108,22 @@ const VAR: u8 = 7;
 const ARRAY: u8 = 8;
 const RECORD: u8 = 9;
 
-impl Object {
-    fn write(&self, out: &mut String, index: u16) -> std::fmt::Result {
-        let [Row { entry: first, .. }, rest @ ..] = &self.rows[..] else { return Ok(()) };
-        if rest.is_empty() && first.object().sub == 0 {
-            writeln!(out, "[{index:04X}]\nParameterName={}", first.name)?;
-            return self.rows.iter().try_for_each(|row| row.write(out));
-        }
-        let (own, _) = names(first);
-        let object_type = if is_record(index) { RECORD } else { ARRAY };
-        writeln!(out, "[{index:04X}]\nParameterName={own}\nObjectType={object_type}\nSubNumber={}\n", self.rows.len())?;
-        for row in &self.rows {
-            let sub = row.entry.object().sub;
-            let name = if sub == 0 { names(row.entry).1 } else { row.entry.name.to_owned() };
-            writeln!(out, "[{index:04X}sub{sub:X}]\nParameterName={name}")?;
-            row.write(out)?;
-        }
-        Ok(())
+fn write_object(out: &mut String, index: u16, rows: &[Row]) -> std::fmt::Result {
+    let [first, rest @ ..] = rows else { return Ok(()) };
+    if rest.is_empty() && first.entry.object().sub == 0 {
+        writeln!(out, "[{index:04X}]\nParameterName={}", first.entry.name)?;
+        return first.write(out);
     }
+    let (own, _) = names(first.entry);
+    let object_type = if is_record(index) { RECORD } else { ARRAY };
+    writeln!(out, "[{index:04X}]\nParameterName={own}\nObjectType={object_type}\nSubNumber={}\n", rows.len())?;
+    for row in rows {
+        let sub = row.entry.object().sub;
+        let name = if sub == 0 { names(row.entry).1 } else { row.entry.name.to_owned() };
+        writeln!(out, "[{index:04X}sub{sub:X}]\nParameterName={name}")?;
+        row.write(out)?;
+    }
+    Ok(())
 }
 
 impl Row {

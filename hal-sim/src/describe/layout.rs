@@ -14,7 +14,6 @@ use crate::explain;
 /// The address of the master in the manual's examples. The valve accepts commands from any address.
 pub(super) const MASTER: Address = Address::new(0x27);
 
-/// A message.
 pub(super) struct Message {
     pub(super) name: String,
     pub(super) id: J1939Id,
@@ -23,7 +22,7 @@ pub(super) struct Message {
     pub(super) from_valve: bool,
     /// The period of a cyclic message, in milliseconds.
     pub(super) cycle_ms: Option<u16>,
-    pub(super) comment: String,
+    pub(super) comment: &'static str,
     pub(super) signals: Vec<Signal>,
 }
 
@@ -92,34 +91,31 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
     // AVC and AVEF use only the low four bits of the address. All other messages use the whole address.
     let number = address & 0xF;
     let global = |priority, pgn| J1939Id::global(priority, pgn, valve);
-    let to_valve = |priority, pgn| J1939Id::new(priority, pgn, valve, MASTER);
-    let eight = |name: String, id, signals| Message {
+    let message = |name: String, id, comment, signals| Message {
         name,
         id,
         len: 8,
         from_valve: true,
         cycle_ms: None,
-        comment: String::new(),
+        comment,
         signals,
     };
     vec![
         Message {
             from_valve: false,
-            comment:
-                "Auxiliary valve command, from any address, here 0x27; the flow is used in extend and retract only"
-                    .to_owned(),
-            ..eight(
+            ..message(
                 format!("AVC{number}"),
                 J1939Id::global(Priority::CONTROL, Pgn::avc(address), MASTER),
+                "Auxiliary valve command, from any address, here 0x27; the flow is used in extend and retract only",
                 vec![Signal::raw("PortFlow", 0, 8).percent(0.4, 0.0), state(), fail_safe_mode()],
             )
         },
         Message {
             cycle_ms: Some(100),
-            comment: "Auxiliary valve estimated flow".to_owned(),
-            ..eight(
+            ..message(
                 format!("AVEF{number}"),
                 global(Priority::CONTROL, Pgn::avef(address)),
+                "Auxiliary valve estimated flow",
                 vec![
                     Signal::raw("ExtendFlow", 0, 8).percent(1.0, -125.0),
                     Signal::raw("RetractFlow", 8, 8).percent(1.0, -125.0),
@@ -128,67 +124,66 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
                 ],
             )
         },
-        Message {
-            comment: "The active fault of the highest priority, every 1000 ms while a fault is active".to_owned(),
-            ..eight(format!("DM1_{address:02X}"), global(Priority::DEFAULT, Pgn::DM1), troubles())
-        },
-        Message {
-            comment:
-                "Previously active faults, on request; several faults are sent in packets, with these as the first 8 \
-                      bytes"
-                    .to_owned(),
-            ..eight(format!("DM2_{address:02X}"), global(Priority::DEFAULT, Pgn::DM2), troubles())
-        },
-        Message {
-            comment: "Address claim".to_owned(),
-            ..eight(format!("AddressClaim_{address:02X}"), global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED), name())
-        },
-        Message {
-            comment: "Response to a request that has no response message of its own".to_owned(),
-            ..eight(
-                format!("Acknowledgement_{address:02X}"),
-                global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT),
-                vec![
-                    Signal::raw("Control", 0, 8).values([
-                        (Control::Positive as u32, "done"),
-                        (Control::Negative as u32, "not supported"),
-                        (Control::AccessDenied as u32, "access denied"),
-                        (Control::CannotRespond as u32, "cannot respond now"),
-                    ]),
-                    Signal::raw("Asker", 32, 8),
-                    group(40),
-                ],
-            )
-        },
-        Message {
-            comment: "Announces a broadcast message in packets".to_owned(),
-            ..eight(
-                format!("TP_CM_{address:02X}_to_all"),
-                global(Priority::TRANSPORT, Pgn::TP_CONNECTION),
-                connection(),
-            )
-        },
-        Message {
-            comment: "Refuses a transport connection".to_owned(),
-            ..eight(
-                format!("TP_CM_{address:02X}"),
-                J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, MASTER, valve),
-                connection(),
-            )
-        },
-        Message {
-            comment: "A packet of a broadcast message".to_owned(),
-            ..eight(
-                format!("TP_DT_{address:02X}"),
-                global(Priority::TRANSPORT, Pgn::TP_DATA),
-                vec![Signal::raw("Sequence", 0, 8), Signal::raw("Data", 8, 56)],
-            )
-        },
+        message(
+            format!("DM1_{address:02X}"),
+            global(Priority::DEFAULT, Pgn::DM1),
+            "The active fault of the highest priority, every 1000 ms while a fault is active",
+            troubles(),
+        ),
+        message(
+            format!("DM2_{address:02X}"),
+            global(Priority::DEFAULT, Pgn::DM2),
+            "Previously active faults, on request; several faults are sent in packets, with these as the first 8 bytes",
+            troubles(),
+        ),
+        message(
+            format!("AddressClaim_{address:02X}"),
+            global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED),
+            "Address claim",
+            name(),
+        ),
+        message(
+            format!("Acknowledgement_{address:02X}"),
+            global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT),
+            "Response to a request that has no response message of its own",
+            vec![
+                Signal::raw("Control", 0, 8).values([
+                    (Control::Positive as u32, "done"),
+                    (Control::Negative as u32, "not supported"),
+                    (Control::AccessDenied as u32, "access denied"),
+                    (Control::CannotRespond as u32, "cannot respond now"),
+                ]),
+                Signal::raw("Asker", 32, 8),
+                group(40),
+            ],
+        ),
+        message(
+            format!("TP_CM_{address:02X}_to_all"),
+            global(Priority::TRANSPORT, Pgn::TP_CONNECTION),
+            "Announces a broadcast message in packets",
+            connection(),
+        ),
+        message(
+            format!("TP_CM_{address:02X}"),
+            J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, MASTER, valve),
+            "Refuses a transport connection",
+            connection(),
+        ),
+        message(
+            format!("TP_DT_{address:02X}"),
+            global(Priority::TRANSPORT, Pgn::TP_DATA),
+            "A packet of a broadcast message",
+            vec![Signal::raw("Sequence", 0, 8), Signal::raw("Data", 8, 56)],
+        ),
         Message {
             len: 3,
             from_valve: false,
-            comment: "Requests a parameter group; a request for DM3 clears the previously active faults".to_owned(),
-            ..eight(format!("Request_{address:02X}"), to_valve(Priority::DEFAULT, Pgn::REQUEST), vec![group(0)])
+            ..message(
+                format!("Request_{address:02X}"),
+                J1939Id::new(Priority::DEFAULT, Pgn::REQUEST, valve, MASTER),
+                "Requests a parameter group; a request for DM3 clears the previously active faults",
+                vec![group(0)],
+            )
         },
     ]
 }
@@ -202,7 +197,7 @@ pub(super) fn commanded_address() -> Message {
         len: COMMANDED_ADDRESS_LEN,
         from_valve: false,
         cycle_ms: None,
-        comment: "Assigns this address to the valve with this NAME; sent in packets".to_owned(),
+        comment: "Assigns this address to the valve with this NAME; sent in packets",
         signals,
     }
 }
