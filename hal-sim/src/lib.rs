@@ -1,4 +1,4 @@
-//! The simulation as a library: CAN valves and angle sensors on a bus. It is deterministic and runs in virtual time.
+//! A deterministic simulation of CAN valves and angle sensors on a bus, in virtual time.
 //!
 //! # Layers
 //!

@@ -1,13 +1,11 @@
-//! The devices on a bus and the links between them: their text form, and how they are added to a world.
+//! The configuration of devices and links: text form, validation, and addition to a world.
 //!
 //! ```text
 //! spec   one device: KIND[@ID][,key=value…]
 //! link   a link: VALVE=SENSOR[,key=value…]
 //! heard  devices whose bit rate differs from the bus
-//! error  invalid sets of devices and links
 //! ```
 
-mod error;
 mod heard;
 mod link;
 mod spec;
@@ -15,7 +13,6 @@ mod spec;
 #[cfg(test)]
 mod tests;
 
-pub use error::DevicesError;
 pub use heard::{GRACE, NotHeard, RateWatch};
 pub use link::{LinkSpec, links};
 pub use spec::{CONTROL, DeviceSpec, bit_rate};
@@ -174,4 +171,42 @@ pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), DevicesError> {
         }
     }
     Ok(())
+}
+
+/// The reason why devices cannot share a bus, or cannot be linked.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DevicesError {
+    /// Two devices have the same name.
+    #[error("duplicate device name '{0}'; give each device its own")]
+    DuplicateName(String),
+    /// Two devices have the same node ID or the same address.
+    #[error("{first} and {second} both have {id_name} 0x{id:02X}; give each its own")]
+    Clash {
+        /// The name of the first device.
+        first: String,
+        /// The name of the second device.
+        second: String,
+        /// The term for the number: node ID or address.
+        id_name: &'static str,
+        /// The node ID or address.
+        id: u8,
+    },
+    /// A link refers to a device that is not on the bus.
+    #[error("no {product} '{name}' on the bus; {}", remedy(known))]
+    UnknownDevice {
+        /// The expected product: valve or angle sensor.
+        product: &'static str,
+        /// The name that the link refers to.
+        name: String,
+        /// The names of the devices of the expected product.
+        known: Vec<String>,
+    },
+    /// Two links have the same sensor.
+    #[error("{0} is linked twice; a sensor follows one valve only")]
+    LinkedTwice(String),
+}
+
+fn remedy(known: &[String]) -> String {
+    if known.is_empty() { "add one".to_owned() } else { format!("accepted: {}", known.join(", ")) }
 }

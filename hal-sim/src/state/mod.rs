@@ -3,8 +3,8 @@
 //!
 //! ```text
 //! device     the state of a device      plant   the plant of a device, and its changes
-//! condition  conditions to wait for     watch   a condition, checked whenever it may hold
-//! power      power and resets          bus     bit rate and disturbances
+//! condition  conditions to wait for     power   power and resets
+//! bus        bit rate and disturbances
 //! fault      communication faults
 //! possible   the values that each key of a state can have, by kind
 //! identifier CAN identifiers            pattern patterns of frames
@@ -23,10 +23,9 @@ mod plant;
 mod possible;
 mod power;
 pub mod schema;
-mod watch;
 
 pub use bus::{BitsPerSecond, BusChange, Disturb};
-pub use condition::{Condition, StateCondition};
+pub use condition::{Condition, StateCondition, StateWatch};
 pub use device::*;
 pub use fault::{DataMasks, DlcMasks, FaultRecord, FaultRequest, IdentifierMasks, Millis};
 pub use given::{given, given_object};
@@ -36,7 +35,6 @@ pub use pattern::{DATA, DATA_PATTERN, Pattern};
 pub use plant::{CRANKING, PlantChange, PlantState, Points, Profile, ReadyProfile};
 pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
-pub use watch::StateWatch;
 
 /// The error message for an invalid value: one line, with the accepted values.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

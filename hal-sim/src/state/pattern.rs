@@ -8,7 +8,6 @@ use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
 
 use super::Invalid;
 
-/// The accepted syntax of a frame.
 const ACCEPTED: &str = "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 digits up to 7FF, or 8 digits up to 1FFFFFFF; up to 8 bytes";
 
 /// Hex digits with wildcards.
@@ -19,7 +18,6 @@ struct Digits {
     mask: u32,
 }
 
-/// The accepted syntax of frame data.
 const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit, and .. at the end for any further bytes";
 
 /// A regular expression for the data of a frame: bytes, or a remote frame.
@@ -40,17 +38,10 @@ pub struct Pattern {
 enum Content {
     /// Data frames with any data.
     Any,
-    /// Data frames with these bytes, and further bytes if `More` allows them.
-    Data(Vec<Digits>, More),
+    /// Data frames with these bytes. With `true`, any further bytes may follow.
+    Data(Vec<Digits>, bool),
     /// Remote frames with this length.
     Remote(u8),
-}
-
-/// Whether any further bytes match.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum More {
-    No,
-    Any,
 }
 
 impl Digits {
@@ -70,7 +61,7 @@ impl Digits {
         self.mask.count_ones() == 4 * digits
     }
 
-    /// Writes this number of digits and wildcards.
+    /// Writes the lowest `digits` digits and wildcards.
     fn write(self, f: &mut fmt::Formatter<'_>, digits: u32) -> fmt::Result {
         (0..digits).rev().try_for_each(|place| {
             let shift = 4 * place;
@@ -116,15 +107,15 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
         };
         return length.map(Content::Remote).ok_or("invalid length of a remote frame");
     }
-    let (bytes, more) = text.strip_suffix("..").map_or((&*text, More::No), |bytes| (bytes, More::Any));
+    let (bytes, is_open) = text.strip_suffix("..").map_or((&*text, false), |bytes| (bytes, true));
     if !bytes.is_ascii() || !bytes.len().is_multiple_of(2) {
         return Err("an incomplete byte");
     }
     let pairs = (0..bytes.len()).step_by(2).map(|place| Digits::parse(&bytes[place..place + 2]));
     let bytes = pairs.collect::<Option<Vec<Digits>>>().ok_or("invalid hex digits")?;
-    match (bytes.len(), more) {
-        (0, More::Any) => Ok(Content::Any),
-        (0..=MAX_LEN, _) => Ok(Content::Data(bytes, more)),
+    match bytes.len() {
+        0 if is_open => Ok(Content::Any),
+        0..=MAX_LEN => Ok(Content::Data(bytes, is_open)),
         _ => Err("more than 8 bytes"),
     }
 }
@@ -176,9 +167,9 @@ impl Pattern {
         match (&self.content, frame.is_remote()) {
             (Content::Any, false) => Some(Vec::new()),
             (Content::Remote(length), true) if frame.len() == *length => Some(Vec::new()),
-            (Content::Data(bytes, more), false) => {
+            (Content::Data(bytes, is_open), false) => {
                 let data = frame.data();
-                let end = if *more == More::Any { bytes.len() } else { bytes.len().max(data.len()) };
+                let end = if *is_open { bytes.len() } else { bytes.len().max(data.len()) };
                 let differs = |place: &usize| match (bytes.get(*place), data.get(*place)) {
                     (Some(wanted), Some(byte)) => !wanted.fit((*byte).into()),
                     _ => true,
@@ -192,7 +183,7 @@ impl Pattern {
     /// Describes the difference if the frame differs from the pattern only in its length.
     pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
         let (wanted, is_least) = match &self.content {
-            Content::Data(bytes, more) if !frame.is_remote() => (bytes.len(), *more == More::Any),
+            Content::Data(bytes, is_open) if !frame.is_remote() => (bytes.len(), *is_open),
             Content::Remote(length) if frame.is_remote() => (usize::from(*length), false),
             _ => return None,
         };
@@ -231,7 +222,7 @@ impl Pattern {
         let id = self.identifier()?;
         match &self.content {
             Content::Remote(length) => Some(Frame::remote(id, *length)),
-            Content::Data(bytes, More::No) if bytes.iter().all(|byte| byte.are_exact(2)) => {
+            Content::Data(bytes, false) if bytes.iter().all(|byte| byte.are_exact(2)) => {
                 let bytes: Vec<u8> = bytes.iter().map(|byte| (byte.value & 0xFF) as u8).collect();
                 Frame::of(id, &bytes)
             }
@@ -247,13 +238,13 @@ impl fmt::Display for Pattern {
         match &self.content {
             Content::Any => write!(f, ": .."),
             Content::Remote(length) => write!(f, ": R{length}"),
-            Content::Data(bytes, more) => {
+            Content::Data(bytes, is_open) => {
                 write!(f, ":")?;
                 for byte in bytes {
                     write!(f, " ")?;
                     byte.write(f, 2)?;
                 }
-                if *more == More::Any { write!(f, " ..") } else { Ok(()) }
+                if *is_open { write!(f, " ..") } else { Ok(()) }
             }
         }
     }

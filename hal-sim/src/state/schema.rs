@@ -213,7 +213,6 @@ pub const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$";
 /// The accepted forms of an expectation in a step.
 const EXPECTED: &str = "a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }";
 
-/// Validates a value against its schema.
 struct Checker<'a> {
     schemas: &'a Schemas,
     null: &'a str,

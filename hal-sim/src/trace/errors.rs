@@ -41,13 +41,8 @@ impl Errors {
                 }
                 None
             }
-            EventKind::ErrorFrame { frame, error, .. } => {
-                self.error_frame(event, frame, *error).map(|(class, text)| (Some(class), text))
-            }
-            EventKind::ErrorMode { to, .. } => {
-                let (class, text) = self.change(event, *to);
-                Some((Some(class), text))
-            }
+            EventKind::ErrorFrame { frame, error, .. } => self.error_frame(event, frame, *error),
+            EventKind::ErrorMode { to, .. } => Some(self.change(event, *to)),
             EventKind::Fault { fault, frame, effect } => Some((None, explain_fault(fault, frame, effect, &event.who))),
             EventKind::FramesDropped { count } => {
                 let frames = if *count == 1 { "frame" } else { "frames" };
@@ -57,7 +52,7 @@ impl Errors {
         }
     }
 
-    fn error_frame(&mut self, event: &Event, frame: &Frame, error: BusError) -> Option<(ErrorClass, String)> {
+    fn error_frame(&mut self, event: &Event, frame: &Frame, error: BusError) -> Option<(Option<ErrorClass>, String)> {
         if self.troubled.is_empty() && self.last.is_none_or(|last| since(event.at, last) > OVER) {
             self.count = 0;
         }
@@ -65,12 +60,12 @@ impl Errors {
         self.last = Some(event.at);
         let before = self.failing.insert(Arc::clone(&event.who), (*frame, event.at));
         let told = before.is_some_and(|(failed, when)| failed == *frame && since(event.at, when) <= OVER);
-        (!told).then(|| (class(error), explain_error(error, frame, &event.who)))
+        (!told).then(|| (Some(class(error)), explain_error(error, frame, &event.who)))
     }
 
     /// Describes a mode change. The text includes the duration of the previous mode, because the times of two traces
     /// may have different origins.
-    fn change(&mut self, event: &Event, to: BusErrorMode) -> (ErrorClass, String) {
+    fn change(&mut self, event: &Event, to: BusErrorMode) -> (Option<ErrorClass>, String) {
         let before = match to {
             BusErrorMode::ErrorActive => self.troubled.remove(&event.who),
             _ => self.troubled.insert(Arc::clone(&event.who), (to, event.at)),
@@ -86,7 +81,7 @@ impl Errors {
             format!(", was {} for {}.{:03} ms", name(mode), micros / 1000, micros % 1000)
         });
         let frames = if self.count == 1 { "frame" } else { "frames" };
-        (class, format!("{}: {}{before} ({} error {frames} so far)", event.who, name(to), self.count))
+        (Some(class), format!("{}: {}{before} ({} error {frames} so far)", event.who, name(to), self.count))
     }
 }
 

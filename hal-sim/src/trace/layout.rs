@@ -210,7 +210,7 @@ impl Layout {
         self.columns.is_none_or(|columns| columns >= ROOMY)
     }
 
-    /// Writes a text to the end of the line, wrapped if it is too long.
+    /// Writes a text to the end of the line, and wraps a text that is too long.
     fn text(&self, out: &mut String, style: Style, text: &str) {
         let indent = MARGIN + self.frame_width() + 2;
         let width = self.columns.map_or(usize::MAX, |columns| columns.saturating_sub(indent).max(NARROWEST));
