@@ -64,7 +64,10 @@ impl Terminal {
         let client = open(&self.link.device)?;
         // Discards the unread output of both sides.
         tcflush(&self.end, QueueSelector::OFlush)?;
-        tcflush(&client, QueueSelector::IFlush)?;
+        if tcflush(&client, QueueSelector::IFlush).is_err() {
+            // The next client has installed a line discipline of its own, as slcand does, with its own modes.
+            return Ok(());
+        }
         set_raw(&client)
     }
 

@@ -43,6 +43,17 @@ fn assert_new(terminal: &Terminal, client: &mut File) {
     assert!(rustix::io::read(&terminal.end, &mut bytes).is_err(), "nothing is echoed");
 }
 
+/// slcand can install its line discipline between the end of the previous client and the reset. The device then refuses
+/// to flush, as `/dev/null` does here; a new terminal would hang up on slcand.
+#[test]
+fn a_reset_spares_a_client_with_its_own_line_discipline() {
+    let dir = tempdir().expect("a folder");
+    let mut terminal = Terminal::open(&dir.path().join("pve0")).expect("a terminal");
+    let device = std::mem::replace(&mut terminal.link.device, "/dev/null".into());
+    assert!(terminal.reset().is_ok());
+    terminal.link.device = device;
+}
+
 #[test]
 fn a_new_terminal_has_nothing_of_the_one_before() {
     let dir = tempdir().expect("a folder");
