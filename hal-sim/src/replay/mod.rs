@@ -94,7 +94,8 @@ pub struct Outcome {
     pub differences: u64,
     /// The reported unreadable entries of the log, with their causes.
     pub unread: Vec<String>,
-    /// The log entry that determined the power-up of each device; `None` for a device powered up before the log.
+    /// The number of the log entry that determined the power-up of each device; `None` for a device powered up before
+    /// the log.
     pub power_ups: Vec<Option<u64>>,
 }
 
@@ -135,7 +136,7 @@ pub enum ReplayError {
         name: String,
     },
     /// After the last round, the client had still sent log frames with identifiers that a simulated device sends too.
-    #[error("{}: after {ROUNDS} rounds, identifiers of the devices were still sent as frames of other nodes: {ids}", path.display())]
+    #[error("{}: frames of the devices were still sent as frames of other nodes after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
         path: PathBuf,
