@@ -62,6 +62,8 @@ fn with_none(member: &mut Value) {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::scenario::Scenario;
 
@@ -99,6 +101,18 @@ mod tests {
         assert_eq!(keys(&schema["$defs"]["PlantChange"]), step("plant = { qqq = 1 }"));
         assert_eq!(schema["required"], json!(["devices", "steps"]));
         assert!(!schema.to_string().contains("\"null\"") && !schema.to_string().contains("components"), "{schema:#}");
+    }
+
+    #[test]
+    fn the_page_and_the_dictionary_have_each_key_of_a_step() {
+        let read = |path| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).expect(path);
+        let (page, dictionary) = (read("../docs/scenarios.md"), read("../fuzz/dictionaries/scenario.dict"));
+        for key in schema()["$defs"]["Step"]["properties"].as_object().expect("keys").keys() {
+            let is_told = [format!("`{key}`"), format!("`{key} = ")].iter().any(|told| page.contains(told));
+            assert!(is_told, "docs/scenarios.md: {key} is missing");
+            let is_there = dictionary.lines().any(|line| line == format!("\"{key}\""));
+            assert!(is_there, "fuzz/dictionaries/scenario.dict: {key} is missing");
+        }
     }
 
     /// The schema accepts "none" exactly where the reader accepts it for at least one device.

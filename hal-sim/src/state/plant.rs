@@ -352,11 +352,30 @@ fn name(fault: SpoolFault) -> Option<SpoolFaultName> {
 mod tests {
     use std::collections::BTreeSet;
 
-    use protocol_core::device::plant::WORDS;
+    use protocol_core::controller::BitRate;
+    use protocol_core::device::plant::{Product, WORDS};
     use serde_json::json;
 
     use super::*;
     use crate::state::schema::Schemas;
+    use crate::{SensorKind, ValveKind};
+
+    /// A change with `for_ms` would otherwise leave a word as it is at its end.
+    #[test]
+    fn each_word_that_a_change_sets_is_among_the_earlier_values() {
+        let mut world = World::new(BitRate::Kbit250, 1);
+        let valve = world.add("valve", ValveKind::PveaCanopen);
+        let sensor = world.add("sensor", SensorKind::Hat1000);
+        for (product, node) in [(Product::Valve, valve), (Product::Encoder, sensor)] {
+            let state = PlantState::of(node, &world);
+            for word in product.words() {
+                let healthy = word.healthy().expect(word.name).to_string();
+                let change = PlantChange::from(Plant::parse(word.name, &healthy).expect(word.name));
+                assert_eq!(change.words(), [word.name], "PlantChange::plants");
+                assert_eq!(change.earlier(&state).words(), [word.name], "PlantChange::earlier");
+            }
+        }
+    }
 
     #[test]
     fn the_members_of_a_change_are_the_words_of_the_plant() {

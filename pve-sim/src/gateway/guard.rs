@@ -3,7 +3,8 @@
 //! A page can make its browser connect to any port of this machine, and chooses the body of the request. The browser
 //! writes the first bytes: a request line begins with a method and a space (RFC 9112 3; `fetch` accepts any token as
 //! the method, even `t1230`), TLS begins with 0x16, STUN over TCP (WebRTC) with 0x00. The guard closes a connection
-//! whose first bytes cannot come from a client of the protocol, before any byte takes effect.
+//! whose first bytes cannot come from a client of the protocol, before any byte takes effect. Undecided bytes already
+//! reach the dialogue, so a protocol must stay undecided until its first request is complete, and not act before.
 
 use std::io;
 use std::pin::Pin;

@@ -204,6 +204,21 @@ fn every_option() {
     type_each(OPTIONS, "");
 }
 
+/// The help and the page have each form that a refusal accepts.
+#[test]
+fn every_form_of_a_bus() {
+    let refusal = refusal(&["--bus", "can0"], 2);
+    let (_, forms) = refusal.rsplit_once("accepted: ").expect("a list");
+    let help = String::from_utf8(output(&["--help"]).stdout).expect("text");
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/pve-sim.md")).expect("the page");
+    let option = page.lines().find(|line| line.starts_with("| `--bus URL`")).expect("a row");
+    for form in forms.split(", ") {
+        assert!(help.contains(&format!("  {form} ")), "{form} is missing in --help");
+        assert!(option.contains(&format!("`{form}`")), "docs/pve-sim.md: {form} is missing at --bus");
+        assert!(page.contains(&format!("\n| `{form}` |")), "docs/pve-sim.md: {form} is missing in the table of buses");
+    }
+}
+
 #[test]
 fn every_part_of_a_device() {
     assert_eq!(documented("| part |"), names(PARTS));
