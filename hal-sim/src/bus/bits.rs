@@ -14,7 +14,7 @@ pub(super) const AFTER_ACK_SLOT: u32 = 1 + 7;
 /// The number of recessive bits between two frames.
 pub const INTERMISSION: u32 = 3;
 /// The number of consecutive recessive bits after which a controller considers the bus idle.
-pub const BUS_IDLE: u32 = 11;
+pub(super) const BUS_IDLE: u32 = 11;
 /// Suspend transmission: the bits that an error-passive sender waits after the intermission.
 pub(super) const SUSPEND: u32 = 8;
 /// The number of bits of an error flag.
@@ -66,8 +66,7 @@ impl FrameBits {
     }
 
     /// Returns the first bit at which this frame differs from `other`; `None` if the frames are equal.
-    #[must_use]
-    pub fn first_difference(self, other: Self) -> Option<Difference> {
+    pub(super) fn first_difference(self, other: Self) -> Option<Difference> {
         let common = self.len.min(other.len);
         let different = self.value >> (self.len - common) ^ other.value >> (other.len - common);
         let from_end = different.checked_ilog2()?;
@@ -108,8 +107,8 @@ const STATE: u16 = (STATES as u16 - 1) << 8;
 /// The mask of the number of stuff bits in a table entry.
 const COUNT: u16 = 0xFF;
 
-/// The next state and the number of stuff bits, indexed by the current state and the next byte. One look-up a byte
-/// replaces a step a bit.
+/// The next state and the number of stuff bits, indexed by the current state and the next byte. A look-up per byte
+/// replaces a step per bit.
 static STUFF: [u16; STATES * 256] = {
     let mut table = [0; STATES * 256];
     let mut state = 0;
@@ -150,9 +149,9 @@ const fn step(state: u8, byte: u8) -> u16 {
 
 /// The first difference between two frames sent simultaneously.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Difference {
+pub(super) struct Difference {
     /// The bit position on the wire, including stuff bits, counted from 0 at the start of frame.
-    pub bit: u32,
+    pub(super) bit: u32,
     /// `true` if `self` of [`FrameBits::first_difference`] is dominant at this bit and `other` is recessive.
-    pub dominant: bool,
+    pub(super) dominant: bool,
 }

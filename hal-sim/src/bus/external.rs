@@ -19,21 +19,18 @@ use super::transmit::Transmit;
 use super::{Bus, PortId};
 
 impl Bus {
-    /// Adds an external controller, initially disconnected.
-    pub fn add_external(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
+    pub(crate) fn add_external(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
         let id = self.add(Port::new(name, rate, Transmit::Offer(None, false), usize::MAX));
         self.externals.push(id);
         id
     }
 
-    /// Returns whether a port has an external controller.
-    #[must_use]
-    pub fn is_external(&self, id: PortId) -> bool {
+    pub(crate) fn is_external(&self, id: PortId) -> bool {
         self.ports[id.0].external.is_some()
     }
 
     /// Connects a controller without clearing its error counters. Bus integration completes after 11 recessive bits.
-    pub fn attach(&mut self, id: PortId, rate: BitRate, silent: bool, now: Instant) {
+    pub(crate) fn attach(&mut self, id: PortId, rate: BitRate, silent: bool, now: Instant) {
         self.leave(id);
         let port = &mut self.ports[id.0];
         port.connected = true;
@@ -46,7 +43,7 @@ impl Bus {
     }
 
     /// Disconnects a controller. `reset` clears its error counters.
-    pub fn detach(&mut self, id: PortId, reset: bool, now: Instant) {
+    pub(crate) fn detach(&mut self, id: PortId, reset: bool, now: Instant) {
         self.disconnect(id, now);
         if reset {
             self.change(id, now, Confinement::recover);
@@ -58,7 +55,7 @@ impl Bus {
 
     /// Sets the frame that a controller offers for the next arbitration. No effect while a frame of the controller is
     /// on the wire. A listen-only controller offers no frame.
-    pub fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
+    pub(crate) fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();
         port.transmit.set_offer(frame.filter(|_| !silent));
@@ -66,7 +63,7 @@ impl Bus {
     }
 
     /// Starts the recovery of a bus-off controller, which counts sequences of 11 recessive bits from now on.
-    pub fn start_recovery(&mut self, id: PortId, now: Instant) {
+    pub(crate) fn start_recovery(&mut self, id: PortId, now: Instant) {
         let port = &self.ports[id.0];
         if port.mode() == BusErrorMode::BusOff && port.recovery.is_none() {
             // The end of a frame on the wire counts as the first sequence.

@@ -53,7 +53,7 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
+pub use bits::{FrameBits, INTERMISSION};
 pub use confinement::Confinement;
 pub use event::{BusError, Event, EventKind, WireEvent};
 pub use fault::{
@@ -62,8 +62,8 @@ pub use fault::{
 pub use faults::FaultState;
 pub use hand_over::DeviceCan;
 pub use injector::{BitErrors, DestroyNext, Disturbance, Injector};
+pub use port::Port;
 pub(crate) use port::SlowAnswers;
-pub use port::{Port, RECEIVE_QUEUE};
 
 use clock::{Nanos, instant, nanos};
 use contenders::{Contenders, Contends};
@@ -72,6 +72,7 @@ use faults::Faults;
 use injector::Injects;
 use listeners::Group;
 use load::Load;
+use port::RECEIVE_QUEUE;
 use transmission::Transmission;
 use transmit::{Mailboxes, Transmit};
 
@@ -80,11 +81,11 @@ pub(crate) const LISTENING: &str = ", listening";
 
 /// The number of a port on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct PortId(pub(crate) usize);
+pub(crate) struct PortId(pub(crate) usize);
 
 /// A bus and all its controllers.
 #[derive(Clone, Default)]
-pub struct Bus {
+pub(crate) struct Bus {
     ports: Vec<Port>,
     /// The free port numbers of removed clients.
     vacant: Vec<PortId>,
@@ -117,12 +118,12 @@ pub struct Bus {
 
 impl Bus {
     /// Adds the controller of a new device, initially disconnected.
-    pub fn add_device(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
+    pub(crate) fn add_device(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
         self.add(Port::new(name, rate, Transmit::Mailboxes(Mailboxes::default()), RECEIVE_QUEUE))
     }
 
     /// Adds a client with a receive queue of this capacity, connected and integrated immediately.
-    pub fn add_client(&mut self, name: Arc<str>, rate: BitRate, room: usize, now: Instant) -> PortId {
+    pub(crate) fn add_client(&mut self, name: Arc<str>, rate: BitRate, room: usize, now: Instant) -> PortId {
         let mut port = Port::new(name, rate, Transmit::Queue(VecDeque::new()), room);
         port.connected = true;
         port.joined_at = nanos(now);
@@ -139,16 +140,14 @@ impl Bus {
     }
 
     /// Removes a client; its port number can be reused.
-    pub fn remove(&mut self, id: PortId, now: Instant) {
+    pub(crate) fn remove(&mut self, id: PortId, now: Instant) {
         self.disconnect(id, now);
         if !self.vacant.contains(&id) {
             self.vacant.push(id);
         }
     }
 
-    /// Returns a port.
-    #[must_use]
-    pub fn port(&self, id: PortId) -> &Port {
+    pub(crate) fn port(&self, id: PortId) -> &Port {
         &self.ports[id.0]
     }
 
@@ -158,7 +157,7 @@ impl Bus {
     }
 
     /// Connects a controller with cleared error counters. It participates after bus integration.
-    pub fn connect(&mut self, id: PortId, now: Instant) {
+    pub(crate) fn connect(&mut self, id: PortId, now: Instant) {
         self.leave(id);
         self.stop_recovery(id);
         let port = &mut self.ports[id.0];
@@ -169,7 +168,7 @@ impl Bus {
     }
 
     /// Disconnects a controller and drops its pending and received frames. Its frame on the wire is cut off.
-    pub fn disconnect(&mut self, id: PortId, now: Instant) {
+    pub(crate) fn disconnect(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.leave(id);
         self.stop_recovery(id);
@@ -182,7 +181,7 @@ impl Bus {
     }
 
     /// Drops the pending frames of a port. Its frame on the wire is cut off.
-    pub fn drop_pending(&mut self, id: PortId, now: Instant) {
+    pub(crate) fn drop_pending(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.clear(id);
         self.refresh(id, now);
@@ -208,14 +207,12 @@ impl Bus {
         }
     }
 
-    /// Returns whether a frame of a port is on the wire.
-    #[must_use]
-    pub fn is_sending(&self, id: PortId) -> bool {
+    pub(crate) fn is_sending(&self, id: PortId) -> bool {
         self.senders.contains(&id)
     }
 
     /// Sets the bit rate of a port. A different rate restarts bus integration but keeps the error counters.
-    pub fn set_bit_rate(&mut self, id: PortId, rate: BitRate, now: Instant) {
+    pub(crate) fn set_bit_rate(&mut self, id: PortId, rate: BitRate, now: Instant) {
         if self.ports[id.0].rate == rate {
             return;
         }
@@ -227,7 +224,7 @@ impl Bus {
 
     /// Forces a port bus-off if `on`, like an overflow of its transmit error counter. Otherwise starts the recovery of
     /// a bus-off port.
-    pub fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
+    pub(crate) fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
         self.ports[id.0].held = on;
         if on {
             self.fall_silent(id, now);
@@ -238,19 +235,15 @@ impl Bus {
         }
     }
 
-    /// Adds an injector of bit errors.
-    pub fn inject(&mut self, injector: impl Injector + Clone + 'static) {
+    pub(crate) fn inject(&mut self, injector: impl Injector + Clone + 'static) {
         self.injectors.push(Box::new(injector));
     }
 
-    /// Sets the requested disturbance, replacing any earlier disturbance.
-    pub const fn disturb(&mut self, disturbance: Disturbance) {
+    pub(crate) const fn disturb(&mut self, disturbance: Disturbance) {
         self.disturbance = disturbance;
     }
 
-    /// Returns the requested disturbance, with the number of attempts still to destroy.
-    #[must_use]
-    pub const fn disturbance(&self) -> Disturbance {
+    pub(crate) const fn disturbance(&self) -> Disturbance {
         self.disturbance
     }
 
@@ -263,7 +256,7 @@ impl Bus {
     ///
     /// # Errors
     /// [`FaultError`]; the faults are unchanged.
-    pub fn add_fault(&mut self, fault: Fault, own: &[Arc<str>], now: Instant) -> Result<(), FaultError> {
+    pub(crate) fn add_fault(&mut self, fault: Fault, own: &[Arc<str>], now: Instant) -> Result<(), FaultError> {
         let ports = (0..).zip(&self.ports).filter(|(number, _)| !self.vacant.contains(&PortId(*number)));
         let names = ports.map(|(_, port)| &*port.name).filter(|name| !name.ends_with(LISTENING));
         let known: Vec<&str> = names.collect();
@@ -277,18 +270,15 @@ impl Bus {
         self.faults.add(fault, now)
     }
 
-    /// Ends a fault; returns whether the fault existed. Frames already delayed by the fault are still sent when due.
-    pub fn end_fault(&mut self, name: &str) -> bool {
+    pub(crate) fn end_fault(&mut self, name: &str) -> bool {
         self.faults.end(name)
     }
 
-    /// Ends all faults.
-    pub fn end_faults(&mut self) {
+    pub(crate) fn end_faults(&mut self) {
         self.faults.clear();
     }
 
-    /// Returns the faults in the order in which they were added. Expired faults remain listed until they are ended.
-    pub fn faults(&self, now: Instant) -> impl Iterator<Item = FaultState> {
+    pub(crate) fn faults(&self, now: Instant) -> impl Iterator<Item = FaultState> {
         self.faults.states(now)
     }
 
@@ -320,8 +310,7 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Removes all injectors.
-    pub fn clear_injectors(&mut self) {
+    pub(crate) fn clear_injectors(&mut self) {
         self.injectors.clear();
     }
 
@@ -333,7 +322,7 @@ impl Bus {
     }
 
     /// Updates the contention state and the filters of a port.
-    pub fn refresh(&mut self, id: PortId, now: Instant) {
+    pub(crate) fn refresh(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         port.used = false;
         if port.new_filters.is_some() {
@@ -356,8 +345,7 @@ impl Bus {
     }
 
     /// Returns the time of the next event on the bus.
-    #[must_use]
-    pub fn next_event(&self) -> Instant {
+    pub(crate) fn next_event(&self) -> Instant {
         let mut due = match &self.current {
             Some(transmission) => transmission.over,
             None if self.recovering.is_empty() => instant(self.next_start()),
@@ -369,13 +357,11 @@ impl Bus {
         due.min(self.fault_due())
     }
 
-    /// Starts or stops recording events for [`take_events`](Self::take_events).
-    pub fn record_events(&mut self, on: bool) {
+    pub(crate) fn record_events(&mut self, on: bool) {
         self.journal.record(on);
     }
 
-    /// Takes the recorded events, oldest first.
-    pub fn take_events(&mut self) -> Drain<'_, Event> {
+    pub(crate) fn take_events(&mut self) -> Drain<'_, Event> {
         self.journal.take()
     }
 
@@ -385,9 +371,7 @@ impl Bus {
         self.journal.note(|| Some(Event { at: now, who: who.clone(), what: EventKind::FramesDropped { count } }));
     }
 
-    /// Returns the bus load in the second before `now`, in percent.
-    #[must_use]
-    pub fn load(&self, now: Instant) -> u8 {
+    pub(crate) fn load(&self, now: Instant) -> u8 {
         self.load.percent(nanos(now))
     }
 

@@ -15,7 +15,7 @@ use super::{Bus, BusError, Event, EventKind, FaultEffect, PortId};
 impl Bus {
     /// Ends the frame or error frame that is due by `now`, completes due bus-off recoveries, and reports completed bus
     /// integrations.
-    pub fn finish(&mut self, now: Instant) {
+    pub(crate) fn finish(&mut self, now: Instant) {
         if let Some(transmission) = &self.current
             && transmission.over <= now
             && (transmission.omission.is_none() || !self.accept())

@@ -9,7 +9,7 @@ use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filte
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant};
 
-use super::BUS_IDLE;
+use super::bits::BUS_IDLE;
 use super::clock::{Nanos, bit_times, instant};
 use super::confinement::Confinement;
 use super::contenders::Contends;
@@ -18,7 +18,7 @@ use super::event::WireEvent;
 use super::transmit::{Mailboxes, Transmit};
 
 /// The capacity of a device controller's receive queue, equal to the firmware's queue.
-pub const RECEIVE_QUEUE: usize = 256;
+pub(super) const RECEIVE_QUEUE: usize = 256;
 
 /// A CAN controller on the bus.
 #[derive(Clone, Debug)]

@@ -98,7 +98,7 @@ impl Disruption {
 
 impl Bus {
     /// Starts to send the most urgent pending frame if the bus is free.
-    pub fn begin(&mut self, now: Instant) {
+    pub(crate) fn begin(&mut self, now: Instant) {
         if self.current.is_some() || self.contenders.is_empty() {
             return;
         }
