@@ -9,6 +9,7 @@ use protocol_core::device::{Capabilities, describe};
 
 use super::Product;
 use crate::Kind;
+use crate::explain::formatted;
 
 /// The CiA 306 version of the sheet.
 const EDS_VERSION: &str = "4.0";
@@ -185,13 +186,7 @@ fn default(data_type: DataType, initial: Initial<'_>) -> Option<String> {
         Initial::Individual => None,
         Initial::NodeIdPlus(base) => Some(format!("$NODEID+0x{base:X}")),
         Initial::Fixed(Value::Text(text)) => Some(String::from_utf8_lossy(text).into_owned()),
-        Initial::Fixed(Value::Number(number)) => Some(match data_type {
-            DataType::I8 => (number as u8 as i8).to_string(),
-            DataType::I16 => (number as u16 as i16).to_string(),
-            DataType::I32 => (number as i32).to_string(),
-            DataType::U32 => format!("0x{number:08X}"),
-            DataType::U8 | DataType::U16 | DataType::Text(_) => number.to_string(),
-        }),
+        Initial::Fixed(Value::Number(number)) => Some(formatted(data_type, number)),
     }
 }
 

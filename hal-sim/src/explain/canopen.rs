@@ -113,33 +113,27 @@ fn time(data: &[u8]) -> Option<String> {
 fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
     let Emcy { code, register, manufacturer } = Emcy::parse(frame.eight()?);
     let [low, high, ..] = manufacturer;
-    if code == NO_ERROR {
-        return Some(if register == 0 {
-            "EMCY: no error".to_owned()
-        } else {
-            format!("EMCY: no error, register 0x{register:02X}")
-        });
-    }
-    if let Some(Kind::Hat(_)) = kind {
-        let field = u16::from_le_bytes([low, high]);
-        let error = hat::Error::ALL
-            .into_iter()
-            .find(|error| matches!(error.codes(), (told, with, _) if (told, with) == (code, field)));
-        let what = error.map_or_else(
-            || format!("code 0x{code:04X}, field 0x{field:04X}"),
-            |error| named(angle_sensor(error), code),
-        );
-        return Some(format!("EMCY: {what}, register 0x{register:02X}"));
-    }
-    // The manufacturer defines the bytes after the register.
-    if kind.is_none() {
-        let what = named(error_class(code), code);
-        return Some(format!("EMCY: {what}, register 0x{register:02X}, {}", hex(&manufacturer)));
-    }
-    let faults: Vec<&str> =
-        FAULT_CODES.iter().filter(|codes| codes.emcy == code).map(|codes| fault(codes.fault)).collect();
-    let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { named(&faults.join(" or "), code) };
-    Some(format!("EMCY: {what}, register 0x{register:02X}, count {low}"))
+    let (what, rest) = match kind {
+        _ if code == NO_ERROR && register == 0 => return Some("EMCY: no error".to_owned()),
+        _ if code == NO_ERROR => ("no error".to_owned(), String::new()),
+        // The manufacturer defines the bytes after the register.
+        None => (named(error_class(code), code), format!(", {}", hex(&manufacturer))),
+        Some(Kind::Hat(_)) => {
+            let field = u16::from_le_bytes([low, high]);
+            let is_sent =
+                |error: &hat::Error| matches!(error.codes(), (told, with, _) if (told, with) == (code, field));
+            let error = hat::Error::ALL.into_iter().find(is_sent);
+            let unknown = || format!("code 0x{code:04X}, field 0x{field:04X}");
+            (error.map_or_else(unknown, |error| named(angle_sensor(error), code)), String::new())
+        }
+        Some(Kind::Pve(_)) => {
+            let faults = FAULT_CODES.iter().filter(|codes| codes.emcy == code).map(|codes| fault(codes.fault));
+            let faults = faults.collect::<Vec<_>>().join(" or ");
+            let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { named(&faults, code) };
+            (what, format!(", count {low}"))
+        }
+    };
+    Some(format!("EMCY: {what}, register 0x{register:02X}{rest}"))
 }
 
 fn named(what: &str, code: u16) -> String {

@@ -32,6 +32,7 @@ mod valve;
 pub use diagnostics::fault;
 pub use highlight::{Mark, is_cyclic};
 pub use isobus::state as valve_state;
+pub use object::formatted;
 pub use recorded::explain_error_frame;
 
 use std::collections::BTreeMap;

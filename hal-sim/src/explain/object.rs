@@ -44,13 +44,18 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
         (0x6300 | 0x6301, 1) => format!("{} ({})", number as u16 as i16, stroke(number as u16 as i16)),
         (0x6042, _) if number == 1 => "1 (full operational)".to_owned(),
         (0x6042, _) if number == 2 => "2 (hand operation)".to_owned(),
-        _ => match entry.data_type() {
-            DataType::I8 => (number as u8 as i8).to_string(),
-            DataType::I16 => (number as u16 as i16).to_string(),
-            DataType::I32 => (number as i32).to_string(),
-            DataType::U8 | DataType::U16 => number.to_string(),
-            DataType::U32 | DataType::Text(_) => format!("0x{number:08X}"),
-        },
+        _ => formatted(entry.data_type(), number),
+    }
+}
+
+/// Formats a number according to its data type.
+pub fn formatted(data_type: DataType, number: u32) -> String {
+    match data_type {
+        DataType::I8 => (number as u8 as i8).to_string(),
+        DataType::I16 => (number as u16 as i16).to_string(),
+        DataType::I32 => (number as i32).to_string(),
+        DataType::U8 | DataType::U16 => number.to_string(),
+        DataType::U32 | DataType::Text(_) => format!("0x{number:08X}"),
     }
 }
 

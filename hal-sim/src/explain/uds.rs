@@ -24,16 +24,11 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
         (None, None) => party(source, context),
     };
     let parties = format!("{sender} → {}", party(destination, context));
+    let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
     let meaning = match service {
         READ => format!("read {}", identifier(rest)),
-        WRITE => {
-            let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
-            format!("write {} = {}", identifier(id), hex(value))
-        }
-        _ if service == READ | POSITIVE => {
-            let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
-            format!("read response {} = {}", identifier(id), content(id, value))
-        }
+        WRITE => format!("write {} = {}", identifier(id), hex(value)),
+        _ if service == READ | POSITIVE => format!("read response {} = {}", identifier(id), content(id, value)),
         WRITTEN => format!("write response {}", identifier(rest)),
         NEGATIVE => match rest {
             [READ, code, ..] => format!("read refused, {}", reason(*code)),
