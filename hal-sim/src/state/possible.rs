@@ -5,7 +5,9 @@ use std::ops::RangeInclusive;
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::Protocol;
+use protocol_core::device::pve::DeviceState as Dsm;
 use protocol_core::encoder::POSITION_MAX;
+use protocol_core::wire::{nmt, valve};
 use serde::Serialize;
 use serde_json::{Value as Json, json};
 
@@ -26,19 +28,6 @@ const LEDS: [Led; 5] = [
     Led { color: Color::Red, flashing: false },
     Led { color: Color::Red, flashing: true },
 ];
-
-/// The device state machine of CiA 408 (SPEC 4.3).
-const DSM: [DeviceStateMachine; 5] = [
-    DeviceStateMachine::Init,
-    DeviceStateMachine::Disabled,
-    DeviceStateMachine::Hold,
-    DeviceStateMachine::Active,
-    DeviceStateMachine::FaultHold,
-];
-
-/// The states of an auxiliary valve in an AVEF (SPEC 5).
-const COMMANDS: [Command; 6] =
-    [Command::Blocked, Command::Extend, Command::Retract, Command::Float, Command::Hand, Command::EmergencyStop];
 
 /// A set of possible values of a key.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,9 +67,9 @@ pub(crate) fn table(kind: Kind, name: &str, powered: bool) -> Table {
         ("node_id", shown(true, [numbers(first.into()..=last.into()), null()].concat())),
         ("bit_rate", shown(true, bit_rates(kind))),
         ("powered", one(powered)),
-        ("nmt", shown(is_canopen, words(&[Nmt::Initialising, Nmt::PreOperational, Nmt::Operational, Nmt::Stopped]))),
-        ("dsm", shown(is_canopen && is_valve, words(&DSM))),
-        ("command", shown(!is_canopen, words(&COMMANDS))),
+        ("nmt", shown(is_canopen, words(&nmt::State::ALL.map(Nmt::from)))),
+        ("dsm", shown(is_canopen && is_valve, words(&Dsm::ALL.map(DeviceStateMachine::from)))),
+        ("command", shown(!is_canopen, words(&valve::State::ALL.map(Command::from)))),
         ("set_point", shown(is_valve, [numbers(STROKE), words(&[FloatWord::Float])].concat())),
         ("position", if is_valve { numbers(if powered { STROKE } else { 0..=0 }) } else { shown(true, numbers(TURN)) }),
         ("solenoids", if is_valve { words(if powered { &[false, true] } else { &[false] }) } else { null() }),

@@ -132,20 +132,18 @@ impl Layout {
             return false;
         }
         let key = (Arc::clone(who), frame.id());
-        let Some(latest) = self.latest.get_mut(&key) else {
-            self.latest.insert(key, Latest::first(*frame, at));
-            return false;
-        };
-        if latest.frame == *frame && since(at, latest.at) <= CYCLE {
-            latest.at = at;
-            latest.again += 1;
-            if since(at, latest.told) >= REMINDER {
-                self.tell_repeats(out, |(other, _)| *other == key);
+        if let Some(latest) = self.latest.get_mut(&key) {
+            if latest.frame == *frame && since(at, latest.at) <= CYCLE {
+                latest.at = at;
+                latest.again += 1;
+                if since(at, latest.told) >= REMINDER {
+                    self.tell_repeats(out, |(other, _)| *other == key);
+                }
+                return true;
             }
-            return true;
+            self.tell_repeats(out, |(other, _)| *other == key);
         }
-        self.tell_repeats(out, |(other, _)| *other == key);
-        self.latest.insert(key, Latest::first(*frame, at));
+        self.latest.insert(key, Latest { frame: *frame, at, again: 0, told: at });
         false
     }
 
@@ -232,10 +230,6 @@ impl Layout {
 }
 
 impl Latest {
-    const fn first(frame: Frame, at: Instant) -> Self {
-        Self { frame, at, again: 0, told: at }
-    }
-
     /// Returns the mean interval between the unreported repetitions, in microseconds.
     fn period_us(&self) -> u64 {
         since(self.at, self.told).as_micros() / u64::from(self.again.max(1))

@@ -42,7 +42,7 @@ impl World {
     #[must_use]
     pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
         let now = self.now;
-        let linked = self.coupling_of(node).is_some();
+        let longest = if self.coupling_of(node).is_some() { LINKED_STEP } else { Duration::MAX };
         // Between two bends of its path, the spool moves in one direction and passes each position once.
         let limit = self.valve(node).map_or(limit, |valve| valve.bends(now).min(limit));
         let here = self.position_at(node, now);
@@ -53,11 +53,7 @@ impl World {
                 return self.first_other(node, here, same, next);
             }
             same = next;
-            step = if linked {
-                LINKED_STEP.min(step * 2)
-            } else {
-                Duration::from_ticks(step.as_ticks().saturating_mul(2))
-            };
+            step = Duration::from_ticks(step.as_ticks().saturating_mul(2)).min(longest);
         }
         limit
     }
