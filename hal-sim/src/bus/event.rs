@@ -140,15 +140,6 @@ impl Journal {
         }
     }
 
-    /// Inserts events before the event of a frame, or after all events if the frame has no event.
-    pub(super) fn extend_before(&mut self, frame: &Frame, at: Instant, events: Vec<Event>) {
-        if self.recording {
-            let place = self.events.iter().rposition(|event| event.at == at && event.frame() == Some(frame));
-            let place = place.unwrap_or(self.events.len());
-            self.events.splice(place..place, events);
-        }
-    }
-
     /// Records the events that `events` returns, if recording is on.
     pub(super) fn note<I: IntoIterator<Item = Event>>(&mut self, events: impl FnOnce() -> I) {
         if self.recording {
