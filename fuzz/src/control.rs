@@ -8,11 +8,11 @@ use hal_sim::simulation::Simulation;
 use hal_sim::world::Electronics;
 use hal_sim::{Kind, Memory};
 use pve_sim::cli::{Request, parse};
+use pve_sim::control::Speed;
 use pve_sim::gateway::BusUrl;
 use pve_sim::http;
 use pve_sim::inbox::ToWorld;
 use pve_sim::run::RunOptions;
-use pve_sim::speed::Speed;
 use serde_json::{Map, Value};
 use tokio::sync::oneshot;
 

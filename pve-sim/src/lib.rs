@@ -5,7 +5,7 @@
 //! [`cli`] turns a command line into a [`Request`](cli::Request), which `main` executes. For `run`, [`run`] paces the
 //! world by the wall clock on a thread of its own. Clients live on another thread: [`gateway`] serves those of the bus,
 //! [`http`] those of the control interface. Their messages reach the world through [`inbox`], and [`control`] answers
-//! them there. The other commands have no clients: [`batch`] runs scenarios, [`remote`] asks a running simulator.
+//! them there. The other commands have no clients: [`batch`] runs scenarios, [`remote`] sends requests to a running simulator.
 //!
 //! ```text
 //! cli/       the command line
@@ -13,12 +13,11 @@
 //! http/      state, faults and time over HTTP, and the panel
 //! gateway/   clients of the bus: socketcand, SocketCAN, slcan, udp_multicast
 //! inbox/     the messages between clients and the world
-//! control/   the control interface at the world's end
-//! remote/    the commands set and status, which ask a running simulator
+//! control/   the control interface on the world's thread
+//! remote/    the commands set and status: requests to a running simulator
 //! batch/     scenarios of a command line on all cores, and their results for CI
-//! use_case   the scenarios that the program carries
+//! use_case   the built-in scenarios
 //! state_file the memory of a device in a file
-//! speed      virtual time against wall time
 //! output     stdout of the commands
 //! ```
 //!
@@ -42,6 +41,5 @@ pub mod inbox;
 pub mod output;
 pub mod remote;
 pub mod run;
-pub mod speed;
 pub mod state_file;
 pub mod use_case;

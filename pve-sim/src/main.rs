@@ -11,9 +11,9 @@ use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::replay::{ReplayOptions, replay};
 use hal_sim::text::in_one_line;
 use pve_sim::batch::{self, BatchError};
-use pve_sim::cli::{self, Request};
+use pve_sim::cli::{self, Request, SetArgs, StatusArgs};
 use pve_sim::output::{Output, outlive_file_size_limit};
-use pve_sim::remote::{self, StatusOptions};
+use pve_sim::remote;
 use pve_sim::run;
 
 /// A failure, such as a port in use or a file that cannot be opened.
@@ -37,11 +37,14 @@ fn main() -> ExitCode {
         Ok(Request::Scenarios(options)) => run_scenarios(|out| batch::run(&options, out)),
         Ok(Request::Decode(options)) => explain(&options),
         Ok(Request::Replay(options)) => compare(&options),
-        Ok(Request::Set(options)) => match remote::set(&options) {
+        Ok(Request::Set(SetArgs { http, device, words })) => match remote::set(http, &device, &words) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
         },
-        Ok(Request::Status(options)) => show(&options),
+        Ok(Request::Status(StatusArgs { http, device, json })) => match remote::status(http, device.as_deref(), json) {
+            Ok(text) => print_all(&text),
+            Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
+        },
         Ok(Request::Print(text)) => print_all(&text),
         Err(error) => fail(USAGE, &error),
     }
@@ -101,14 +104,6 @@ fn compare(options: &ReplayOptions) -> ExitCode {
     let mut stdout = stdout();
     print(&mut stdout, format_args!("{}", outcome.report(options)));
     end(stdout, outcome.is_as_logged())
-}
-
-/// Shows the devices of a running simulator.
-fn show(options: &StatusOptions) -> ExitCode {
-    match remote::status(options) {
-        Ok(text) => print_all(&text),
-        Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
-    }
 }
 
 fn warn(line: &str) {

@@ -20,8 +20,8 @@ use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile};
 
-use hal_sim::Memory;
 use hal_sim::memory::{Content, Flash, MemoryFile, MemoryFileError, SIZE};
+use hal_sim::{Kind, Memory};
 
 const MAGIC: [u8; 4] = *b"PNVM";
 const VERSION: u32 = 1;
@@ -41,13 +41,13 @@ const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(win
 #[derive(Debug, thiserror::Error)]
 pub enum StateFileError {
     /// The file belongs to a device of another kind.
-    #[error("{}: holds the memory of another kind of device ({found}, not {expected})", path.display())]
+    #[error("{}: holds the memory of {}, not of {}", path.display(), kind(*found), kind(*expected))]
     OtherKind {
         /// The file.
         path: PathBuf,
-        /// The kind in the file.
+        /// The number of the kind in the file.
         found: u32,
-        /// The expected kind.
+        /// The number of the expected kind.
         expected: u32,
     },
     /// A newer program wrote the file.
@@ -75,6 +75,12 @@ pub enum StateFileError {
         /// The cause.
         source: io::Error,
     },
+}
+
+/// Returns the name of a kind in messages.
+fn kind(number: u32) -> String {
+    let kind = u8::try_from(number).ok().and_then(Kind::from_number);
+    kind.map_or_else(|| "an unknown kind".to_owned(), |kind| format!("a {kind}"))
 }
 
 /// The content of a locked state file, which has not been changed yet.

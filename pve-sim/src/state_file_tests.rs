@@ -11,8 +11,8 @@ use hal_sim::memory::{Flash, SIZE};
 
 use super::{StateFile, StateFileError};
 
-const KIND: u32 = 125;
-const OTHER_KIND: u32 = 82;
+const KIND: u32 = 1;
+const OTHER_KIND: u32 = 6;
 const HEADER: usize = 16;
 
 fn record(payload: &[u8]) -> Record {
@@ -82,7 +82,7 @@ fn the_file_is_a_header_and_the_flash() {
     memory.store(RecordKey::Parameters, &record(b"kept")).unwrap();
     let bytes = fs::read(path(&dir)).unwrap();
     assert_eq!(bytes.len(), HEADER + SIZE);
-    assert_eq!(bytes[..HEADER], *b"PNVM\x01\0\0\0\x7D\x01\0\0\0\x80\0\0");
+    assert_eq!(bytes[..HEADER], *b"PNVM\x01\0\0\0\x01\x01\0\0\0\x80\0\0");
     assert!(bytes[HEADER..] == *memory.flash().image());
 }
 
@@ -115,7 +115,7 @@ fn a_file_of_another_kind_is_refused_and_left_alone() {
     let error = in_file(dir.path(), "valve", OTHER_KIND).unwrap_err();
     assert!(matches!(error, StateFileError::OtherKind { found: KIND, expected: OTHER_KIND, .. }));
     let line = error.to_string();
-    assert!(line.contains("valve.nvm") && line.contains("125, not 82"), "{line}");
+    assert!(line.contains("valve.nvm") && line.contains("of a pvea-canopen, not of a hat3000"), "{line}");
     assert!(fs::read(path(&dir)).unwrap() == before);
     assert_eq!(names(dir.path()), ["valve.nvm"]);
 }

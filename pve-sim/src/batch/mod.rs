@@ -106,7 +106,7 @@ fn parse<'a>(file: &'a Path, text: &str) -> Result<Named<'a>, String> {
     Ok(Named { file, scenario })
 }
 
-/// Runs scenarios on one thread per core, and returns their outcomes in order.
+/// Runs scenarios on one thread per core, and passes their outcomes to `tell` in order.
 fn over_the_cores(scenarios: &[Named<'_>], options: &Options, mut tell: impl FnMut(Outcome)) {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(scenarios.len());
     let (next, (sender, receiver)) = (&AtomicUsize::new(0), mpsc::channel());

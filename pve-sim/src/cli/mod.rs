@@ -6,6 +6,7 @@ mod remote;
 mod scenario;
 mod shell;
 
+pub use self::remote::{SetArgs, StatusArgs};
 pub use options::RunArgs;
 
 use std::ffi::OsString;
@@ -15,9 +16,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
 use self::recordings::{DecodeArgs, ReplayArgs};
-use self::remote::{SetArgs, StatusArgs};
 use crate::batch::Options;
-use crate::remote::{SetOptions, StatusOptions};
 use crate::run::RunOptions;
 use crate::use_case::{self, UseCase};
 use hal_sim::Kind;
@@ -41,9 +40,9 @@ pub enum Request {
     /// Replay a recording.
     Replay(ReplayOptions),
     /// Change the plant of a device in a running simulator.
-    Set(SetOptions),
+    Set(SetArgs),
     /// Show the devices in a running simulator.
-    Status(StatusOptions),
+    Status(StatusArgs),
     /// Print a text on stdout: the help, the version, the description of a kind, or a script for a shell.
     Print(String),
 }
@@ -211,26 +210,27 @@ where
     I: IntoIterator<Item = T>,
     T: Into<OsString> + Clone,
 {
-    match Cli::try_parse_from(args.into_iter().map(|arg| without_cr(arg.into()))) {
-        Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
-        Ok(Cli { command: Some(Command::UseCase { which: Some(which) }), .. }) => Ok(Request::UseCases(which.0)),
-        Ok(Cli { command: Some(Command::UseCase { which: None }), .. }) => Ok(Request::Print(titles())),
-        Ok(Cli { command: Some(Command::Decode(args)), .. }) => DecodeOptions::try_from(args).map(Request::Decode),
-        Ok(Cli { command: Some(Command::Replay(args)), .. }) => ReplayOptions::try_from(args).map(Request::Replay),
-        Ok(Cli { command: Some(Command::Set(args)), .. }) => SetOptions::try_from(args).map(Request::Set),
-        Ok(Cli { command: Some(Command::Status(args)), .. }) => Ok(Request::Status(args.into())),
-        Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
-            Ok(Request::Print(text.0))
-        }
-        Ok(Cli { command: Some(Command::Scenario(scenario)), .. }) => scenario.try_into(),
-        Ok(Cli { command: Some(Command::Completions { shell }), .. }) => Ok(Request::Print(shell::completions(shell))),
-        Ok(Cli { command: Some(Command::Man), .. }) => Ok(Request::Print(shell::manual_page())),
-        Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),
+    let cli = match Cli::try_parse_from(args.into_iter().map(|arg| without_cr(arg.into()))) {
+        Ok(cli) => cli,
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
-            Ok(Request::Print(error.to_string()))
+            return Ok(Request::Print(error.to_string()));
         }
-        Err(error) => Err(UsageError(one_line(&error))),
-    }
+        Err(error) => return Err(UsageError(one_line(&error))),
+    };
+    Ok(match cli.command {
+        None => Request::Run(cli.run.try_into()?),
+        Some(Command::Run(run)) => Request::Run((*run).try_into()?),
+        Some(Command::UseCase { which: Some(which) }) => Request::UseCases(which.0),
+        Some(Command::UseCase { which: None }) => Request::Print(titles()),
+        Some(Command::Scenario(args)) => args.try_into()?,
+        Some(Command::Decode(args)) => Request::Decode(args.try_into()?),
+        Some(Command::Replay(args)) => Request::Replay(args.try_into()?),
+        Some(Command::Set(args)) => Request::Set(args.check()?),
+        Some(Command::Status(args)) => Request::Status(args),
+        Some(Command::Eds { sheet: text } | Command::Dbc { database: text }) => Request::Print(text.0),
+        Some(Command::Completions { shell }) => Request::Print(shell::completions(shell)),
+        Some(Command::Man) => Request::Print(shell::manual_page()),
+    })
 }
 
 fn without_cr(argument: OsString) -> OsString {

@@ -8,9 +8,9 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
 use super::UsageError;
+use crate::control::Speed;
 use crate::gateway::BusUrl;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
-use crate::speed::Speed;
 use hal_sim::Kind;
 use hal_sim::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 
@@ -205,10 +205,10 @@ pub(super) fn between(devices: &[NamedDevice], links: Vec<LinkSpec>) -> Result<V
 /// Checks the buses: a kernel interface needs wall time, and a shared bus must not be joined twice.
 fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate() {
-        if bus.address().is_real_time() && speed != Speed::Factor(1.0) {
+        if bus.is_interface() && speed != Speed::Factor(1.0) {
             return Err(UsageError(format!("--speed {speed} with --bus {bus}: this interface needs --speed 1")));
         }
-        if bus.address().is_shared() && buses.iter().take(position).any(|other| other == bus) {
+        if bus.is_shared() && buses.iter().take(position).any(|other| other == bus) {
             return Err(UsageError(format!("duplicate --bus {bus}")));
         }
     }

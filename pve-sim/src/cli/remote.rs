@@ -1,4 +1,4 @@
-//! The options of `set` and `status`.
+//! The arguments of `set` and `status`.
 
 use std::net::SocketAddr;
 
@@ -8,64 +8,50 @@ use clap::builder::NonEmptyStringValueParser;
 use super::UsageError;
 use super::options::DEFAULT_HTTP;
 use crate::gateway::joinable;
-use crate::remote::{PlantWord, SetOptions, StatusOptions};
+use crate::remote::PlantWord;
 
 /// The arguments of `set`.
-#[derive(Args, Debug)]
-pub(super) struct SetArgs {
+#[derive(Args, Clone, Debug, PartialEq, Eq)]
+pub struct SetArgs {
     /// The name of the device
     #[arg(value_name = "DEVICE", value_parser = NonEmptyStringValueParser::new())]
-    device: String,
+    pub device: String,
 
     /// A plant word and its value, as on the console or in PATCH /devices/NAME/plant: supply_mv=8000 spool=stuck
     /// lever=off; several words change at the same instant, or none changes
     #[arg(value_name = "WORD=VALUE", required = true)]
-    words: Vec<PlantWord>,
+    pub words: Vec<PlantWord>,
 
-    #[command(flatten)]
-    simulator: SimulatorArgs,
+    /// The control interface of the simulator, as in its ready line
+    #[arg(long, value_name = "ADDR:PORT", value_parser = address, default_value_t = DEFAULT_HTTP)]
+    pub http: SocketAddr,
 }
 
 /// The arguments of `status`.
-#[derive(Args, Debug)]
-pub(super) struct StatusArgs {
+#[derive(Args, Clone, Debug, PartialEq, Eq)]
+pub struct StatusArgs {
     /// The name of the device; without it, all devices are shown
     #[arg(value_name = "DEVICE", value_parser = NonEmptyStringValueParser::new())]
-    device: Option<String>,
+    pub device: Option<String>,
 
     /// Print the JSON of GET /devices or GET /devices/NAME
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 
-    #[command(flatten)]
-    simulator: SimulatorArgs,
-}
-
-/// The address of the simulator.
-#[derive(Args, Debug)]
-struct SimulatorArgs {
     /// The control interface of the simulator, as in its ready line
     #[arg(long, value_name = "ADDR:PORT", value_parser = address, default_value_t = DEFAULT_HTTP)]
-    http: SocketAddr,
+    pub http: SocketAddr,
 }
 
-impl TryFrom<SetArgs> for SetOptions {
-    type Error = UsageError;
-
-    fn try_from(args: SetArgs) -> Result<Self, UsageError> {
-        let words = args.words;
-        for (place, PlantWord { name, .. }) in words.iter().enumerate() {
-            if words.iter().take(place).any(|earlier| earlier.name == *name) {
+impl SetArgs {
+    /// Returns the arguments unless a word is duplicated.
+    pub(super) fn check(self) -> Result<Self, UsageError> {
+        for (place, PlantWord { name, .. }) in self.words.iter().enumerate() {
+            if self.words.iter().take(place).any(|earlier| earlier.name == *name) {
                 return Err(UsageError(format!("set: duplicate word {name}")));
             }
         }
-        Ok(Self { http: args.simulator.http, device: args.device, words })
-    }
-}
-
-impl From<StatusArgs> for StatusOptions {
-    fn from(args: StatusArgs) -> Self {
-        Self { http: args.simulator.http, device: args.device, json: args.json }
+        Ok(self)
     }
 }
 

@@ -10,9 +10,9 @@ use protocol_core::device::{Setup, pve};
 
 use super::options::DEFAULT_HTTP;
 use super::*;
+use crate::control::Speed;
 use crate::remote::PlantWord;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
-use crate::speed::Speed;
 use hal_sim::Kind;
 use hal_sim::devices::{NamedDevice, NamedLink};
 use hal_sim::world::{Electronics, Link};

@@ -1,6 +1,6 @@
 //! The event stream of the control interface: sends frames, errors and device changes to its clients, the followers.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use protocol_core::device::View;
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -9,7 +9,7 @@ use tokio::sync::broadcast;
 
 use hal_sim::Kind;
 use hal_sim::explain::Explainer;
-use hal_sim::simulation::{BusTrouble, Happened, Passed, Refusal, Simulation};
+use hal_sim::simulation::{Happened, Refusal, Simulation};
 use hal_sim::state::{DeviceState, PlantState};
 use hal_sim::world::{NodeId, World};
 
@@ -22,41 +22,13 @@ pub(crate) const FOLLOWERS: usize = 64;
 /// The wall-time interval between reports of a changing position.
 const SAMPLE: Duration = Duration::from_millis(20);
 
-/// An event, serialised once for all followers.
+/// An event, shared by all followers.
 #[derive(Debug)]
 pub(crate) struct ControlEvent {
-    what: What,
-    json: OnceLock<String>,
-}
-
-#[derive(Debug)]
-enum What {
-    /// A frame on the bus, with its meaning.
-    Frame(Passed, String),
-    /// A bus error.
-    Error(BusTrouble),
-    /// A changed device.
-    Device(DeviceState),
-}
-
-impl ControlEvent {
-    /// Returns the name of the event.
-    pub(crate) const fn name(&self) -> &'static str {
-        match self.what {
-            What::Frame(..) => "frame",
-            What::Error(_) => "error",
-            What::Device(_) => "device",
-        }
-    }
-
-    /// Returns the data of the event.
-    pub(crate) fn json(&self) -> &str {
-        self.json.get_or_init(|| match &self.what {
-            What::Frame(passed, meaning) => json(&passed.record(meaning.clone())),
-            What::Error(trouble) => json(trouble),
-            What::Device(state) => json(state),
-        })
-    }
+    /// The name of the event.
+    pub(crate) name: &'static str,
+    /// The data of the event.
+    pub(crate) json: String,
 }
 
 /// Serialises a value as JSON, which cannot fail for the types of this interface.
@@ -69,21 +41,14 @@ pub(crate) fn json(value: &impl Serialize) -> String {
 pub struct Subscription {
     /// The device states at the instant of the subscription.
     pub(crate) states: Vec<DeviceState>,
+    /// The later events. The follower counts as connected until this receiver is dropped.
     pub(crate) events: broadcast::Receiver<Arc<ControlEvent>>,
-    /// The follower counts as connected until this handle is dropped.
-    pub(crate) follower: Follower,
 }
-
-/// A handle that counts one follower.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Follower(Arc<()>);
 
 /// Sends events to the followers.
 #[derive(Debug)]
 pub(crate) struct Events {
     channel: broadcast::Sender<Arc<ControlEvent>>,
-    /// The handle from which the handles of followers are cloned.
-    follower: Follower,
     /// The last reported state of each device.
     told: Vec<(NodeId, Kind, Told)>,
     /// The next position-sample time.
@@ -106,18 +71,12 @@ impl Events {
         let world = simulation.world_mut();
         let told = devices.into_iter().map(|(node, kind)| (node, kind, Told::of(node, world))).collect();
         let sample = Duration::from_ticks((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
-        Self {
-            channel: broadcast::Sender::new(WAITING),
-            follower: Follower::default(),
-            told,
-            sample_at: world.now(),
-            sample,
-        }
+        Self { channel: broadcast::Sender::new(WAITING), told, sample_at: world.now(), sample }
     }
 
     /// Adds a follower.
     pub(crate) fn subscribe(&mut self, simulation: &mut Simulation) -> Result<Subscription, Refusal> {
-        if self.followers() >= FOLLOWERS {
+        if self.channel.receiver_count() >= FOLLOWERS {
             return Err(Refusal::TooMany("too many clients of the event stream"));
         }
         // Existing followers receive pending changes first; without followers, the reported states are reset.
@@ -126,20 +85,12 @@ impl Events {
             let world = simulation.world_mut();
             self.told.iter_mut().for_each(|(node, _, told)| *told = Told::of(*node, world));
         }
-        Ok(Subscription {
-            states: simulation.states(),
-            events: self.channel.subscribe(),
-            follower: self.follower.clone(),
-        })
+        Ok(Subscription { states: simulation.states(), events: self.channel.subscribe() })
     }
 
     /// Returns whether there is a follower.
     pub(crate) fn is_followed(&self) -> bool {
-        self.followers() > 0
-    }
-
-    fn followers(&self) -> usize {
-        Arc::strong_count(&self.follower.0) - 1
+        self.channel.receiver_count() > 0
     }
 
     /// Sends a bus event together with its meaning from `explainer`.
@@ -149,9 +100,9 @@ impl Events {
         }
         if let Some(passed) = happened.passed() {
             let meaning = explainer.explain(&passed.frame, Some(&passed.from));
-            tell(&self.channel, What::Frame(passed, meaning));
+            tell(&self.channel, "frame", &passed.record(meaning));
         } else if let Some(trouble) = happened.trouble() {
-            tell(&self.channel, What::Error(trouble));
+            tell(&self.channel, "error", &trouble);
         }
     }
 
@@ -172,7 +123,7 @@ impl Events {
             let changed = if samples { now != *told } else { now.at_rest() != told.at_rest() };
             if changed {
                 *told = now;
-                tell(channel, What::Device(DeviceState::of(*node, *kind, world)));
+                tell(channel, "device", &DeviceState::of(*node, *kind, world));
             }
         }
     }
@@ -184,8 +135,8 @@ impl Events {
 }
 
 /// Sends an event to all followers, if there are any.
-fn tell(channel: &broadcast::Sender<Arc<ControlEvent>>, what: What) {
-    let _ = channel.send(Arc::new(ControlEvent { what, json: OnceLock::new() }));
+fn tell(channel: &broadcast::Sender<Arc<ControlEvent>>, name: &'static str, data: &impl Serialize) {
+    let _ = channel.send(Arc::new(ControlEvent { name, json: json(data) }));
 }
 
 impl Told {

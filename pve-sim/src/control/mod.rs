@@ -1,20 +1,99 @@
 //! The world's side of the control interface: executes messages, and monitors the world for clients that wait or
 //! follow the events.
 //!
-//! ```text
-//! message     messages to the world, and their answers
-//! server      executes messages and returns their answers
-//! events      the event stream for followers
-//! ```
-//!
 //! The world executes each message at the virtual instant of its arrival, and an answer describes a single instant.
-//! Only the server accesses the world, and the server never waits for a client.
+//! Only the [`server`] accesses the world, and the server never waits for a client.
 
 pub(crate) mod events;
-pub(crate) mod message;
 mod server;
 
-#[cfg(test)]
-pub(crate) use message::Answer;
-pub use message::Message;
 pub(crate) use server::ControlServer;
+
+use std::fmt;
+
+use hal_sim::simulation::{BusState, Command, Excerpt, Refusal, Reply};
+use hal_sim::state::{DeviceState, FaultRecord};
+use serde::Serialize;
+use tokio::sync::oneshot;
+use utoipa::ToSchema;
+
+use events::Subscription;
+
+/// A message to the world, with the sender of the answer.
+#[derive(Debug)]
+pub enum Message {
+    /// Executes a command; answers with its reply.
+    Execute(Command, Answer<Reply>),
+    /// Reads the states of all devices.
+    Devices(Answer<Vec<DeviceState>>),
+    /// Reads the state of a device.
+    Device(String, Answer<DeviceState>),
+    /// Reads the state of the bus.
+    Bus(Answer<BusState>),
+    /// Reads the communication faults.
+    Faults(Answer<Vec<FaultRecord>>),
+    /// Reads the virtual time.
+    Time(Answer<Time>),
+    /// Reads the latest frames, up to this number.
+    Trace(usize, Answer<Excerpt>),
+    /// Subscribes to all future events.
+    Subscribe(Answer<Subscription>),
+}
+
+/// The sender of an answer to a client.
+pub type Answer<T> = oneshot::Sender<Result<T, Refusal>>;
+
+/// The speed of virtual time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Speed {
+    /// A factor of wall time, finite and above 0.
+    Factor(f64),
+    /// Stepped: only the control interface advances time.
+    Step,
+}
+
+/// The form of `--speed`.
+impl fmt::Display for Speed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Factor(factor) => write!(f, "{factor}"),
+            Self::Step => f.write_str("step"),
+        }
+    }
+}
+
+/// The virtual time.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct Time {
+    /// The virtual time, in microseconds since the start.
+    pub now_us: u64,
+    /// The speed: a factor against wall time, or `"step"`.
+    pub speed: SpeedValue,
+}
+
+/// The speed of virtual time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum SpeedValue {
+    /// A factor of wall time.
+    Factor(f64),
+    /// Time advances only by `POST /time`.
+    Step(StepWord),
+}
+
+/// The word for stepped time in JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StepWord {
+    /// `"step"`
+    Step,
+}
+
+impl From<Speed> for SpeedValue {
+    fn from(speed: Speed) -> Self {
+        match speed {
+            Speed::Factor(factor) => Self::Factor(factor),
+            Speed::Step => Self::Step(StepWord::Step),
+        }
+    }
+}

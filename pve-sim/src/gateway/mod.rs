@@ -1,32 +1,83 @@
 //! Gateways: connect clients outside the simulator to the bus.
 //!
 //! ```text
-//! bus_url      the URLs of --bus, with a line for every gateway
-//! address      the interface of gateways: Scheme, Address, Gateway
-//! tcp          gateways over TCP: the listening socket and its clients
-//! guard        the guard of connections over TCP against web pages
-//! session      the session of one client over a stream
-//! socketcand/  a bus over TCP in readable text
-//! socketcan/   an interface of the Linux kernel
-//! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
+//! bus_url        the URLs of --bus, with a variant for every gateway
+//! tcp            gateways over TCP: the listening socket and its clients
+//! guard          the guard of connections over TCP against web pages
+//! session        the session of one client over a stream
+//! socketcand/    a bus over TCP in readable text
+//! socketcan/     an interface of the Linux kernel
+//! slcan/         an adapter on a serial line, over TCP or on a pseudo-terminal
 //! udp_multicast/ the bus of python-can's udp_multicast
-//! member       gateways that are a single client for the whole run
 //! ```
 
-mod address;
 mod bus_url;
 mod guard;
-mod member;
 mod session;
 pub mod slcan;
+#[cfg(target_os = "linux")]
 mod socketcan;
 pub mod socketcand;
 mod tcp;
 pub mod udp_multicast;
 
-pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 pub use bus_url::BusUrl;
 pub use guard::{ForeignWarning, Judge, Verdict};
 pub use session::{Client, Dialogue, End};
-pub use tcp::enter;
+pub use tcp::{Endpoint, enter};
 pub(crate) use tcp::{WAITING, joinable};
+
+use std::sync::Arc;
+
+use tokio::sync::Semaphore;
+
+use crate::inbox::{ClientEnd, ClientId, ToWorld, WorldSender};
+
+/// An open gateway that does not serve clients yet. Dropping it closes the gateway.
+pub struct Gateway {
+    /// The URL of the bus with the bound port.
+    pub url: String,
+    /// An example command for joining.
+    pub hint: String,
+    start: Box<dyn FnOnce(WorldSender, Arc<Semaphore>)>,
+}
+
+impl Gateway {
+    /// Creates a gateway. `serve` is called to start it, and must join the world before it returns if the gateway is a
+    /// [`Member`]; the task of the returned future serves clients.
+    fn new<F: Future<Output = ()> + Send + 'static>(
+        url: String,
+        hint: String,
+        serve: impl FnOnce(WorldSender, Arc<Semaphore>) -> F + 'static,
+    ) -> Self {
+        Self { url, hint, start: Box::new(|world, places| drop(tokio::spawn(serve(world, places)))) }
+    }
+
+    /// Serves clients until the caller's runtime ends. Each client of a server occupies one of the `places`.
+    pub fn start(self, world: WorldSender, places: Arc<Semaphore>) {
+        (self.start)(world, places);
+    }
+}
+
+/// A gateway that is a single client of the world for the whole run: a multicast group, a kernel interface.
+trait Member: Send + Sized {
+    /// Passes frames in both directions. Returns only when the queue of the gateway overruns.
+    fn pass(&mut self, id: ClientId, client_end: ClientEnd, world: &WorldSender) -> impl Future<Output = ()> + Send;
+
+    /// Joins the world immediately, so that the gateway receives the first frame of a world started later. The returned
+    /// future passes frames forever.
+    fn run(mut self, world: WorldSender) -> impl Future<Output = ()> + Send {
+        let mut joined = world.join();
+        async move {
+            loop {
+                let (id, client_end) = joined;
+                // Receives the permit that the world returns for joining.
+                client_end.permits.spend().await;
+                self.pass(id, client_end, &world).await;
+                // An overrun drops the pending frames, and the gateway joins again.
+                world.tell(ToWorld::Leave(id));
+                joined = world.join();
+            }
+        }
+    }
+}

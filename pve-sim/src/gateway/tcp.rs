@@ -14,7 +14,6 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
-use super::address::OpenError;
 use super::guard::{ForeignWarning, Guarded};
 use super::session::{Dialogue, End, Limits, serve};
 use crate::inbox::WorldSender;
@@ -37,7 +36,7 @@ pub(super) const FAREWELL: Duration = Duration::from_secs(10);
 
 /// An address to listen at.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Endpoint {
+pub struct Endpoint {
     /// A name, an IPv4 address, or an IPv6 address in brackets.
     pub(super) host: String,
     /// The TCP port; 0 selects a free one.
@@ -60,19 +59,18 @@ impl Endpoint {
         Ok(Self { host: host.to_owned(), port })
     }
 
-    /// Binds the address. `url` formats the URL with another endpoint, for the remedy when the port is in use.
+    /// Returns the endpoint with port 0.
+    pub(super) fn with_free_port(&self) -> Self {
+        Self { port: 0, ..self.clone() }
+    }
+
+    /// Binds the address.
     ///
     /// # Errors
     /// When the host cannot be resolved, or the port is in use.
-    pub(super) async fn bind(&self, url: impl Fn(&Self) -> String + Send) -> Result<Listener, OpenError> {
-        match TcpListener::bind(self.to_string()).await {
-            Ok(listener) => Ok(Listener { address: listener.local_addr()?, listener }),
-            Err(error) if error.kind() == io::ErrorKind::AddrInUse => {
-                let free = url(&Self { port: 0, ..self.clone() });
-                Err(OpenError::new(format!("{error}; is another pve-sim running? --bus {free} selects a free port")))
-            }
-            Err(error) => Err(error.into()),
-        }
+    pub(super) async fn bind(&self) -> io::Result<Listener> {
+        let listener = TcpListener::bind(self.to_string()).await?;
+        Ok(Listener { address: listener.local_addr()?, listener })
     }
 }
 
@@ -174,24 +172,4 @@ impl AsyncRead for Prompt {
 pub(crate) fn joinable(bound: SocketAddr) -> SocketAddr {
     let ip = if bound.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { bound.ip() };
     SocketAddr::new(ip, bound.port())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn way_out(endpoint: &Endpoint) -> String {
-        format!("slcan://{endpoint}")
-    }
-
-    #[tokio::test]
-    async fn a_port_in_use_names_the_way_out() {
-        let taken = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-        let endpoint = Endpoint::parse(&taken.local_addr().expect("its address").to_string(), "").expect("an endpoint");
-        let told = endpoint.bind(way_out).await.expect_err("it is taken").to_string();
-        assert!(told.ends_with("is another pve-sim running? --bus slcan://127.0.0.1:0 selects a free port"), "{told}");
-        let elsewhere = Endpoint::parse("192.0.2.1:0", "").expect("an endpoint");
-        let told = elsewhere.bind(way_out).await.expect_err("no address of this machine").to_string();
-        assert!(!told.contains("--bus"), "{told}");
-    }
 }

@@ -3,22 +3,17 @@
 //! The world runs on a thread of its own and never waits for a client. Requests of a client reach it as [`ToWorld`]
 //! messages over one channel, the [`WorldSender`], each with the wall instant of its arrival; messages to the client go
 //! into its own bounded queue, its [`ClientQueue`]. A client whose queue is full is disconnected.
-//!
-//! ```text
-//! world_sender the path from clients to the world
-//! client_queue the path from the world to a client, and the limits of both
-//! ```
 
 mod client_queue;
-mod world_sender;
 
 pub(crate) use client_queue::BATCH;
 pub use client_queue::{ClientEnd, ClientQueue, Overrun, PERMITS, Permit, Permits, QUEUE};
-pub use world_sender::{Arrival, Inbox, WorldSender};
 
 use std::borrow::Cow;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant as WallInstant};
 
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
@@ -83,14 +78,89 @@ pub enum ToClient {
 pub struct Reply {
     /// The bytes for the client.
     pub text: Cow<'static, str>,
-    /// The pause before the next message to the client.
-    pub pause: Duration,
+    /// An instruction to the writer of the client's messages.
+    pub note: Note,
+}
+
+/// An instruction for the messages after a reply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Note {
+    /// Nothing changes.
+    None,
+    /// The next message follows after a pause.
+    Pause(Duration),
+    /// Frames have time stamps, or have none.
+    Stamps(bool),
 }
 
 impl Reply {
-    /// Returns a reply without a pause.
+    /// Returns a reply without an instruction.
     #[must_use]
     pub fn new(text: impl Into<Cow<'static, str>>) -> Self {
-        Self { text: text.into(), pause: Duration::ZERO }
+        Self { text: text.into(), note: Note::None }
+    }
+}
+
+/// The sending end of the channel to the world, for clients and for the shutdown of the simulator.
+#[derive(Clone, Debug)]
+pub struct WorldSender {
+    messages: Sender<Arrival>,
+    ending: Arc<AtomicBool>,
+}
+
+/// The world's end of the channel.
+#[derive(Debug)]
+pub struct Inbox {
+    /// Messages in the order of their arrival.
+    pub messages: Receiver<Arrival>,
+    ending: Arc<AtomicBool>,
+}
+
+/// A message with its arrival.
+#[derive(Debug)]
+pub struct Arrival {
+    /// The wall instant of the arrival.
+    pub at: WallInstant,
+    /// The message.
+    pub message: ToWorld,
+}
+
+impl WorldSender {
+    /// Creates a channel and returns both ends.
+    #[must_use]
+    pub fn new() -> (Self, Inbox) {
+        let (sender, messages) = channel();
+        let ending = Arc::<AtomicBool>::default();
+        (Self { messages: sender, ending: Arc::clone(&ending) }, Inbox { messages, ending })
+    }
+
+    /// Sends a message with the current time as its arrival. After the end of the world the message is dropped.
+    pub fn tell(&self, message: ToWorld) {
+        let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
+    }
+
+    /// Joins as a new client that receives all later frames. The world returns a permit for joining.
+    #[must_use]
+    pub fn join(&self) -> (ClientId, ClientEnd) {
+        let (to_client, client_end) = ClientQueue::new();
+        let id = ClientId::next();
+        self.tell(ToWorld::Join(id, to_client));
+        self.tell(ToWorld::Listen(id, Reply::new("")));
+        (id, client_end)
+    }
+
+    /// Ends the simulator before the world processes its pending messages.
+    pub fn end(&self) {
+        self.ending.store(true, Ordering::Release);
+        // Wakes up a waiting world.
+        self.tell(ToWorld::End);
+    }
+}
+
+impl Inbox {
+    /// Returns whether the simulator is shutting down.
+    #[must_use]
+    pub fn is_ending(&self) -> bool {
+        self.ending.load(Ordering::Acquire)
     }
 }

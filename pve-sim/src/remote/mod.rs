@@ -23,28 +23,6 @@ pub use words::PlantWord;
 /// The time limit of a response. The simulator answers these requests immediately at any speed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The options of `set`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SetOptions {
-    /// The address of the control interface.
-    pub http: SocketAddr,
-    /// The name of the device.
-    pub device: String,
-    /// The words, each at most once.
-    pub words: Vec<PlantWord>,
-}
-
-/// The options of `status`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StatusOptions {
-    /// The address of the control interface.
-    pub http: SocketAddr,
-    /// The name of the device, or `None` for all devices.
-    pub device: Option<String>,
-    /// Print the JSON of the control interface.
-    pub json: bool,
-}
-
 /// A failed request.
 #[derive(Debug, thiserror::Error)]
 pub enum RemoteError {
@@ -64,30 +42,24 @@ pub enum RemoteError {
 
 const REMEDY: &str = "start pve-sim, or give the address from its ready line as --http ADDR:PORT";
 
-/// Changes plant words of a device; applies all of them or none.
+/// Changes plant words of a device in the simulator at `http`; applies all of them or none.
 ///
 /// # Errors
 /// [`RemoteError`]; nothing has changed if the simulator refused it.
-pub fn set(options: &SetOptions) -> Result<(), RemoteError> {
-    let change: Value = options.words.iter().map(|word| (word.name.clone(), word.json())).collect();
-    let simulator = Simulator::at(options.http, PATIENCE);
-    simulator.change_plant(&options.device, &change).map(drop)
+pub fn set(http: SocketAddr, device: &str, words: &[PlantWord]) -> Result<(), RemoteError> {
+    let change: Value = words.iter().map(|word| (word.name.clone(), word.json())).collect();
+    Simulator::at(http, PATIENCE).change_plant(device, &change).map(drop)
 }
 
-/// Returns the states of the devices as text for stdout.
+/// Returns the states of the named device or, for `None`, of all devices in the simulator at `http`, for stdout: as a
+/// table, or as the JSON of the control interface.
 ///
 /// # Errors
 /// [`RemoteError`]
-pub fn status(options: &StatusOptions) -> Result<String, RemoteError> {
-    let simulator = Simulator::at(options.http, PATIENCE);
-    let body = match &options.device {
-        Some(device) => simulator.device(device)?,
-        None => simulator.devices()?,
-    };
-    if options.json {
-        return Ok(body + "\n");
-    }
-    table::of(&body).map_err(|error| simulator.other_server(error))
+pub fn status(http: SocketAddr, device: Option<&str>, json: bool) -> Result<String, RemoteError> {
+    let simulator = Simulator::at(http, PATIENCE);
+    let body = simulator.devices(device)?;
+    if json { Ok(body + "\n") } else { table::of(&body).map_err(|error| simulator.other_server(error)) }
 }
 
 /// A running simulator.
@@ -104,12 +76,8 @@ impl Simulator {
         Self { address, patience, agent: config.timeout_global(Some(patience)).build().into() }
     }
 
-    fn devices(&self) -> Result<String, RemoteError> {
-        self.answer(self.agent.get(self.url("")).call())
-    }
-
-    fn device(&self, name: &str) -> Result<String, RemoteError> {
-        self.answer(self.agent.get(self.url(&in_path(name))).call())
+    fn devices(&self, name: Option<&str>) -> Result<String, RemoteError> {
+        self.answer(self.agent.get(self.url(&name.map_or_else(String::new, in_path))).call())
     }
 
     fn change_plant(&self, name: &str, change: &Value) -> Result<String, RemoteError> {
@@ -166,7 +134,7 @@ mod tests {
     fn a_silent_server_is_told_after_a_while() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("its address");
-        let error = Simulator::at(address, Duration::from_millis(1)).devices().expect_err("nobody answers");
+        let error = Simulator::at(address, Duration::from_millis(1)).devices(None).expect_err("nobody answers");
         assert!(matches!(error, RemoteError::Silent(at, _) if at == address), "{error}");
     }
 }

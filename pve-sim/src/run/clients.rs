@@ -217,7 +217,7 @@ impl Clients {
     /// frame and loads the next frame. Call this after every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
         if world.pending(self.port) == 0 {
-            // Of a repeated frame, copies beyond the limit are never sent.
+            // The remaining copies of a repeated frame exceed the limit and are never sent.
             self.sent.clear();
         }
         while world.is_controller_empty(self.port) {

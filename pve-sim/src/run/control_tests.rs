@@ -1,6 +1,6 @@
 //! Calls of the control interface, on a wall clock that advances only while the driver waits.
 
-use tokio::sync::oneshot::{Receiver, error::TryRecvError};
+use tokio::sync::oneshot::{self, Receiver, error::TryRecvError};
 
 use super::*;
 use crate::control::{Answer, Message};
@@ -18,7 +18,7 @@ impl Rig {
 
     /// Makes a call at a wall time.
     fn call<T>(&mut self, at: WallDuration, message: impl FnOnce(Answer<T>) -> Message) -> Way<T> {
-        let (answer, way) = Answer::new();
+        let (answer, way) = oneshot::channel();
         self.plan(at, PlatformEvent::Message(ToWorld::Control(message(answer))));
         way
     }
@@ -38,7 +38,7 @@ impl Rig {
 }
 
 fn typed(line: &str) -> PlatformEvent {
-    PlatformEvent::Message(ToWorld::Typed(line.to_owned(), tokio::sync::oneshot::channel().0))
+    PlatformEvent::Message(ToWorld::Typed(line.to_owned(), oneshot::channel().0))
 }
 
 fn told<T: serde::Serialize>(mut way: Way<T>) -> serde_json::Value {

@@ -1,7 +1,7 @@
 //! The thread of the world: advances time, executes messages of clients, and shows bus events.
 //!
-//! A message takes effect at the virtual time of its arrival, after the world has caught up completely. The number of
-//! events between two clock readings is limited, so that a late world skips nothing and messages never wait long.
+//! A message takes effect at the virtual time of its arrival, after the world has caught up completely. A late world
+//! skips no event; the number of events between two clock readings is limited, so that messages never wait long.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
@@ -12,22 +12,18 @@ use tokio::sync::watch;
 
 use super::clients::Clients;
 use super::console;
-use super::platform::{Platform, SPIN_TIME, WAKE_UP};
+use super::platform::{Platform, SPIN};
 use super::printer::Printer;
 use super::timekeeper::{MAX_SLEEP, Timekeeper};
 use super::trace::Trace;
-use crate::control::ControlServer;
+use crate::control::{ControlServer, Speed};
 use crate::inbox::{Arrival, ToWorld};
-use crate::speed::Speed;
 use hal_sim::log::Timestamp;
 use hal_sim::simulation::Simulation;
 use hal_sim::world::SUPPLY_JITTER;
 
 /// The maximum number of events between two clock readings: a few milliseconds of work.
 const EVENT_BATCH: usize = 1000;
-
-/// The minimum wait during which the trace is printed.
-const IDLE_GAP: WallDuration = WallDuration::from_millis(1);
 
 /// A simulation with its connections.
 pub struct Driver<O> {
@@ -48,8 +44,6 @@ pub struct Driver<O> {
     open: Instant,
     /// The time at which the trace was last printed.
     handed_out: WallInstant,
-    /// The end of [`SPIN_TIME`] after the last message.
-    awake_until: WallInstant,
 }
 
 impl<O: Platform> Driver<O> {
@@ -80,7 +74,6 @@ impl<O: Platform> Driver<O> {
             arrivals: VecDeque::new(),
             open: Instant::MAX,
             handed_out: now,
-            awake_until: now,
         }
     }
 
@@ -169,8 +162,8 @@ impl<O: Platform> Driver<O> {
         if self.arrivals.is_empty() {
             self.arrivals.extend(self.platform.take());
         }
-        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.time.pace().at(next.at));
-        if !self.catch_up(self.time.pace().at(now).min(due)) {
+        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.time.at(next.at));
+        if !self.catch_up(self.time.at(now).min(due)) {
             let warning = self.time.fell_behind(self.simulation.now());
             self.warn(warning);
             self.hand_out();
@@ -209,31 +202,25 @@ impl<O: Platform> Driver<O> {
         self.hand_out();
     }
 
-    /// Waits for a message or the next event. First flushes the output if the last flush was [`MAX_SLEEP`] ago, or if a
-    /// long sleep follows.
+    /// Waits for a message or the next event. First flushes the output if the last flush was [`MAX_SLEEP`] ago, or if the
+    /// wait can be that long.
     ///
     /// At a speed up to 1 without listeners, the thread wakes up only for messages and clock readings. Each event still
     /// takes effect at its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
-        let is_watched = self.simulation.is_busy() || self.control.as_ref().is_some_and(ControlServer::is_followed);
-        let (looks, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
-        let event = if looks && !is_heard { NEVER } else { self.next() };
-        let next = self.time.pace().when(event.min(due));
-        let is_at_work = now < self.awake_until;
-        let is_overdue = now.saturating_duration_since(self.handed_out) >= MAX_SLEEP;
-        if is_overdue || (!is_at_work && next.is_none_or(|next| next > now + IDLE_GAP)) {
+        let looks = self.time.minds_stalls();
+        let is_followed = self.control.as_ref().is_some_and(ControlServer::is_followed);
+        let is_watched = self.clients.is_heard() || self.simulation.is_busy() || is_followed;
+        let event = if looks && !is_watched { NEVER } else { self.next() };
+        let next = self.time.when(event.min(due));
+        let until = looks.then(|| now + MAX_SLEEP).into_iter().chain(next).min();
+        if now >= self.handed_out + MAX_SLEEP || until.is_none_or(|until| until >= now + MAX_SLEEP) {
             self.hand_out();
             self.handed_out = now;
         }
-        let limit = if is_at_work { Some(self.awake_until) } else { looks.then(|| now + MAX_SLEEP) };
-        let until = limit.into_iter().chain(next).min();
-        let spin = match until {
-            _ if is_at_work => SPIN_TIME,
-            // For listeners, the thread wakes up early enough for the event.
-            Some(_) if is_heard && until == next => WAKE_UP,
-            _ => WallDuration::ZERO,
-        };
+        // For listeners, the thread wakes up early enough for the event.
+        let spin = if is_watched && until == next { SPIN } else { WallDuration::ZERO };
         let arrival = self.platform.wait(until, spin);
         self.arrivals.extend(arrival);
     }
@@ -259,7 +246,7 @@ impl<O: Platform> Driver<O> {
         has_arrived
     }
 
-    /// Returns the next event or due time.
+    /// Returns the instant of the next event or position sample.
     fn next(&self) -> Instant {
         self.control.as_ref().map_or(NEVER, ControlServer::due).min(self.simulation.next())
     }
@@ -274,34 +261,30 @@ impl<O: Platform> Driver<O> {
     }
 
     fn take_effect(&mut self) {
-        let Some(Arrival { at, message }) = self.arrivals.pop_front() else { return };
-        if !self.time.minds_stalls() {
-            self.awake_until = at + SPIN_TIME;
-        }
-        if let ToWorld::Warn(line) = message {
-            self.trace.warn(line);
-            return;
-        }
-        if let ToWorld::Control(message) = message {
-            if let Some(control) = &mut self.control {
-                control.execute(message, &mut self.simulation);
+        let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
+        match message {
+            ToWorld::Warn(line) => self.trace.warn(line),
+            ToWorld::Control(message) => {
+                if let Some(control) = &mut self.control {
+                    control.execute(message, &mut self.simulation);
+                }
+                self.show();
             }
-            self.show();
-            return;
-        }
-        if let ToWorld::Typed(line, _obeyed) = message {
-            match console::execute(&line, &mut self.simulation) {
-                Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
-                Err(refusal) => self.trace.warn(refusal),
+            ToWorld::Typed(line, _done) => {
+                match console::execute(&line, &mut self.simulation) {
+                    Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
+                    Err(refusal) => self.trace.warn(refusal),
+                }
+                self.show();
+                if let Some(control) = &mut self.control {
+                    control.poll(&mut self.simulation);
+                }
             }
-            self.show();
-            if let Some(control) = &mut self.control {
-                control.poll(&mut self.simulation);
+            message => {
+                if self.clients.apply(message, self.simulation.world_mut()).is_err() {
+                    self.report_overrun();
+                }
             }
-            return;
-        }
-        if self.clients.apply(message, self.simulation.world_mut()).is_err() {
-            self.report_overrun();
         }
     }
 

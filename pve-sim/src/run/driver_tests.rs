@@ -31,8 +31,6 @@ struct Script {
     plan: VecDeque<(WallInstant, PlatformEvent)>,
     /// The number of waits.
     waits: u64,
-    /// The number of sleeps.
-    sleeps: u64,
     /// The time spent spinning.
     awake: WallDuration,
 }
@@ -69,7 +67,6 @@ impl Platform for Script {
 
     fn wait(&mut self, until: Option<WallInstant>, spin: WallDuration) -> Option<Arrival> {
         let early = until.map_or(self.end, |until| until - spin).max(self.now);
-        self.sleeps += u64::from(early > self.now || until.is_none());
         let arrival = self.pass(until);
         self.awake += self.now.saturating_duration_since(early);
         arrival
@@ -112,7 +109,7 @@ fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, said: Said) -> D
     simulation.add(&NamedDevice::new("valve", Kind::Pve(pve::Kind::PveaCanopen)), Memory::in_ram());
     let plan = before.into_iter().map(|message| (start, PlatformEvent::Message(message))).collect();
     let (work, awake) = (WallDuration::ZERO, WallDuration::ZERO);
-    let script = Script { now: start, work, end: start, plan, waits: 0, sleeps: 0, awake };
+    let script = Script { now: start, work, end: start, plan, waits: 0, awake };
     Driver::embedded(simulation, script, speed, io::sink(), said).unwrap()
 }
 
@@ -433,24 +430,6 @@ fn an_idle_world_is_looked_at_a_few_times_a_second() {
     let mut rig = Rig::new(1.0);
     rig.run_until(WallDuration::from_secs(100));
     assert!(rig.driver.platform.waits < 100 * 60, "{}", rig.driver.platform.waits);
-}
-
-/// 100 requests in 10 ms: sleeps between them would delay the client by their wake-ups.
-#[test]
-fn above_speed_1_nothing_sleeps_while_a_client_works_back_to_back() {
-    let mut rig = Rig::new(100.0);
-    for micros in (1000..=11_000).step_by(100) {
-        rig.send(WallDuration::from_micros(micros), READ);
-    }
-    rig.run_until(millis(1));
-    let before = rig.driver.platform.sleeps;
-    rig.run_until(millis(11));
-    assert_eq!(rig.driver.platform.sleeps, before);
-    let before = rig.driver.platform.awake;
-    rig.run_until(millis(1011));
-    let awake = rig.driver.platform.awake - before;
-    assert!(awake < millis(1), "awake for {awake:?} of the second after the last request");
-    assert_eq!(rig.frames_of("5A0:").len(), 101);
 }
 
 /// 100 requests with answers: the thread wakes up in time for two frames each.

@@ -205,7 +205,7 @@ impl ConditionalEventHandler for Leave {
     }
 }
 
-/// The helper of the editor while a line is being typed.
+/// The helper of the editor: completes words, and prints the trace at each redraw.
 struct Assistant {
     screen: Screen,
     devices: Arc<[NamedDevice]>,

@@ -20,7 +20,7 @@ impl Log {
     /// Refuses a file that a log must not replace; changes nothing. Call this before any file is created.
     ///
     /// # Errors
-    /// [`RunError::Log`] for anything but a regular file, for files in the folder of the state files, for a state file
+    /// [`RunError::File`] for anything but a regular file, for files in the folder of the state files, for a state file
     /// under another name, for the log of another run, and for a non-empty file unless it may be overwritten.
     pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
         Self::check_place(log, state)?;
@@ -99,7 +99,7 @@ impl Log {
 const IN_USE: &str = "another pve-sim is writing to this log";
 
 fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
-    Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() })
+    Err(RunError::File { path: log.path.clone(), source: io::Error::other(reason) })
 }
 
 fn complaint(path: &Path, error: &io::Error) -> String {

@@ -4,17 +4,16 @@
 //! mod         a run, from its options to its end
 //! options     the options of run
 //! setup       devices with their memories, put into a world
-//! end         signals, and the reader of stdout
+//! end         the end of a run: a signal, or a closed stdout
 //! driver      the thread of the world: its time, its clients, its trace
-//! timekeeper  the virtual time of a run, and lost time
-//! pace        wall time ↔ virtual time
+//! timekeeper  the virtual time of a run, its pace, and lost time
 //! platform    the wall clock and the messages of clients, as the driver sees them
-//! clients     the world's end of all gateways
+//! clients     the clients of all gateways, on the world's thread
 //! trace       the bus on stdout and in the log
 //! stdin       the lines on stdin
 //! editor      the line editor on a terminal, with history and completion
-//! screen      that terminal: the trace above the line being typed
-//! console     the execution of such a line
+//! screen      the terminal: the trace above the line being typed
+//! console     executes the lines
 //! printer     stdout and stderr, on a thread of their own, so that neither blocks the world
 //! log         the file of --log
 //! system      the differences between operating systems
@@ -31,7 +30,6 @@ mod end;
 mod fault_words;
 mod log;
 mod options;
-mod pace;
 mod platform;
 mod printer;
 mod screen;
@@ -56,7 +54,7 @@ use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
 use crate::control::ControlServer;
-use crate::gateway::{Access, BusUrl, Gateway, OpenError, WAITING, joinable};
+use crate::gateway::{BusUrl, Gateway, WAITING, joinable};
 use crate::http;
 use crate::inbox::WorldSender;
 use crate::state_file::StateFileError;
@@ -78,7 +76,7 @@ pub enum RunError {
         /// The URL of the bus.
         url: BusUrl,
         /// The cause.
-        source: OpenError,
+        source: io::Error,
         /// The address of the control interface if that address is in use as well; otherwise `None`.
         http: Option<SocketAddr>,
     },
@@ -90,31 +88,13 @@ pub enum RunError {
         /// The cause.
         source: io::Error,
     },
-    /// A file or folder that cannot be opened.
+    /// A file or folder that cannot be opened, or that a log must not replace.
     #[error("{}: {source}", path.display())]
     File {
         /// The file.
         path: PathBuf,
         /// The cause.
         source: io::Error,
-    },
-    /// A file that a log must not replace.
-    #[error("{}: {reason}", path.display())]
-    Log {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        reason: String,
-    },
-    /// A state file belongs to a device of another kind.
-    #[error("{}: holds the memory of {found}, not of a {expected}", path.display())]
-    OtherKind {
-        /// The file.
-        path: PathBuf,
-        /// The kind in the file.
-        found: String,
-        /// The expected kind.
-        expected: &'static str,
     },
     /// A state file that cannot be used.
     #[error(transparent)]
@@ -190,10 +170,9 @@ struct Running {
 }
 
 async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result<Running, RunError> {
-    let access = Access { beacon: options.beacon, remote: options.allow_remote };
     let mut gateways = Vec::new();
     for url in &options.buses {
-        let opened = url.address().open(access).await;
+        let opened = url.open(options.beacon, options.allow_remote).await;
         let http = || options.http.filter(|address| is_in_use(*address));
         gateways.push(opened.map_err(|source| RunError::Bind { url: url.clone(), source, http: http() })?);
     }
@@ -214,7 +193,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         move || setup::simulation(&options)
     })
     .await?;
-    let bus = options.buses.first().map_or("can0", |url| url.address().name());
+    let bus = options.buses.first().map_or("can0", BusUrl::name);
     let start = Timestamp::now();
     let log = options.log.as_ref();
     let log = log.map(|log| Log::create(log, options.state.as_deref(), bus, start)).transpose()?;
@@ -286,13 +265,13 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
 
 /// Prints the warnings of the start on stderr, the ready line on stdout and the hints on stderr. The warnings come
 /// before the ready line.
-fn announce(printer: &Printer, gateways: &[Box<dyn Gateway>], http: Option<SocketAddr>, warnings: Vec<String>) {
+fn announce(printer: &Printer, gateways: &[Gateway], http: Option<SocketAddr>, warnings: Vec<String>) {
     warnings.into_iter().for_each(|warning| printer.warn(warning));
-    let urls: String = gateways.iter().map(|gateway| format!(" bus={}", gateway.url())).collect();
+    let urls: String = gateways.iter().map(|gateway| format!(" bus={}", gateway.url)).collect();
     let control = http.map_or_else(String::new, |address| format!(" http=http://{address}/"));
     printer.trace(format!("pve-sim ready{urls}{control}\n"));
     for gateway in gateways {
-        printer.note(gateway.hint());
+        printer.note(gateway.hint.clone());
     }
     if let Some(address) = http {
         printer.note(format!("Panel: http://{}/", joinable(address)));

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use protocol_core::controller::BitRate;
 
+use crate::control::Speed;
 use crate::gateway::BusUrl;
-use crate::speed::Speed;
 use hal_sim::devices::{NamedDevice, NamedLink};
 
 /// The options of `run`.

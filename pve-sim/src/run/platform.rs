@@ -22,18 +22,7 @@ pub trait Platform {
 }
 
 /// The spin before an event while a client listens: the usual wake-up delay of a thread.
-pub(super) const WAKE_UP: Duration = Duration::from_micros(50);
-
-/// The spin after a message, at speeds above 1. A client that works back to back sends its next message within this
-/// time, and a wake-up of the thread would delay the client more than the bus does.
-pub(super) const SPIN_TIME: Duration = Duration::from_micros(200);
-
-/// The maximum time for which the gateway and its clients usually occupy a yielded processor. A longer time indicates
-/// other programs.
-const TAKEN: Duration = Duration::from_micros(100);
-
-/// The time for which the processor counts as contended after use by other programs.
-const SHARED: Duration = Duration::from_millis(100);
+pub(super) const SPIN: Duration = Duration::from_micros(50);
 
 /// The system's clock, and the clients of the gateways.
 #[derive(Debug)]
@@ -41,13 +30,11 @@ pub(super) struct System {
     inbox: Inbox,
     /// Whether all gateways have ended.
     deserted: bool,
-    /// The end of the time in which the processor counts as contended.
-    shared_until: WallInstant,
 }
 
 impl System {
-    pub(super) fn new(inbox: Inbox) -> Self {
-        Self { inbox, deserted: false, shared_until: WallInstant::now() }
+    pub(super) const fn new(inbox: Inbox) -> Self {
+        Self { inbox, deserted: false }
     }
 }
 
@@ -66,46 +53,24 @@ impl Platform for System {
         taken.ok()
     }
 
-    /// On a contended processor the thread sleeps instead of yielding, because a thread that has used up its share
-    /// waits longer for the next share than a wake-up takes. The thread always spins for the last [`WAKE_UP`].
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival> {
-        let Some(until) = until else { return self.sleep(None) };
-        let mut now = WallInstant::now();
-        let early = until.checked_sub(spin).unwrap_or(now);
-        if early > now {
-            if let Some(arrival) = self.sleep(Some(early)) {
-                return Some(arrival);
-            }
-            now = WallInstant::now();
+        let Some(until) = until else {
+            let waited = self.inbox.messages.recv();
+            self.deserted |= waited.is_err();
+            return waited.ok();
+        };
+        let asleep = until.saturating_duration_since(WallInstant::now() + spin);
+        match self.inbox.messages.recv_timeout(asleep) {
+            Ok(arrival) => return Some(arrival),
+            Err(RecvTimeoutError::Disconnected) => self.deserted = true,
+            Err(RecvTimeoutError::Timeout) => {}
         }
-        while now < until && !self.is_ending() {
+        while WallInstant::now() < until && !self.is_ending() {
             if let Some(arrival) = self.take() {
                 return Some(arrival);
             }
-            let before = now;
-            if until.saturating_duration_since(now) <= WAKE_UP {
-                std::hint::spin_loop();
-            } else if now < self.shared_until {
-                return self.sleep(Some(until));
-            } else {
-                std::thread::yield_now();
-            }
-            now = WallInstant::now();
-            if now.saturating_duration_since(before) > TAKEN {
-                self.shared_until = now + SHARED;
-            }
+            std::hint::spin_loop();
         }
         None
-    }
-}
-
-impl System {
-    fn sleep(&mut self, until: Option<WallInstant>) -> Option<Arrival> {
-        let waited = match until {
-            Some(until) => self.inbox.messages.recv_timeout(until.saturating_duration_since(WallInstant::now())),
-            None => self.inbox.messages.recv().map_err(|_| RecvTimeoutError::Disconnected),
-        };
-        self.deserted |= matches!(waited, Err(RecvTimeoutError::Disconnected));
-        waited.ok()
     }
 }

@@ -7,8 +7,8 @@ use protocol_core::device::{AnyDevice, StartCause};
 use protocol_core::time::Instant;
 
 use super::{RunError, RunOptions};
-use crate::state_file::{StateFile, StateFileError};
-use hal_sim::Kind;
+use crate::gateway::BusUrl;
+use crate::state_file::StateFile;
 use hal_sim::devices::{self, NamedDevice};
 use hal_sim::memory::Memory;
 use hal_sim::simulation::Simulation;
@@ -30,7 +30,7 @@ pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String
         simulation.add(device, memory);
     }
     simulation.link(&options.links);
-    if !options.allow_real_bus && options.buses.iter().any(|url| url.address().may_be_real()) {
+    if !options.allow_real_bus && options.buses.iter().any(BusUrl::is_interface) {
         simulation.protect_bus("--allow-real-bus");
     }
     simulation.poll();
@@ -53,8 +53,7 @@ fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memor
     if let Some(dir) = &options.state {
         fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
         for device in &options.devices {
-            let file = StateFile::open(dir, &device.name, device.setup.kind.number().into());
-            files.push(file.map_err(|error| refusal(error, device))?);
+            files.push(StateFile::open(dir, &device.name, device.setup.kind.number().into())?);
         }
     }
     let mut files = files.into_iter();
@@ -63,18 +62,4 @@ fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memor
         None => Ok(Memory::in_ram()),
     };
     Ok(options.devices.iter().map(memory))
-}
-
-fn refusal(error: StateFileError, device: &NamedDevice) -> RunError {
-    match error {
-        StateFileError::OtherKind { path, found, .. } => RunError::OtherKind {
-            path,
-            found: u8::try_from(found)
-                .ok()
-                .and_then(Kind::from_number)
-                .map_or("an unknown kind".to_owned(), |kind| format!("a {kind}")),
-            expected: device.setup.kind.name(),
-        },
-        error => error.into(),
-    }
 }

@@ -1,15 +1,17 @@
-//! The virtual time of a run: the pace of the wall clock, and lost time.
+//! The virtual time of a run: its pace against the wall clock, and lost time.
 //!
-//! Two conditions make virtual time lose against the wall clock; after each, the world continues from its own instant:
-//! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Masters
-//!   live on the wall clock, and a valve must not take the pause for a master that has failed.
+//! Virtual time loses against the wall clock in two cases; afterwards the world continues from its own instant:
+//! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Virtual
+//!   time is held, because a valve would otherwise detect the pause as a failure of its master.
 //! - **A speed that is too high** for the machine: the world would fall behind without limit.
 
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
-use protocol_core::time::{Instant, since};
+use protocol_core::time::{Duration, Instant, after, since};
 
-use super::pace::{LAST, Pace};
+/// The last instant of a run: 584 years, the range of the bus time in 64-bit nanoseconds, less one day in which pending
+/// frames can end.
+pub(super) const LAST: Instant = Instant::from_ticks(u64::MAX / 1000 - 86_400_000_000);
 
 /// The gap between two clock readings above which the process counts as stalled. A master that sends every 200 ms may
 /// be 50 ms late before its valve reports a fault.
@@ -19,7 +21,7 @@ const STALL: WallDuration = WallDuration::from_millis(50);
 /// a late wake-up.
 pub(super) const MAX_SLEEP: WallDuration = WallDuration::from_millis(20);
 
-/// The working time without progress after which the speed counts as too high.
+/// The working time after which the speed counts as too high, unless the world is catching up.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
 /// The minimum wall time between two warnings about stalls.
@@ -28,7 +30,10 @@ const REMINDER: WallDuration = WallDuration::from_secs(60);
 /// The virtual time of a run.
 #[derive(Debug)]
 pub(super) struct Timekeeper {
-    pace: Pace,
+    /// The virtual seconds per wall second.
+    speed: f64,
+    /// A wall instant and its virtual instant, from which time continues.
+    anchor: (WallInstant, Instant),
     /// The time of the last clock reading.
     looked: WallInstant,
     /// The progress since the world fell behind; `None` if the world is not behind.
@@ -63,12 +68,29 @@ impl Timekeeper {
     /// Starts virtual time now; `speed` must be finite and above 0.
     pub(super) const fn start(speed: f64, now: WallInstant) -> Self {
         let stalls = Stalls { count: 0, time: WallDuration::ZERO, told: None };
-        Self { pace: Pace::start(speed, now), looked: now, behind: None, out_of_reach: false, over: false, stalls }
+        let anchor = (now, Instant::from_ticks(0));
+        Self { speed, anchor, looked: now, behind: None, out_of_reach: false, over: false, stalls }
     }
 
-    /// Returns the pace of virtual time.
-    pub(super) const fn pace(&self) -> &Pace {
-        &self.pace
+    /// Returns the virtual time at a wall instant, at most [`LAST`]; a wall instant before the anchor counts as the
+    /// anchor.
+    ///
+    /// The conversion from floating point saturates. Its rounding error reaches a microsecond only after centuries.
+    pub(super) fn at(&self, wall: WallInstant) -> Instant {
+        let passed = wall.saturating_duration_since(self.anchor.0).as_secs_f64();
+        after(self.anchor.1, Duration::from_ticks((passed * self.speed * 1e6) as u64)).min(LAST)
+    }
+
+    /// Returns the wall instant at which a virtual instant is reached; `None` after [`LAST`], or beyond the range of
+    /// the wall clock.
+    pub(super) fn when(&self, instant: Instant) -> Option<WallInstant> {
+        if instant > LAST {
+            return None;
+        }
+        let passed = since(instant, self.anchor.1).as_micros() as f64 / 1e6 / self.speed;
+        let passed = WallDuration::try_from_secs_f64(passed).ok()?;
+        // Rounded up, so that the virtual instant is reached at the result.
+        self.anchor.0.checked_add(passed)?.checked_add(WallDuration::from_nanos(1))
     }
 
     /// Returns the time of the last clock reading.
@@ -78,7 +100,7 @@ impl Timekeeper {
 
     /// Returns whether virtual time stops during stalls, which applies to speeds up to 1.
     pub(super) const fn minds_stalls(&self) -> bool {
-        self.pace.speed() <= 1.0
+        self.speed <= 1.0
     }
 
     /// Records a clock reading at `now`, while the world is at virtual instant `world`. After a stall, virtual time
@@ -91,7 +113,7 @@ impl Timekeeper {
         if passed <= STALL || !self.minds_stalls() {
             return None;
         }
-        self.pace.anchor(now, world);
+        self.anchor = (now, world);
         self.stalls.count += 1;
         self.stalls.time += passed;
         if self.stalls.told.is_some_and(|told| now.saturating_duration_since(told) < REMINDER) {
@@ -109,7 +131,7 @@ impl Timekeeper {
     /// virtual time continues from `world`. Returns a warning the first time.
     pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
         let begun = Behind { worked: WallDuration::ZERO, from: world };
-        let speed = self.pace.speed();
+        let speed = self.speed;
         if !self.out_of_reach {
             let behind = self.behind.get_or_insert(begun);
             if behind.worked < BEHIND {
@@ -121,7 +143,7 @@ impl Timekeeper {
                 return None;
             }
         }
-        self.pace.anchor(self.looked, world);
+        self.anchor = (self.looked, world);
         let told = std::mem::replace(&mut self.out_of_reach, true);
         (!told).then(|| format!("--speed {speed} is too fast for this machine: virtual time runs as fast as possible"))
     }
@@ -132,5 +154,48 @@ impl Timekeeper {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);
         over.then(|| "virtual time reached its limit of 584 years: the bus has stopped".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol_core::time::NEVER;
+
+    use super::*;
+
+    #[test]
+    fn virtual_time_is_wall_time_times_the_factor() {
+        let start = WallInstant::now();
+        let at = |speed, passed| Timekeeper::start(speed, start).at(start + passed);
+        assert_eq!(at(1.0, WallDuration::from_micros(1500)), Instant::from_micros(1500));
+        assert_eq!(at(100.0, WallDuration::from_micros(1500)), Instant::from_micros(150_000));
+        assert_eq!(at(0.5, WallDuration::from_secs(3)), Instant::from_micros(1_500_000));
+        assert_eq!(at(1e300, WallDuration::from_secs(1)), LAST);
+    }
+
+    #[test]
+    fn an_instant_has_come_when_its_wall_time_has() {
+        let start = WallInstant::now();
+        for speed in [1.0, 0.3, 7.0, 1000.0] {
+            for micros in [1, 999, 12_345_678, 86_400_000_000] {
+                let (instant, time) = (Instant::from_micros(micros), Timekeeper::start(speed, start));
+                assert!(time.at(time.when(instant).unwrap()) >= instant, "{micros} µs at {speed}");
+            }
+        }
+        let time = Timekeeper::start(1.0, start);
+        assert_eq!(time.when(NEVER), None);
+        assert!(time.when(Instant::from_micros(0)).unwrap() <= start + WallDuration::from_micros(1));
+    }
+
+    #[test]
+    fn time_goes_on_from_the_anchor() {
+        let start = WallInstant::now();
+        let mut time = Timekeeper::start(2.0, start);
+        let (wall, instant) = (start + WallDuration::from_secs(10), Instant::from_secs(3));
+        time.anchor = (wall, instant);
+        assert_eq!(time.at(start), instant, "nothing runs back");
+        assert_eq!(time.at(wall + WallDuration::from_millis(1)), Instant::from_micros(3_002_000));
+        let due = time.when(Instant::from_micros(3_002_000)).unwrap();
+        assert!(due >= wall + WallDuration::from_millis(1) && due < wall + WallDuration::from_micros(1001));
     }
 }

@@ -11,5 +11,5 @@ try:
 except (StartError, OSError) as error:
     sys.exit(str(error))
 except KeyboardInterrupt:
-    # pve-sim got it, too.
+    # pve-sim has received Ctrl-C, too.
     sys.exit(0)

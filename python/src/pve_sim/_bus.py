@@ -1,4 +1,4 @@
-"""The bus: clients of it, and communication faults."""
+"""The bus of a simulator: its clients, and communication faults."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ class Bus:
     def __call__(self, **options: Any) -> can.BusABC:
         """Returns a new python-can client of the bus, with these options.
 
-        The simulator shuts it down at its end.
+        The simulator shuts the client down when it ends.
         """
         return self._join(**options)
 
     def lose(
         self, id: int | str | None = None, *, receivers: str | Iterable[str] = (), **parameters: Unpack[FrameFault]
     ) -> CommunicationFault:
-        """Loses frames: they are on the bus, but the receivers do not get them.
+        """Loses frames: they are on the bus, but the receivers do not receive them.
 
         Args:
             id: The identifier.
-            receivers: The devices and clients that lose the frames; without it all.
+            receivers: The devices and clients that lose the frames; by default all.
             parameters: The common parameters of `Bus`.
         """
         return self._of_frames("lose", id, parameters, receivers=_names(receivers))
@@ -85,8 +85,8 @@ class Bus:
 
         Args:
             id: The identifier.
-            times: The number of copies, 1 to 1000; 1 without it.
-            after_ms: The interval of the copies; 0 without it.
+            times: The number of copies, 1 to 1000; by default 1.
+            after_ms: The interval of the copies; by default 0.
             parameters: The common parameters of `Bus`.
         """
         return self._of_frames("repeat", id, parameters, times=times, after_ms=after_ms)
@@ -98,7 +98,7 @@ class Bus:
 
         Args:
             id: The identifier.
-            within_ms: The maximum wait for the next frame; 1000 without it.
+            within_ms: The maximum wait for the next frame; by default 1000.
             parameters: The common parameters of `Bus`.
         """
         return self._of_frames("swap", id, parameters, within_ms=within_ms)
@@ -138,7 +138,7 @@ class Bus:
         Args:
             id: The identifier; a text of eight digits has 29 bits.
             data: Up to eight bytes; a text is in hex.
-            every_ms: The period; once without it.
+            every_ms: The period; by default the frame is sent once.
             parameters: The common parameters of `Bus`.
         """
         return self._faults.add(_request("insert", _frame(id, data), parameters, every_ms=every_ms))
@@ -166,7 +166,7 @@ class Bus:
     def omit(
         self, id: int | str | None = None, *, receivers: str | Iterable[str], **parameters: Unpack[FrameFault]
     ) -> CommunicationFault:
-        """Omits frames: the receivers see an error in the last but one bit, and all others get the frame twice.
+        """Omits frames: the receivers see an error in the last but one bit, and all others receive the frame twice.
 
         Args:
             id: The identifier.

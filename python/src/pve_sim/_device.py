@@ -20,20 +20,20 @@ D = TypeVar("D")
 
 
 class Device(Generic[S]):
-    """A device. Every answer is the device's state at the instant of the call."""
+    """A device. Its methods return the state of the device at one instant."""
 
     def __init__(self, process: Process, name: str, kind: str) -> None:
         self._process = process
-        #: As in `name=`.
+        #: The name, as in `name=`.
         self.name = name
-        #: As in `--device`.
+        #: The kind, as in `--device`.
         self.kind = kind
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name!r}, {self.kind}>"
 
     def state(self) -> S:
-        """Returns the present state."""
+        """Returns the current state."""
         return self._call("GET", "")
 
     def power_off(self) -> S:
@@ -75,7 +75,7 @@ class Device(Generic[S]):
         return error
 
 
-#: What the text of a timeout leaves out: it was told before, or by whoever waits.
+#: The members that the message of a timeout omits.
 _UNTOLD = ("t_us", "name", "kind", "plant")
 
 
@@ -83,7 +83,7 @@ class Valve(Device[ValveState]):
     """A valve."""
 
     def plant(self, **change: Unpack[ValveChange]) -> ValveState:
-        """Changes the plant of the valve, completely or not at all.
+        """Changes words of the plant of the valve: all of them, or none.
 
         `supply_mv` 0 to 100000 mV; `temperature_c` -273 to 1000 °C; `spool` "ok", "stuck", "slow", "drifting" or
         "no-float", alone or as `{"fault": …}`, or None for "ok"; `lever` the position that the spool is pushed to by
@@ -98,17 +98,17 @@ class Valve(Device[ValveState]):
         return self._plant(fields)
 
     def wait(self, *, within_ms: int = 5000, **state: Unpack[ValveCondition]) -> ValveState:
-        """Waits for a state, and returns the state at the first instant when it holds, which can be now.
+        """Waits for a condition, and returns the state at the first instant at which it holds, which can be now.
 
-        Values are equal; `position` and `set_point` can be `{"min": …, "max": …}`, `led` a part of it; `faults` are the
-        names of the active faults, exactly.
+        Values must be equal. `position` and `set_point` also accept `{"min": …, "max": …}`, `led` accepts some of its
+        fields, and `faults` is the exact set of active faults.
 
         Args:
-            within_ms: The time, in milliseconds of virtual time. With `speed="step"` the call lets it pass.
+            within_ms: The time limit, in milliseconds of virtual time. With `speed="step"` the call advances time.
 
         Raises:
-            WaitTimeout: it did not hold within the time.
-            InvalidValue: an unknown field or value, or one that the valve can never show.
+            WaitTimeout: the condition did not hold within the time limit.
+            InvalidValue: an unknown field, or a value that the valve can never have.
         """
         __tracebackhide__ = True
         return self._wait(state, within_ms)
@@ -118,7 +118,7 @@ class Sensor(Device[SensorState]):
     """An angle sensor."""
 
     def plant(self, **change: Unpack[SensorChange]) -> SensorState:
-        """Changes the plant of the sensor, completely or not at all.
+        """Changes words of the plant of the sensor: all of them, or none.
 
         `angle_cdeg` 0 to 35999 1/100 degree; `speed_rpm` -2147483648 to 2147483647 turns a minute, positive clockwise;
         `measuring_error`; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.

@@ -13,15 +13,15 @@ class SimulatorError(Exception):
 
 
 class StartError(SimulatorError):
-    """pve-sim is not installed, or did not start. The text has its stderr."""
+    """pve-sim is not installed, or did not start. The message includes its stderr."""
 
 
 class SimulatorEnded(SimulatorError):
-    """pve-sim was closed, or ended by itself. The text has its exit status and the end of its stderr."""
+    """pve-sim was closed, or ended by itself. The message includes its exit status and the end of its stderr."""
 
 
 class Refused(SimulatorError):
-    """pve-sim refused a call, and nothing changed. The text is that of pve-sim."""
+    """pve-sim refused a call, and nothing changed. The message is that of pve-sim."""
 
 
 class InvalidValue(Refused, ValueError):
@@ -29,11 +29,11 @@ class InvalidValue(Refused, ValueError):
 
 
 class Conflict(Refused):
-    """A call that the present state does not allow: a frame that cannot be sent, or an advance of unstepped time."""
+    """A call that the current state does not allow: a frame that cannot be sent, or an advance of unstepped time."""
 
 
 class UnknownDevice(SimulatorError, KeyError):
-    """No device has this name. The text has the known names."""
+    """No device or communication fault has this name. The message lists the known names."""
 
     def __str__(self) -> str:
         # A KeyError would quote its text.
@@ -41,17 +41,17 @@ class UnknownDevice(SimulatorError, KeyError):
 
 
 class NotHeard(SimulatorError):
-    """A device runs, or ran, at another bit rate than the bus and cannot communicate. The text has the remedy."""
+    """A device runs, or ran, at another bit rate than the bus. The message includes the remedy."""
 
 
 class FaultWithoutEffect(SimulatorError):
-    """A communication fault affected no frame within its `with` block: the test has tested nothing."""
+    """A communication fault affected no frame within its `with` block, so the block has tested nothing."""
 
 
 class WaitTimeout(SimulatorError, TimeoutError):
-    """A state or a frame did not come in time. The text has the last state or frame instead."""
+    """A state or a frame did not come in time. The message includes the last state or frame."""
 
-    #: The end of the time, in microseconds of virtual time.
+    #: The instant of the time limit, in microseconds of virtual time.
     t_us: int = 0
-    #: The state of the device then; None when a frame was waited for.
+    #: The state of the device at that instant; None after a wait for a frame.
     state: ValveState | SensorState | None = None

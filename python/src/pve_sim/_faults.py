@@ -30,7 +30,7 @@ class FaultLimits(TypedDict, total=False):
 
 
 class FrameFault(FaultLimits, total=False):
-    """The parameters of a fault that affects frames of others."""
+    """The parameters of a fault that affects frames on the bus."""
 
     #: The bits of the identifier to compare.
     mask: int | str
@@ -41,7 +41,7 @@ class FrameFault(FaultLimits, total=False):
 
 
 class DataMasks(TypedDict, total=False):
-    """Changed bits of the data, first byte first; a text is in hex."""
+    """Bits of the data to change, first byte first; a text is in hex."""
 
     set: bytes | str
     clear: bytes | str
@@ -49,7 +49,7 @@ class DataMasks(TypedDict, total=False):
 
 
 class DlcMasks(TypedDict, total=False):
-    """Changed bits of the data length code."""
+    """Bits of the data length code to change."""
 
     set: int
     clear: int
@@ -57,7 +57,7 @@ class DlcMasks(TypedDict, total=False):
 
 
 class IdentifierMasks(TypedDict, total=False):
-    """Changed bits of the identifier; a text is in hex."""
+    """Bits of the identifier to change; a text is in hex."""
 
     set: int | str
     clear: int | str
@@ -65,14 +65,14 @@ class IdentifierMasks(TypedDict, total=False):
 
 
 class CommunicationFault:
-    """A fault on the bus, until `end`, the end of its `with` block, or the end of the simulator."""
+    """A communication fault. It lasts until `end`, the end of its `with` block, or the end of the simulator."""
 
     def __init__(self, faults: Faults, record: Json, probability: float = 1) -> None:
         self._faults = faults
         self._struck: int = record["struck"]
         self._is_over: bool = record["is_over"]
         self._probability = probability
-        #: Whether the fault has left the bus, and whether its last frames were not counted.
+        #: Whether the fault has been removed from the bus, and whether its final count is unknown.
         self._is_ended = self._is_uncounted = False
         #: The name, unique among the active faults.
         self.name: str = record["name"]
@@ -81,18 +81,18 @@ class CommunicationFault:
 
     @property
     def struck(self) -> int:
-        """The number of affected frames until now, or until the end of the fault."""
+        """The number of affected frames so far."""
         self._update()
         return self._struck
 
     @property
     def is_over(self) -> bool:
-        """Whether its count or its time is over, or it was ended."""
+        """Whether the fault has reached its count or its duration, or was ended."""
         self._update()
         return self._is_over
 
     def end(self) -> int:
-        """Ends the fault, and returns the number of affected frames. More than once is allowed."""
+        """Ends the fault, and returns the number of affected frames. Further calls only return the number."""
         if not self._is_ended:
             self._faults.end(self.name)
         return self._struck
@@ -127,12 +127,12 @@ class Faults:
 
     def __init__(self, process: Process) -> None:
         self._process = process
-        #: The faults on the bus by name, as far as anybody refers to them.
+        #: The faults that the program still references, by name.
         self._known: WeakValueDictionary[str, CommunicationFault] = WeakValueDictionary()
 
     def add(self, request: Json) -> CommunicationFault:
         """Adds a fault."""
-        # The new fault replaces one of its name that is over, together with its count.
+        # The new fault replaces a finished one with the same name, and its count.
         self.read()
         record: Json = self._process.call("POST", "/bus/faults", request)
         self._forget(record["name"])
@@ -152,7 +152,7 @@ class Faults:
         try:
             records: list[Json] = self._process.call("DELETE", path)
         except UnknownDevice:
-            # Somebody else ended it.
+            # Another client has ended it.
             records = []
         ended = [self._fault({**record, "is_over": True}) for record in records]
         for gone in [name] if name else [fault.name for fault in ended]:
@@ -160,7 +160,7 @@ class Faults:
         return ended
 
     def _fault(self, record: Json) -> CommunicationFault:
-        """Returns the fault of a record, up to date."""
+        """Returns the fault of a record, with the counts of the record."""
         fault = self._known.get(record["name"])
         if fault is None:
             fault = self._known[record["name"]] = CommunicationFault(self, record)
@@ -168,7 +168,7 @@ class Faults:
         return fault
 
     def _forget(self, name: str) -> None:
-        """Marks a fault that is no longer on the bus; its count is final if it was over before."""
+        """Marks a fault as removed from the bus. Its count is final only if it was over before."""
         fault = self._known.pop(name, None)
         if fault is not None:
             fault._is_uncounted = not fault._is_over

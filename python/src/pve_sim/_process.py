@@ -28,8 +28,8 @@ from ._errors import (
     UnknownDevice,
 )
 
-#: Longest wait for the ready line, for an answer that takes no virtual time, and for the end, in seconds: a busy machine
-#: is not a fault.
+#: The time limits for the ready line, for an answer that takes no virtual time, and for the end of the process, in
+#: seconds. They allow for a busy machine.
 _START_S = 120.0
 _ANSWER_S = 60.0
 _END_S = 10.0
@@ -37,23 +37,23 @@ _END_S = 10.0
 #: The time from a broken connection to the end of the process, in seconds.
 _ENDING_S = 2.0
 
-#: Lines of stdout and of stderr that are kept.
+#: The number of lines of stdout and of stderr that are kept.
 _KEPT = 200
 
 _READY = re.compile(r"pve-sim ready (?P<buses>(?:bus=\S+ )+)http=(?P<http>\S+)\s*$")
 
 
 class Process:
-    """A running pve-sim. It ends with `close`, when it is no longer referenced, and with this process."""
+    """A running pve-sim. It ends with `close`, with its last reference, or with this process."""
 
     def __init__(self, arguments: Sequence[str], executable: str | None) -> None:
         command = [executable or find_binary(), *arguments]
         self._closed = False
-        #: The devices that may run at another bit rate than the bus, and those that were told of.
+        #: The devices that may run at another bit rate than the bus, and those already reported.
         self.not_heard: frozenset[str] = frozenset()
-        # Ctrl-C goes to the terminal's whole group of processes: this one decides when the simulator ends, and may still
-        # ask it something. When this process is killed, the pipe of stdout breaks, and that ends pve-sim: a signal of the
-        # kernel at a parent's death would come at the end of the thread that started it, already.
+        # A group of its own, because Ctrl-C goes to all processes of the terminal's group, and this process may still
+        # need the simulator. When this process is killed, the broken pipe of stdout ends pve-sim. Linux could send a
+        # signal at the death of the parent, but would send it at the end of the thread that started pve-sim.
         apart: dict[str, Any] = {"start_new_session": True}
         if sys.platform == "win32":
             apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
@@ -115,13 +115,13 @@ class Process:
         return SimulatorEnded(f"pve-sim ended by itself ({_meaning(status)}); its stderr:\n{said}")
 
     def printed(self, lines: int) -> list[str]:
-        """Returns the last lines of the trace on stdout, complete for a process that has ended."""
+        """Returns the last lines of stdout; for a process that has ended, including its last line."""
         if self._popen.poll() is not None:
             self._stdout.thread.join()
         return self._stdout.last(lines)
 
     def call(self, method: str, path: str, body: object = None, *, takes_time: bool = False) -> Any:
-        """Returns the answer to a call, also with status 408. Calls that take virtual time may take any real time."""
+        """Returns the answer to a call, including status 408. A call that takes virtual time has no time limit."""
         connection = self._connection(None if takes_time else _ANSWER_S)
         try:
             answer = self._ask(connection, method, path, body)
@@ -229,10 +229,10 @@ def _ask_to_end(popen: subprocess.Popen[str]) -> None:
     """Asks a process to end after all devices have stored their memory."""
     if sys.platform == "win32":
         try:
-            # The process is a group of its own, so that nobody else gets it.
+            # Only this process receives the event, because it is a group of its own.
             popen.send_signal(signal.CTRL_BREAK_EVENT)
         except OSError:
-            # Neither has a console.
+            # Neither process has a console.
             popen.terminate()
     else:
         popen.terminate()

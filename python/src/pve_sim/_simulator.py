@@ -1,4 +1,4 @@
-"""The simulator: devices on a bus, as a process of its own."""
+"""The simulator: devices on a bus, in a separate process."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ from ._state import (
 if TYPE_CHECKING:
     import can
 
-#: Frames of the trace that an exception shows.
+#: The number of frames in the note of an exception.
 _SHOWN = 12
 
-#: Frames of the trace that a text for people is made of.
+#: The number of trace entries from which `trace_text` makes its text.
 _LOOKED_AT = 1000
 
-#: The simulators that run in this process, for what reports about them.
+#: The running simulators of this process, for reports.
 running: WeakSet[Simulator] = WeakSet()
 
 
 class Simulator:
     """Devices on a virtual CAN bus. Runs until `close`, the end of `with`, or the end of this process.
 
-    Its ports are free ones, so that any number of simulators run beside each other. Every time is virtual time.
+    It uses free ports, so any number of simulators can run side by side. All times are virtual.
     """
 
     def __init__(
@@ -66,20 +66,20 @@ class Simulator:
         """Starts a simulator. The arguments are the options of `pve-sim run`, `not_heard` aside.
 
         Args:
-            devices: As for `--device`, for example "pvea-canopen@0x20,name=boom". Without any, one valve on CANopen.
+            devices: As for `--device`, for example "pvea-canopen@0x20,name=boom"; by default one valve on CANopen.
             links: As for `--link`: in "boom=hat1000" a valve moves the shaft of a sensor.
-            speed: How fast virtual time passes, against wall time; "step": it moves only in `advance`, `wait`,
-                `wait_frame` and `send`.
-            bit_rate: The rate of the bus in bit/s; that of the first device without it.
-            seed: The seed of everything random.
-            state: The folder of the devices' non-volatile memory; without it, memory is lost at the end.
-            log: The file that every frame is written to.
+            speed: The speed of virtual time, a factor of wall time; with "step", only `advance`, `wait`, `wait_frame`
+                and `send` advance time.
+            bit_rate: The rate of the bus in bit/s; by default that of the first device.
+            seed: The seed of all random values.
+            state: The folder of the devices' non-volatile memory; by default, memory is lost at the end.
+            log: The file to which every frame is written.
             options: Further options of the command.
-            executable: The command; without it that of `PVE_SIM` in the environment, of this package, or of the search path.
-            not_heard: The name of a device that may run at another bit rate than the bus, or several: a test of that.
+            executable: The command; by default that of the environment variable `PVE_SIM`, of this package, or in PATH.
+            not_heard: The devices, a name or several, that may run at another bit rate than the bus.
 
         Raises:
-            StartError: the command was not found, or did not start; the text has its stderr.
+            StartError: the command was not found, or did not start; the message includes its stderr.
             NotHeard: a device runs at another bit rate than the bus.
         """
         arguments = ["run", "--bus", "socketcand://127.0.0.1:0/pve0", "--http", "127.0.0.1:0", "--color", "never"]
@@ -161,12 +161,12 @@ class Simulator:
             raise SimulatorError("a client of the bus needs python-can: pip install 'pve-sim[can]'") from error
         client = can.Bus(**self.can_options, **options)
         self._clients.add(client)
-        # As long as the client is used, so is the simulator.
+        # The client keeps the simulator alive.
         client.simulator = self  # type: ignore[attr-defined]
         return client
 
     def faults(self) -> list[CommunicationFault]:
-        """Returns the communication faults, those included whose count or time is over."""
+        """Returns the communication faults, including those whose count or duration is over."""
         return self._faults.read()
 
     def end_faults(self) -> list[CommunicationFault]:
@@ -208,9 +208,9 @@ class Simulator:
         Args:
             id: The identifier; a text is in hex: "220".
             data: Up to eight bytes; a text is in hex: "0F 00 00 20".
-            extended: Whether the identifier has 29 bits; without it, a number that needs them has, and a text of eight
+            extended: Whether the identifier has 29 bits; by default, for a number above 0x7FF and for a text of eight
                 digits.
-            every_ms: Sends the frame again and again, with this period, in the place of an earlier one of its identifier.
+            every_ms: Repeats the frame with this period, and replaces an earlier cyclic frame with the identifier.
 
         Raises:
             Conflict: the frame was not on the bus within 1 s, and is withdrawn.
@@ -248,13 +248,13 @@ class Simulator:
 
         Args:
             id: The identifier; a text is in hex.
-            data: These bytes and no others; without it any. A text is in hex, as in a scenario: ".." at its end stands for
-                any rest, "?" for any digit: "12 34 ..".
+            data: The exact data; by default any. A text is in hex, as in a scenario: ".." at its end stands for any
+                further bytes, "?" for any digit: "12 34 ..".
             extended: As in `send`.
-            within_ms: The time, in milliseconds of virtual time.
+            within_ms: The time limit, in milliseconds of virtual time.
 
         Raises:
-            WaitTimeout: it did not come within so many milliseconds. The text has the last other one of its identifier.
+            WaitTimeout: the frame did not come in time. The message includes the last other frame with the identifier.
         """
         __tracebackhide__ = True
         frame = identifier(id, extended)
@@ -275,9 +275,9 @@ class Simulator:
         return [Frame.of(entry) if "id" in entry else BusError.of(entry) for entry in entries]
 
     def trace_text(self, limit: int = 30) -> str:
-        """Returns the last frames with explanations, for people; for a simulator that has ended, those it has printed.
+        """Returns the last frames and their meanings as text; for a simulator that has ended, its last printed lines.
 
-        A frame that is like the one before it of its identifier is only counted.
+        Unchanged repeats of a frame are counted, not listed.
         """
         try:
             return "\n".join(digest(self.trace(_LOOKED_AT))[-limit:])
@@ -296,10 +296,10 @@ class Simulator:
         return now
 
     def advance(self, ms: int) -> int:
-        """Advances time by milliseconds, and returns the time, in microseconds.
+        """Advances time by `ms` milliseconds, and returns the new time in microseconds.
 
         Raises:
-            Conflict: time is not stepped by `speed="step"`.
+            Conflict: the simulator does not run with `speed="step"`.
         """
         now: int = self._process.call("POST", "/time", {"advance_ms": ms}, takes_time=True)["now_us"]
         return now
@@ -312,22 +312,22 @@ class Simulator:
         return self._process.pid
 
     def check_heard(self) -> None:
-        """Checks that every device runs, and always ran, at the bit rate of the bus; a change may take a second.
+        """Checks that every device runs, and has always run, at the bit rate of the bus; a change may take a second.
 
-        The start, a wait in vain and the end do so by themselves.
+        The start, a wait that times out, and the end of the simulator check this, too.
 
         Raises:
-            NotHeard: one does not, or did not, and `not_heard` does not name it. It is told once.
+            NotHeard: a device runs, or ran, at another rate, and `not_heard` does not name it. It is reported once.
         """
         self._process.check_heard()
 
     def close(self) -> None:
         """Shuts down the clients of `bus` and ends the process after all devices have stored their memory.
 
-        More than once is allowed.
+        Further calls do nothing.
 
         Raises:
-            NotHeard: a device ran at another bit rate; the process has ended all the same.
+            NotHeard: a device ran at another bit rate; the process has ended anyway.
         """
         deaf: NotHeard | None = None
         try:
@@ -336,7 +336,7 @@ class Simulator:
         except NotHeard as error:
             deaf = error
         except SimulatorError:
-            # It ended meanwhile.
+            # The process has ended meanwhile.
             pass
         self._end()
         if deaf is not None:
@@ -384,7 +384,7 @@ class Events(Iterator[Event]):
                 elif field == "data":
                     return _event(kind, json.loads(value))
         except (OSError, HTTPException, ValueError):
-            # The simulator ended, or `close` was called meanwhile.
+            # The simulator has ended, or `close` was called meanwhile.
             pass
         self.close()
         raise StopIteration

@@ -32,7 +32,7 @@ class Fault:
 
     fault: str
     active: bool
-    #: The occurrence counter; of an angle sensor the number of entries in 0x1003. None without power.
+    #: The occurrence counter; for an angle sensor, the number of entries in 0x1003. None without power.
     count: int | None
 
 
@@ -44,7 +44,7 @@ class ValvePlant:
     temperature_c: int
     #: The fault of the spool; None for a healthy one.
     spool: SpoolFault | None
-    #: The position that the spool is pushed to by hand, -16384 to 16384; None: it is let go.
+    #: The position that the spool is pushed to by hand, -16384 to 16384; None if it is released.
     lever: int | None
     internal_fault: bool
     memory: Memory
@@ -58,7 +58,7 @@ class SensorPlant:
 
     #: The angle of the shaft, 0 to 35999 1/100 degree.
     angle_cdeg: int
-    #: Turns a minute, positive clockwise.
+    #: The speed of the shaft in turns a minute, positive clockwise.
     speed_rpm: int
     measuring_error: bool
     internal_fault: bool
@@ -69,9 +69,9 @@ class SensorPlant:
 
 @dataclass(frozen=True)
 class DeviceState:
-    """The state of a device at one instant. Members that need power are None without."""
+    """The state of a device at one instant. Fields that need power are None while the device is off."""
 
-    #: The instant of which all of it is true, in microseconds of virtual time.
+    #: The instant of this state, in microseconds of virtual time.
     t_us: int
     name: str
     kind: str
@@ -97,7 +97,7 @@ class ValveState(DeviceState):
 
     #: The device state machine; None on ISOBUS.
     dsm: Dsm | None
-    #: The state that AVEF tells; None on CANopen.
+    #: The state in AVEF; None on CANopen.
     command: Command | None
     #: The last accepted set-point, -16384 to 16384.
     set_point: int | Literal["float"] | None
@@ -110,7 +110,7 @@ class ValveState(DeviceState):
 
     @classmethod
     def of(cls, state: Json) -> ValveState:
-        """Returns the state in a JSON object."""
+        """Returns the state from a JSON object."""
         plant = state["plant"]
         return cls(
             **_common(state),
@@ -134,7 +134,7 @@ class SensorState(DeviceState):
 
     @classmethod
     def of(cls, state: Json) -> SensorState:
-        """Returns the state in a JSON object."""
+        """Returns the state from a JSON object."""
         plant = SensorPlant(**_fields(SensorPlant, state["plant"]))
         return cls(**_common(state), position=state["position"], plant=plant)
 
@@ -157,17 +157,17 @@ class Limits(TypedDict, total=False):
 
 
 class LedCondition(TypedDict, total=False):
-    """The LED, or a part of it."""
+    """The LED, or one of its fields."""
 
     color: Color
     flashing: bool
 
 
 class Profile(TypedDict, total=False):
-    """A numeric word of the plant that changes in time."""
+    """A change of a numeric plant word over time."""
 
     word: str
-    #: Times in milliseconds from now, each with a value; or a ready profile.
+    #: Times in milliseconds from now, each with a value; or the name of a built-in profile.
     points: Sequence[tuple[int, int] | list[int]] | Literal["cranking"]
     #: Each value stays until the next point; by default the values in between are interpolated.
     steps: bool
@@ -241,13 +241,13 @@ class Frame:
     #: Whether the identifier has 29 bits.
     extended: bool
     data: bytes
-    #: A device by its name, `http` for frames of `Simulator.send`, or the gateway of other clients.
+    #: The name of a device; `http` for `Simulator.send`; `the gateway` for other clients.
     sender: str
     meaning: str
 
     @classmethod
     def of(cls, frame: Json) -> Frame:
-        """Returns the frame that a JSON object tells."""
+        """Returns the frame from a JSON object."""
         data = bytes.fromhex(frame["data"])
         return cls(frame["t_us"], frame["id"], frame["extended"], data, frame["from"], frame["meaning"])
 
@@ -258,17 +258,17 @@ class Frame:
 
 @dataclass(frozen=True)
 class BusError:
-    """An error of the bus: a frame that is being destroyed, a change of an error mode, frames that were dropped."""
+    """An error on the bus: a destroyed frame, a change of an error mode, or dropped frames."""
 
-    #: When, in microseconds of virtual time.
+    #: The instant, in microseconds of virtual time.
     t_us: int
-    #: Whose frame was destroyed, or who changed its error mode.
+    #: The sender of the frame, or the node whose error mode has changed.
     sender: str
     meaning: str
 
     @classmethod
     def of(cls, error: Json) -> BusError:
-        """Returns the error that a JSON object tells."""
+        """Returns the error from a JSON object."""
         return cls(error["t_us"], error["from"], error["meaning"])
 
     def __str__(self) -> str:
@@ -277,25 +277,25 @@ class BusError:
 
 @dataclass(frozen=True)
 class Unheard:
-    """A device that runs at another bit rate than the bus, or did."""
+    """A device that runs, or ran, at another bit rate than the bus."""
 
     #: The name of the device.
     device: str
     #: The instant from which the rates differed, in microseconds of virtual time.
     t_us: int
-    #: Whether they agree again.
+    #: Whether the rates agree again.
     is_over: bool
-    #: What is wrong, and the remedy.
+    #: The problem, and its remedy.
     reason: str
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """The frames that are going to be destroyed."""
+    """The disturbance of the bus: the next attempts to send are destroyed."""
 
-    #: The number of attempts.
+    #: The remaining number of attempts.
     frames: int
-    #: Their identifier; None: any.
+    #: The identifier of the frames; None for any.
     id: int | None
     extended: bool
 
@@ -304,19 +304,19 @@ class Disturbance:
 class BusState:
     """The state of the bus."""
 
-    #: The instant of which all of it is true, in microseconds of virtual time.
+    #: The instant of this state, in microseconds of virtual time.
     t_us: int
-    #: In bit/s.
+    #: The bit rate, in bit/s.
     bit_rate: int
-    #: How busy the bus was in the last second, in percent.
+    #: The bus load of the last second, in percent.
     load: int
     disturb: Disturbance
-    #: The devices that run at another bit rate than the bus, and those that did for longer than a change takes.
+    #: The devices that run at another bit rate than the bus, or did for more than a second.
     not_heard: tuple[Unheard, ...]
 
     @classmethod
     def of(cls, state: Json) -> BusState:
-        """Returns the state in a JSON object."""
+        """Returns the state from a JSON object."""
         disturb = Disturbance(**_fields(Disturbance, state["disturb"]))
         not_heard = tuple(Unheard(**_fields(Unheard, device)) for device in state["not_heard"])
         return cls(**{**_fields(BusState, state), "disturb": disturb, "not_heard": not_heard})
@@ -324,7 +324,7 @@ class BusState:
 
 @dataclass(frozen=True)
 class Event:
-    """What happened: `frame`, `device` for a state that changed, `error` of the bus, or `lost` events."""
+    """An event: `frame`; `device`, a changed state; `error`, on the bus; or `lost`, a number of lost events."""
 
     kind: str
     #: The frame, the state, or the JSON object of the other kinds.
@@ -337,12 +337,12 @@ def state_of(state: Json) -> ValveState | SensorState:
 
 
 def is_valve(state: Json) -> bool:
-    """Whether a state is that of a valve."""
+    """Returns whether a state is that of a valve."""
     return "supply_mv" in state["plant"]
 
 
 def digest(frames: Sequence[Frame | BusError]) -> list[str]:
-    """Returns the trace as people read it: a frame that is like the last of its identifier is only counted."""
+    """Returns the trace as lines of text. Unchanged repeats of a frame are counted, not listed."""
     kept: list[Frame | BusError] = []
     again: dict[int, list[Frame]] = {}
     place: dict[tuple[int, bool], int] = {}
@@ -368,19 +368,19 @@ def _times(frames: Sequence[Frame] | None) -> str:
 
 
 def identifier(id: int | str, extended: bool | None) -> Json:
-    """Returns the members of an identifier: a number that needs 29 bits has them, and of a text pve-sim says it."""
+    """Returns the JSON of an identifier. By default a number above 0x7FF has 29 bits; for a text, pve-sim decides."""
     if extended is None and isinstance(id, int):
         extended = id > 0x7FF
     return {"id": id} if extended is None else {"id": id, "extended": extended}
 
 
 def hexadecimal(data: bytes | bytearray | str | Iterable[int]) -> str:
-    """Returns data in hex, which a text is already."""
+    """Returns data in hex; a text is in hex already."""
     return data.replace(" ", "") if isinstance(data, str) else bytes(data).hex()
 
 
 def milliseconds(t_us: int) -> str:
-    """Returns an instant as people read it."""
+    """Returns an instant as text, in milliseconds."""
     return f"{t_us / 1000:.3f} ms"
 
 

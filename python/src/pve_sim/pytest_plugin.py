@@ -13,18 +13,18 @@ from ._errors import SimulatorEnded
 from ._faults import CommunicationFault
 from ._simulator import Simulator, running
 
-#: Frames of the trace in a report.
+#: The number of frames in a report.
 _SHOWN = 30
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Adds the settings."""
+    """Registers the settings."""
     parser.addini("pve_sim_devices", "devices of the fixture pve_sim, one a line, as for --device", type="linelist")
     parser.addini("pve_sim_speed", 'speed of virtual time, a factor or "step"', default="1")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Describes the marker."""
+    """Registers the marker."""
     config.addinivalue_line(
         "markers", "pve_sim(*devices, **arguments): the arguments of pve_sim.Simulator for the fixture pve_sim"
     )
@@ -45,7 +45,7 @@ def pve_sim_factory(pytestconfig: pytest.Config) -> Iterator[Callable[..., Simul
 
 @pytest.fixture
 def pve_sim(pve_sim_factory: Callable[..., Simulator], request: pytest.FixtureRequest) -> Simulator:
-    """A simulator with the devices of the marker `pve_sim`, or of the setting `pve_sim_devices`, or one valve on CANopen."""
+    """A simulator with the devices of the marker `pve_sim` or the setting `pve_sim_devices`; by default one valve."""
     marker = request.node.get_closest_marker("pve_sim")
     return pve_sim_factory(*marker.args, **marker.kwargs) if marker else pve_sim_factory()
 
@@ -58,7 +58,7 @@ def valve(pve_sim: Simulator) -> Valve:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Generator[None, Any, Any]:
-    """Ends the communication faults that a test leaves to the next one, in a simulator that they share.
+    """Ends the communication faults that a test has added, because tests may share a simulator.
 
     Fails a test in which a device ran at another bit rate than the bus: the absence of its frames proves nothing.
     """
@@ -71,7 +71,7 @@ def pytest_runtest_call() -> Generator[None, Any, Any]:
                 with suppress(SimulatorEnded):
                     fault.end()
     for simulator in list(running):
-        # Of one that has ended its end tells.
+        # A simulator that has ended raises its own error.
         with suppress(SimulatorEnded):
             simulator.check_heard()
     return outcome
@@ -79,7 +79,7 @@ def pytest_runtest_call() -> Generator[None, Any, Any]:
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport() -> Generator[None, Any, None]:
-    """Adds the last frames of every simulator that runs to the report of a failure."""
+    """Adds the last frames of every running simulator to the report of a failed test."""
     report: pytest.TestReport = (yield).get_result()
     if report.failed:
         for simulator in list(running):
@@ -87,7 +87,7 @@ def pytest_runtest_makereport() -> Generator[None, Any, None]:
 
 
 def _faults() -> list[CommunicationFault]:
-    """Returns the communication faults of every simulator that runs."""
+    """Returns the communication faults of all running simulators."""
     faults = []
     for simulator in list(running):
         with suppress(SimulatorEnded):

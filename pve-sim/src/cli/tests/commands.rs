@@ -94,11 +94,11 @@ fn a_running_simulator() {
         Ok(Request::Status(options)) => options,
         other => panic!("{line}: {other:?}"),
     };
-    assert_eq!(status("status"), StatusOptions { http: DEFAULT_HTTP, device: None, json: false });
+    assert_eq!(status("status"), StatusArgs { http: DEFAULT_HTTP, device: None, json: false });
     let http = "127.0.0.1:9".parse().unwrap();
     assert_eq!(
         status("status boom --json --http 0.0.0.0:9"),
-        StatusOptions { http, device: Some("boom".to_owned()), json: true }
+        StatusArgs { http, device: Some("boom".to_owned()), json: true }
     );
     for (line, part) in [
         ("set", "<DEVICE> <WORD=VALUE>..."),

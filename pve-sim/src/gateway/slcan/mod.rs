@@ -12,23 +12,36 @@
 //! C          close                   CR
 //! ```
 //!
-//! ```text
-//! protocol  decodes commands, encodes answers; no I/O
-//! session   one client
-//! server    the gateway over TCP
-//! pty       the gateway on a pseudo-terminal
-//! terminal  the pseudo-terminal, and the link to it
-//! ```
+//! The gateway serves TCP, or a pseudo-terminal (`pty`, with `terminal`, on Unix).
 
 mod protocol;
-#[cfg_attr(not(unix), path = "pty_elsewhere.rs")]
-mod pty;
-mod server;
+#[cfg(unix)]
+pub(super) mod pty;
 mod session;
 #[cfg(unix)]
 mod terminal;
 
 pub use protocol::{Command, Parser, Refused, emit_frame};
-pub(super) use pty::SCHEME as PTY;
-pub(super) use server::SCHEME as TCP;
 pub use session::Session;
+
+use std::io;
+use std::sync::Arc;
+
+use super::Gateway;
+use super::tcp::{Endpoint, joinable};
+
+/// Opens the gateway over TCP, with an adapter for each client; clients connect as to a serial port server:
+/// `socket://HOST:PORT`.
+pub(super) async fn open(endpoint: &Endpoint) -> io::Result<Gateway> {
+    let listener = endpoint.bind().await?;
+    let (url, port) = (format!("slcan://{}", listener.address), format!("socket://{}", joinable(listener.address)));
+    let hint = format!(
+        "Join the bus with python-can and pyserial:\n  \
+         can_logger -i slcan -c {port} --bus-kwargs sleep_after_open=0\n  \
+         can.Bus(interface=\"slcan\", channel=\"{port}\", sleep_after_open=0)"
+    );
+    let name = Arc::<str>::from(url.as_str());
+    Ok(Gateway::new(url.clone(), hint, |world, places| {
+        listener.run(url, world, places, move || Session::new(Arc::clone(&name)))
+    }))
+}

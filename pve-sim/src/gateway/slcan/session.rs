@@ -1,7 +1,7 @@
 //! The session of one client: executes lines, and writes answers and frames.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
@@ -9,7 +9,7 @@ use tokio::sync::oneshot;
 use super::protocol::{BELL, Command, OK, Parser, Refused, SERIAL, VERSION, emit_frame, flags, judge, sent};
 use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
-use crate::inbox::{Reply, ToClient, ToWorld};
+use crate::inbox::{Note, Reply, ToClient, ToWorld};
 
 /// The dialogue with one client, which has its own adapter.
 #[derive(Debug)]
@@ -26,7 +26,8 @@ pub struct Session {
     was_open: bool,
     /// Whether the user was warned that the client's bit rate differs from that of the bus.
     has_told: bool,
-    talk: Arc<Mutex<Talk>>,
+    /// Whether a bus error has occurred since the client last read the flags; set by the writer of messages.
+    has_error: Arc<AtomicBool>,
 }
 
 /// The state of the client's channel.
@@ -36,27 +37,6 @@ enum State {
     Open,
     /// Open in listen-only mode.
     Listening,
-}
-
-/// The data shared by the command reader and the answer writer.
-#[derive(Debug, Default)]
-struct Talk {
-    /// The number of requested answers.
-    asked: u64,
-    /// The pending answers that open the channel: the number of the answer, and whether frames after the answer have
-    /// time stamps. Frames before the answer use the previous setting.
-    opened: VecDeque<(u64, bool)>,
-    /// Whether a bus error has occurred since the client last read the flags.
-    has_error: bool,
-}
-
-impl Talk {
-    /// Counts a requested answer. `has_stamps` is `Some` only for an answer that opens the channel: whether later
-    /// frames have time stamps.
-    fn note(&mut self, has_stamps: Option<bool>) {
-        self.asked += 1;
-        self.opened.extend(has_stamps.map(|has_stamps| (self.asked, has_stamps)));
-    }
 }
 
 impl Session {
@@ -71,7 +51,7 @@ impl Session {
             has_stamps: false,
             was_open: false,
             has_told: false,
-            talk: Arc::default(),
+            has_error: Arc::default(),
         }
     }
 
@@ -92,14 +72,15 @@ impl Session {
             (Ok(command @ (Command::Open | Command::Listen)), State::Closed) if self.is_at_rate(client).await => {
                 self.state = if command == Command::Open { State::Open } else { State::Listening };
                 self.was_open = true;
-                return self.ask(client, ToWorld::Listen(client.id, Reply::new(OK)), Some(self.has_stamps)).await;
+                let opened = Reply { text: OK.into(), note: Note::Stamps(self.has_stamps) };
+                return client.tell(ToWorld::Listen(client.id, opened)).await;
             }
             (Ok(Command::Close), State::Open | State::Listening) => {
                 self.state = State::Closed;
-                return self.ask(client, ToWorld::Unlisten(client.id, Reply::new(OK)), None).await;
+                return client.tell(ToWorld::Unlisten(client.id, Reply::new(OK))).await;
             }
             (Ok(Command::Flags), State::Open | State::Listening) => {
-                flags(std::mem::take(&mut lock(&self.talk).has_error))
+                flags(self.has_error.swap(false, Ordering::Relaxed))
             }
             (Ok(Command::Send(frame)), State::Open) => {
                 client.tell(ToWorld::Send(client.id, frame)).await;
@@ -107,14 +88,7 @@ impl Session {
             }
             (Ok(_) | Err(Refused), _) => BELL,
         };
-        self.ask(client, ToWorld::Reply(client.id, Reply::new(answer)), None).await;
-    }
-
-    /// Sends the world a message that requests an answer, and counts the answer. `has_stamps` is `Some` only for an
-    /// answer that opens the channel: whether later frames have time stamps.
-    async fn ask(&self, client: &Client, message: ToWorld, has_stamps: Option<bool>) {
-        lock(&self.talk).note(has_stamps);
-        client.tell(message).await;
+        client.tell(ToWorld::Reply(client.id, Reply::new(answer))).await;
     }
 
     /// Returns whether the client's bit rate is unset or equal to that of the bus. Reports the client's first mismatch
@@ -153,27 +127,22 @@ impl Dialogue for Session {
     }
 
     fn emitter(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<> {
-        let talk = Arc::clone(&self.talk);
-        let (mut has_stamps, mut answers) = (false, 0);
+        let has_error = Arc::clone(&self.has_error);
+        let mut has_stamps = false;
         move |out, message| {
             match message {
                 ToClient::Frame(at, frame) => emit_frame(out, &frame, has_stamps.then_some(at)),
-                ToClient::Error(..) => lock(&talk).has_error = true,
-                ToClient::Reply(reply) => {
-                    out.push_str(&reply.text);
-                    answers += 1;
-                    if let Some((_, opened)) = lock(&talk).opened.pop_front_if(|(answer, _)| *answer == answers) {
-                        has_stamps = opened;
+                ToClient::Error(..) => has_error.store(true, Ordering::Relaxed),
+                ToClient::Reply(Reply { text, note }) => {
+                    out.push_str(&text);
+                    if let Note::Stamps(on) = note {
+                        has_stamps = on;
                     }
                 }
             }
             Duration::ZERO
         }
     }
-}
-
-fn lock(talk: &Mutex<Talk>) -> MutexGuard<'_, Talk> {
-    talk.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

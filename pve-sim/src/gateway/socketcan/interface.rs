@@ -10,7 +10,7 @@ use tokio::io::unix::AsyncFd;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
-use crate::gateway::member::Member;
+use crate::gateway::Member;
 use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 
 /// The delay between attempts while the interface's queue is full.

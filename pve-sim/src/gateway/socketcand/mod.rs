@@ -23,10 +23,77 @@
 
 mod beacon;
 mod protocol;
-mod server;
 mod session;
 
 pub use protocol::{ECHO, HI, MESSAGE_MAX, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
-pub(super) use server::SCHEME;
-pub use server::ServerAddress;
 pub use session::Session;
+
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+
+use super::Gateway;
+use super::tcp::{Endpoint, joinable};
+use beacon::Beacon;
+
+/// Opens the gateway: a bus of this name, announced by beacons if `beacon` is set.
+pub(super) async fn open(endpoint: &Endpoint, name: &str, beacon: bool) -> io::Result<Gateway> {
+    let listener = endpoint.bind().await?;
+    let address = listener.address;
+    let beacon = match beacon {
+        true => Some(Beacon::new(address, name).await.map_err(|error| io::Error::other(format!("--beacon: {error}")))?),
+        false => None,
+    };
+    let (url, name) = (url(address, name), Arc::<str>::from(name));
+    let hint = hint(address, &name);
+    Ok(Gateway::new(url.clone(), hint, |world, places| {
+        if let Some(beacon) = beacon {
+            tokio::spawn(beacon.run());
+        }
+        listener.run(url, world, places, move || Session::new(Arc::clone(&name)))
+    }))
+}
+
+fn url(address: SocketAddr, name: &str) -> String {
+    format!("socketcand://{address}/{name}")
+}
+
+/// Returns an example command for joining a bus, with an address that is reachable from this machine.
+fn hint(bound: SocketAddr, name: &str) -> String {
+    let address = joinable(bound);
+    let port = address.port();
+    match address.ip() {
+        IpAddr::V4(host) => format!(
+            "Join the bus with python-can:\n  \
+             can_logger -i socketcand -c {name} --bus-kwargs host={host} port={port}\n  \
+             can.Bus(interface=\"socketcand\", host=\"{host}\", port={port}, channel=\"{name}\")\n\
+             or with SavvyCAN: {name}@(can://{host}:{port})"
+        ),
+        IpAddr::V6(_) => format!(
+            "Join the bus at can://{address}, name {name}. python-can supports IPv4 only; for python-can, use \
+             --bus {}",
+            url(([127, 0, 0, 1], port).into(), name)
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hint_at(address: &str) -> String {
+        hint(address.parse().expect(address), "pve0")
+    }
+
+    #[test]
+    fn the_hint_names_an_address_that_works() {
+        for (bound, host) in [("127.0.0.2:7", "127.0.0.2"), ("0.0.0.0:7", "127.0.0.1"), ("[::]:7", "127.0.0.1")] {
+            let text = hint_at(bound);
+            assert!(text.contains(&format!("host={host} port=7\n")), "{text}");
+            assert!(text.contains(&format!("host=\"{host}\", port=7, channel=\"pve0\"")), "{text}");
+            assert!(text.contains(&format!("pve0@(can://{host}:7)")), "{text}");
+        }
+        let text = hint_at("[::1]:7");
+        assert!(text.contains("can://[::1]:7") && text.contains("--bus socketcand://127.0.0.1:7/pve0"), "{text}");
+    }
+}

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::protocol::{ECHO, HI, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal, judge};
 use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
-use crate::inbox::{ClientId, Reply, ToClient, ToWorld};
+use crate::inbox::{ClientId, Note, Reply, ToClient, ToWorld};
 
 /// The pause between the answer to raw mode and the first frame: python-can mistakes a frame in the same read for a
 /// wrong answer.
@@ -48,7 +48,9 @@ impl Session {
             }
             (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is already open >"),
             (Ok(_), Stage::Greeted) => reply("< error open the bus first >"),
-            (Ok(Request::RawMode), Stage::Open) => ToWorld::Listen(id, Reply { text: OK.into(), pause: HOLD_BACK }),
+            (Ok(Request::RawMode), Stage::Open) => {
+                ToWorld::Listen(id, Reply { text: OK.into(), note: Note::Pause(HOLD_BACK) })
+            }
             (Ok(Request::Send(frame)), Stage::Open) => ToWorld::Send(id, frame),
         }
     }
@@ -80,9 +82,11 @@ fn emit(out: &mut String, message: ToClient) -> Duration {
     match message {
         ToClient::Frame(at, frame) => emit_frame(out, at, &frame),
         ToClient::Error(at, class) => emit_error(out, at, class),
-        ToClient::Reply(Reply { text, pause }) => {
+        ToClient::Reply(Reply { text, note }) => {
             out.push_str(&text);
-            return pause;
+            if let Note::Pause(pause) = note {
+                return pause;
+            }
         }
     }
     Duration::ZERO

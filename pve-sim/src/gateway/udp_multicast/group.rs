@@ -10,7 +10,7 @@ use tokio::net::UdpSocket;
 use tokio::time::sleep;
 
 use super::message::{emit, parse};
-use crate::gateway::member::Member;
+use crate::gateway::Member;
 use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 
 /// The hop limit towards other machines: python-can's default, the local network.

@@ -3,7 +3,7 @@
 use axum::Json;
 
 use super::Control;
-use crate::control::message::Message;
+use crate::control::Message;
 use crate::http::error::{Body, Error, Failure, Name};
 use hal_sim::simulation::{BusState, Command, Reply};
 use hal_sim::state::{BusChange, Disturb, FaultRecord, FaultRequest};

@@ -1,7 +1,6 @@
 //! `/events`: server-sent events.
 
 use std::convert::Infallible;
-use std::sync::Arc;
 use std::time::Duration;
 
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -12,8 +11,8 @@ use tokio_stream::{Stream, StreamExt as _};
 use utoipa::ToSchema;
 
 use super::Control;
-use crate::control::events::{ControlEvent, Follower, Subscription, json};
-use crate::control::message::Message;
+use crate::control::Message;
+use crate::control::events::{Subscription, json};
 use crate::http::error::{Error, Failure};
 
 /// The interval between comments on a quiet bus, which reveal a disconnected client.
@@ -39,20 +38,13 @@ pub(super) struct LostEvent {
     )
 )]
 pub(super) async fn follow(control: Control) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Failure> {
-    let Subscription { states, events, follower } = control.ask(Message::Subscribe).await?;
+    let Subscription { states, events } = control.ask(Message::Subscribe).await?;
     let first = tokio_stream::iter(states).map(|state| event("device", &json(&state)));
-    let next = BroadcastStream::new(events).map(move |event| follower.event(event));
+    let next = BroadcastStream::new(events).map(|received| match received {
+        Ok(received) => event(received.name, &received.json),
+        Err(BroadcastStreamRecvError::Lagged(events)) => event("lost", &json(&LostEvent { events })),
+    });
     Ok(Sse::new(first.chain(next).map(Ok)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
-}
-
-impl Follower {
-    /// Returns the event for a control event, or for lost ones.
-    fn event(&self, received: Result<Arc<ControlEvent>, BroadcastStreamRecvError>) -> Event {
-        match received {
-            Ok(received) => event(received.name(), received.json()),
-            Err(BroadcastStreamRecvError::Lagged(events)) => event("lost", &json(&LostEvent { events })),
-        }
-    }
 }
 
 fn event(name: &str, data: &str) -> Event {

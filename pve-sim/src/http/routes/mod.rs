@@ -17,11 +17,12 @@ use axum::http::StatusCode;
 use axum::http::request::Parts;
 use axum::routing::{delete, get, patch, post};
 use axum::{Json, Router, middleware};
+use tokio::sync::oneshot;
 
 use super::connection::Connection;
 use super::error::Failure;
 use super::guard::guard;
-use crate::control::message::{Answer, Message};
+use crate::control::{Answer, Message};
 use crate::inbox::{ToWorld, WorldSender};
 use hal_sim::simulation::{Command, Reply};
 
@@ -39,23 +40,19 @@ impl Control {
     /// Sends a message to the world, and waits for the answer.
     async fn ask<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
         let _asking = self.connection.ask();
-        let (answer, receiver) = Answer::new();
+        let (answer, receiver) = oneshot::channel();
         self.world.tell(ToWorld::Control(message(answer)));
         Ok(receiver.await.map_err(|_| Failure::ending())??)
     }
 
-    /// Sends a message whose answer may need much virtual time; the number of such calls is limited.
-    async fn ask_and_wait<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
-        let _waits = self.connection.wait().ok_or_else(Failure::crowded)?;
-        self.ask(message).await
-    }
-
-    /// Executes a command, and waits for its completion.
+    /// Executes a command, and waits for its completion. The number of pending commands that take virtual time is
+    /// limited.
     async fn execute(&self, command: Command) -> Result<Json<Reply>, Failure> {
-        let takes_time = command.takes_time();
-        let message = |answer| Message::Execute(command, answer);
-        let reply = if takes_time { self.ask_and_wait(message).await } else { self.ask(message).await };
-        reply.map(Json)
+        let _waits = match command.takes_time() {
+            true => Some(self.connection.wait().ok_or_else(Failure::crowded)?),
+            false => None,
+        };
+        self.ask(|answer| Message::Execute(command, answer)).await.map(Json)
     }
 }
 

