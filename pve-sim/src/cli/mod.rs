@@ -100,20 +100,20 @@ struct Cli {
 enum Command {
     /// Runs devices on a bus (the default command)
     Run(Box<RunArgs>),
-    /// Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each
+    /// Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each
     /// frame; exit 1 if a frame differs
     UseCase {
-        /// The use case, or all; if omitted, the titles are listed
+        /// The use case, or all; without it, the titles are listed
         #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
-    /// Runs scenario files in virtual time: devices, actions and expectations; exit 1 if an expectation fails, 2 before
-    /// anything runs if a file cannot be read
+    /// Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2,
+    /// without running any, if a file cannot be read
     Scenario(ScenarioArgs),
-    /// Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed
+    /// Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed
     Decode(DecodeArgs),
-    /// Replays a recorded log against simulated devices, from their power-up, in virtual time: compares their frames
-    /// with the log and sends them all other frames; exit 1 on differences
+    /// Replays a recording against simulated devices in virtual time: compares their frames with the recording, and
+    /// sends them all other frames; exit 1 on differences
     Replay(ReplayArgs),
     /// Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the
     /// change or cannot be reached

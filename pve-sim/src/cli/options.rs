@@ -41,27 +41,27 @@ pub struct RunArgs {
     ///   on ISOBUS the address, 0x80–0x8F, by default 0x80
     ///
     /// The keys:
-    ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
+    ///   name=NAME  1–32 characters of a–z, 0–9 and '-'; by default the kind, then kind-2 …
     ///   serial=N   decimal or 0x; by default the next free number; part of the NAME on ISOBUS
-    ///   bit-rate=N by default the rate of the bus; for a valve on CANopen 125k, 250k or 500k, on
-    ///              ISOBUS only 250k; for an angle sensor any rate of --bit-rate
+    ///   bit-rate=N by default the rate of the bus; a valve accepts 125k, 250k and 500k (only
+    ///              250k on ISOBUS), an angle sensor any rate of --bit-rate
     ///   stroke-ms=N, return-ms=N
     ///              valves only, 10–5000 ms: the time of the spool from neutral to full stroke,
-    ///              by default 250, and of its return by springs, by default 150
-    ///   boot-ms=N  0–60000 ms from power to the start, by default 0
+    ///              by default 250; the time of its return by the springs, by default 150
+    ///   boot-ms=N  0–60000 ms from power-up to the start of the program, by default 0
     ///   answer-ms=N or A..B
-    ///              0–60000 ms until each answer (SDO, LSS, UDS, J1939), by default 0
-    ///   cycle-ms=N 0–1000 ms between two cycles of the device's program, by default 0
+    ///              0–60000 ms, the delay of each answer (SDO, LSS, UDS, J1939), by default 0
+    ///   cycle-ms=N 0–1000 ms, the cycle time of the device's program, by default 0
     ///   brown-out-mv=N
-    ///              valves only: off below this supply; by default never
+    ///              valves only: the supply below which the valve is off; by default never off
     ///   oil        valves only: cold oil slows the spool down
-    ///   blank      CANopen only: no node ID, waits for LSS
+    ///   blank      CANopen only: a device without a node ID, for configuration by LSS
     ///
     /// With --state, an existing memory takes precedence over ID, serial and bit-rate.
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
     device: Vec<DeviceSpec>,
 
-    /// Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable
+    /// Let the spool of VALVE turn the shaft of SENSOR, as on a boom; repeatable
     ///
     /// VALVE and SENSOR are names of devices. The keys:
     ///   rate=N  1/100 degree per second at full stroke, signed, by default 3000
@@ -74,38 +74,39 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Devices")]
     allow_clash: bool,
 
-    /// Keep each device's memory in DIR/NAME.nvm; without it, the memory is lost at exit
+    /// Keep the memory of each device in DIR/NAME.nvm; without this option, the memory is lost at exit
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, help_heading = "Devices")]
     state: Option<PathBuf>,
 
-    /// The URL of the bus; repeatable, all URLs share one bus [default: socketcand://127.0.0.1:29536/pve0]
+    /// A URL at which clients reach the bus; repeatable [default: socketcand://127.0.0.1:29536/pve0]
     ///
     /// URL is one of
-    ///   socketcand://HOST:PORT/NAME  served over TCP, port 0 selects a free one
-    ///   slcan://HOST:PORT            a serial-line adapter, over TCP
-    ///   slcan+pty:PATH               the same on a pseudo-terminal, with a link at PATH; Unix
-    ///   socketcan:IFACE              a Linux interface
-    ///   udp-multicast://GROUP:PORT   python-can's udp_multicast; beyond this machine only
-    ///                                with --allow-remote
+    ///   socketcand://HOST:PORT/NAME  a socketcand server on TCP; port 0 selects a free port
+    ///   slcan://HOST:PORT            a serial-line adapter on TCP; port 0 selects a free port
+    ///   slcan+pty:PATH               a serial-line adapter on a pseudo-terminal, with a symbolic
+    ///                                link at PATH; Unix only
+    ///   socketcan:IFACE              a CAN interface of Linux
+    ///   udp-multicast://GROUP:PORT   a group of python-can's udp_multicast; other machines are
+    ///                                reached with --allow-remote only
     #[arg(long, value_name = "URL", help_heading = "Bus", verbatim_doc_comment)]
     bus: Vec<BusUrl>,
 
-    /// Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it
+    /// Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them
     #[arg(long, help_heading = "Bus")]
     beacon: bool,
 
-    /// Allow communication faults on socketcan:, where real devices may be; without it, only the simulated devices can
-    /// lose frames
+    /// Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only
+    /// simulated devices can lose frames
     #[arg(long, help_heading = "Bus")]
     allow_real_bus: bool,
 
-    /// The bit rate of the bus, in bit/s, or as in 250k and 1M [default: that of the first device, by default 250k for
-    /// a valve and 500k for an angle sensor]
+    /// The bit rate of the bus in bit/s, or with k or M, as in 250k [default: the rate of the first device, by default
+    /// 250k for a valve and 500k for an angle sensor]
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 
-    /// The speed of virtual time: a factor of wall time, above 0; or step: only the control interface advances time,
-    /// and client frames wait until it does
+    /// The speed of virtual time: a factor of wall time above 0, or step: only the control interface advances time, and
+    /// the frames of clients wait for the next advance
     #[arg(long, value_name = "FACTOR|step", value_parser = speed, default_value = "1", help_heading = "Time")]
     speed: Speed,
 
@@ -113,7 +114,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED, help_heading = "Time")]
     seed: u64,
 
-    /// Write every frame to FILE: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L
+    /// Write every frame to FILE, in the format of its extension: .asc (ASC), .pcapng (pcapng), any other (candump -L)
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     log: Option<PathBuf>,
 
@@ -121,7 +122,7 @@ pub struct RunArgs {
     #[arg(long, requires = "log", help_heading = "Output")]
     log_overwrite: bool,
 
-    /// Send error frames to clients: the first one, and one per change of an error mode
+    /// Send error frames to clients: the first one of each destroyed frame, and one for each change of an error mode
     #[arg(long, help_heading = "Output")]
     error_frames: bool,
 
@@ -134,7 +135,7 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Output")]
     verbose: bool,
 
-    /// The address of the control interface, port 0 selects a free one [default: 127.0.0.1:8408]
+    /// The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]
     #[arg(long, value_name = "ADDR:PORT", value_parser = http, conflicts_with = "no_http", help_heading = "Control")]
     http: Option<SocketAddr>,
 
@@ -142,8 +143,8 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Control")]
     no_http: bool,
 
-    /// Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a
-    /// udp-multicast bus to reach them
+    /// Allow an --http address that other machines can reach, which gives them full control, and allow a udp-multicast
+    /// bus to reach other machines
     #[arg(long, help_heading = "Control")]
     allow_remote: bool,
 }

@@ -18,11 +18,11 @@ const TOLERANCE_MS: u32 = 5;
 /// The arguments of `decode`.
 #[derive(Args, Debug)]
 pub(super) struct DecodeArgs {
-    /// The recording: a candump -L log, a candump screen, ASC or pcapng, detected by its content; - is stdin
+    /// The recording, or - for stdin; its format is detected: candump -L, screen output of candump, ASC or pcapng
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: PathBuf,
 
-    /// A device known to be on the bus, as for run; repeatable. Without it, devices are detected by their frames
+    /// A device on the bus, as for run; repeatable. Without this option, devices are recognised by their frames
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]")]
     device: Vec<DeviceSpec>,
 }
@@ -30,23 +30,23 @@ pub(super) struct DecodeArgs {
 /// The arguments of `replay`.
 #[derive(Args, Debug)]
 pub(super) struct ReplayArgs {
-    /// The recording: a candump -L log, a candump screen with times, ASC or pcapng, detected by its content
+    /// The recording; its format is detected: candump -L, screen output of candump with times, ASC or pcapng
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: PathBuf,
 
-    /// A simulated device that replaces one in the recording, as for run; repeatable
+    /// A simulated device in place of one in the recording, as for run; repeatable
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", required = true)]
     device: Vec<DeviceSpec>,
 
-    /// Make the shaft of SENSOR follow the spool of VALVE, as for run; repeatable
+    /// Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable
     #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]")]
     link: Vec<LinkSpec>,
 
-    /// The tolerance of frame times, in milliseconds; a position may differ by the movement within that time
+    /// The tolerance of frame times, in milliseconds; a position may differ by the movement in that time
     #[arg(long, value_name = "N", default_value_t = TOLERANCE_MS, value_parser = clap::value_parser!(u32).range(..=60_000))]
     tolerance_ms: u32,
 
-    /// Begin with the first boot-up or address claim of a device, and ignore all earlier frames
+    /// Begin with the first boot-up or address claim of a device; earlier frames are ignored
     #[arg(long)]
     from_boot_up: bool,
 }

@@ -17,12 +17,12 @@ pub struct SetArgs {
     #[arg(value_name = "DEVICE", value_parser = NonEmptyStringValueParser::new())]
     pub device: String,
 
-    /// A plant word and its value, as on the console or in PATCH /devices/NAME/plant: supply_mv=8000 spool=stuck
-    /// lever=off; several words change at the same instant, or none changes
+    /// A plant word and its value, as on the console or in PATCH /devices/NAME/plant, for example supply_mv=8000
+    /// spool=stuck lever=off; all words change at the same instant, or none does
     #[arg(value_name = "WORD=VALUE", required = true)]
     pub words: Vec<PlantWord>,
 
-    /// The control interface of the simulator, as in its ready line
+    /// The address of the control interface, as in the ready line of the simulator
     #[arg(long, value_name = "ADDR:PORT", value_parser = address, default_value_t = DEFAULT_HTTP)]
     pub http: SocketAddr,
 }
@@ -38,7 +38,7 @@ pub struct StatusArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// The control interface of the simulator, as in its ready line
+    /// The address of the control interface, as in the ready line of the simulator
     #[arg(long, value_name = "ADDR:PORT", value_parser = address, default_value_t = DEFAULT_HTTP)]
     pub http: SocketAddr,
 }

@@ -12,11 +12,11 @@ use hal_sim::scenario;
 /// The arguments of `scenario`.
 #[derive(Args, Debug)]
 pub(super) struct ScenarioArgs {
-    /// The scenarios, in the order of the report; the format: docs/scenarios.md
+    /// The scenario files, in the order of the report; docs/scenarios.md describes their format
     #[arg(value_name = "FILE.toml", required_unless_present = "schema")]
     files: Vec<PathBuf>,
 
-    /// Write the results to FILE as JUnit XML, a test case for each scenario
+    /// Write the results to FILE as JUnit XML, with a test case for each scenario
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
@@ -24,7 +24,7 @@ pub(super) struct ScenarioArgs {
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED)]
     seed: u64,
 
-    /// Print the traces, with the step notes
+    /// Print the trace of each scenario, with the notes of its steps
     #[arg(long)]
     verbose: bool,
 

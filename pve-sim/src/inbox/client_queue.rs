@@ -39,19 +39,6 @@ pub struct Permits {
     free: Arc<Semaphore>,
 }
 
-/// The permit to send one message to the world. Dropping it returns the permit.
-#[derive(Debug)]
-pub struct Permit<'a>(Option<SemaphorePermit<'a>>);
-
-impl Permit<'_> {
-    /// Spends the permit. The world returns the permit when it has processed the message.
-    pub fn spend(self) {
-        if let Some(permit) = self.0 {
-            permit.forget();
-        }
-    }
-}
-
 /// The client reads too slowly and is being disconnected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overrun;
@@ -88,18 +75,26 @@ impl ClientQueue {
 }
 
 impl Permits {
-    /// Waits for a permit and spends it.
+    /// Waits for a permit to send one message to the world, and spends it. The world returns the permit when it has
+    /// processed the message.
     pub async fn spend(&self) {
-        self.permit().await.spend();
+        spend(self.permit().await);
     }
 
-    /// Waits for a permit without spending it; the gateway can still handle other events, and drop the permit.
-    pub async fn permit(&self) -> Permit<'_> {
-        Permit(self.free.acquire().await.ok())
+    /// Waits for a permit without spending it. Dropping it returns the permit.
+    pub(crate) async fn permit(&self) -> Option<SemaphorePermit<'_>> {
+        self.free.acquire().await.ok()
     }
 
     /// Waits until the world dismisses the client.
     pub async fn dismissed(&self) {
         self.dismissed.notified().await;
+    }
+}
+
+/// Spends a permit.
+pub(crate) fn spend(permit: Option<SemaphorePermit<'_>>) {
+    if let Some(permit) = permit {
+        permit.forget();
     }
 }

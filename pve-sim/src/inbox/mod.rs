@@ -6,8 +6,8 @@
 
 mod client_queue;
 
-pub(crate) use client_queue::BATCH;
-pub use client_queue::{ClientEnd, ClientQueue, Overrun, PERMITS, Permit, Permits, QUEUE};
+pub use client_queue::{ClientEnd, ClientQueue, Overrun, PERMITS, Permits, QUEUE};
+pub(crate) use client_queue::{BATCH, spend};
 
 use std::borrow::Cow;
 use std::sync::Arc;

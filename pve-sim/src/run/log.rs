@@ -6,14 +6,17 @@ use std::path::{Path, PathBuf};
 
 use super::system::{is_same_file, open_alone};
 use super::{LogOptions, RunError};
-use hal_sim::log::{Record, Timestamp};
+use hal_sim::log::Timestamp;
 use hal_sim::recording::{Format, Writer};
+
+/// The writer of a log.
+pub(super) type Output = Writer<BufWriter<File>>;
 
 /// The file of `--log`. The file is locked against other runs until this value is dropped.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
-    writer: Writer<BufWriter<File>>,
+    writer: Output,
 }
 
 impl Log {
@@ -75,19 +78,9 @@ impl Log {
         Ok(Self { path: log.path.clone(), writer })
     }
 
-    /// Adds an entry; the error is the message for the user.
-    pub(super) fn write(&mut self, record: &Record) -> Result<(), String> {
-        self.writer.write(record).map_err(|error| complaint(&self.path, &error))
-    }
-
-    /// Adds a comment if the format supports comments; the error is the message for the user.
-    pub(super) fn comment(&mut self, at: Timestamp, text: &str) -> Result<(), String> {
-        self.writer.comment(at, text).map_err(|error| complaint(&self.path, &error))
-    }
-
-    /// Flushes the log to the system; the error is the message for the user.
-    pub(super) fn flush(&mut self) -> Result<(), String> {
-        self.writer.flush().map_err(|error| complaint(&self.path, &error))
+    /// Writes to the log; the error is the message for the user.
+    pub(super) fn write(&mut self, act: impl FnOnce(&mut Output) -> io::Result<()>) -> Result<(), String> {
+        act(&mut self.writer).map_err(|error| complaint(&self.path, &error))
     }
 
     /// Writes the end of the log; the error is the message for the user.

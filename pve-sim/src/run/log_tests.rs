@@ -3,7 +3,7 @@
 use std::fs;
 
 use super::*;
-use hal_sim::log::Entry;
+use hal_sim::log::{Entry, Record};
 
 fn log(path: &Path, overwrite: bool) -> LogOptions {
     LogOptions { path: path.to_owned(), overwrite }
@@ -28,7 +28,7 @@ fn a_file_that_has_something_in_it_is_replaced_only_when_that_is_meant() {
     assert_eq!(refusal(&path, true, None), "");
     let at = Timestamp::from_micros(1_000_000);
     let mut log = Log::create(&log(&path, true), None, "pve0", at).unwrap();
-    log.write(&Record { at, entry: Entry::Frame("080:".parse().unwrap()) }).unwrap();
+    log.write(|log| log.write(&Record { at, entry: Entry::Frame("080:".parse().unwrap()) })).unwrap();
     log.finish().unwrap();
     assert_eq!(fs::read_to_string(&path).unwrap(), "(1.000000) pve0 080#\n");
 }

@@ -59,11 +59,13 @@ impl Platform for System {
             self.deserted |= waited.is_err();
             return waited.ok();
         };
-        let asleep = until.saturating_duration_since(WallInstant::now() + spin);
-        match self.inbox.messages.recv_timeout(asleep) {
-            Ok(arrival) => return Some(arrival),
-            Err(RecvTimeoutError::Disconnected) => self.deserted = true,
-            Err(RecvTimeoutError::Timeout) => {}
+        let sleep = until.saturating_duration_since(WallInstant::now() + spin);
+        if !sleep.is_zero() {
+            match self.inbox.messages.recv_timeout(sleep) {
+                Ok(arrival) => return Some(arrival),
+                Err(RecvTimeoutError::Disconnected) => self.deserted = true,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
         }
         while WallInstant::now() < until && !self.is_ending() {
             if let Some(arrival) = self.take() {

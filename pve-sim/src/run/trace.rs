@@ -1,12 +1,12 @@
 //! The trace of a run on stdout and in the log: `candump -L` lines with meanings, or the human-readable layout.
 
-use std::io::IsTerminal as _;
+use std::io::{self, IsTerminal as _};
 
 use anstream::AutoStream;
 use protocol_core::device::pve::Protocol;
 use terminal_size::{Width, terminal_size};
 
-use super::log::Log;
+use super::log::{Log, Output};
 use super::options::ColorChoice;
 use super::printer::Printer;
 use hal_sim::explain::Explainer;
@@ -114,7 +114,7 @@ impl Trace {
         if let Some(layout) = &mut self.layout {
             layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));
         }
-        self.log(Log::flush);
+        self.log(Output::flush);
         if !self.lines.is_empty() {
             self.print();
         }
@@ -149,9 +149,9 @@ impl Trace {
         self.printer.trace(std::mem::replace(&mut self.lines, room));
     }
 
-    fn log(&mut self, act: impl FnOnce(&mut Log) -> Result<(), String>) {
+    fn log(&mut self, act: impl FnOnce(&mut Output) -> io::Result<()>) {
         if let Some(log) = &mut self.log
-            && let Err(complaint) = act(log)
+            && let Err(complaint) = log.write(act)
         {
             self.printer.warn(complaint);
             self.log = None;

@@ -25,32 +25,32 @@ function __fish_pve_sim_using_subcommand
 end
 
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l device -d 'A device on the bus; repeatable [default: pvea-canopen@0x20]' -r
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l link -d 'Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable' -r
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l state -d 'Keep each device\'s memory in DIR/NAME.nvm; without it, the memory is lost at exit' -r -f -a "(__fish_complete_directories)"
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l bus -d 'The URL of the bus; repeatable, all URLs share one bus [default: socketcand://127.0.0.1:29536/pve0]' -r
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l bit-rate -d 'The bit rate of the bus, in bit/s, or as in 250k and 1M [default: that of the first device, by default 250k for a valve and 500k for an angle sensor]' -r
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l speed -d 'The speed of virtual time: a factor of wall time, above 0; or step: only the control interface advances time, and client frames wait until it does' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l link -d 'Let the spool of VALVE turn the shaft of SENSOR, as on a boom; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l state -d 'Keep the memory of each device in DIR/NAME.nvm; without this option, the memory is lost at exit' -r -f -a "(__fish_complete_directories)"
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l bus -d 'A URL at which clients reach the bus; repeatable [default: socketcand://127.0.0.1:29536/pve0]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l bit-rate -d 'The bit rate of the bus in bit/s, or with k or M, as in 250k [default: the rate of the first device, by default 250k for a valve and 500k for an angle sensor]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l speed -d 'The speed of virtual time: a factor of wall time above 0, or step: only the control interface advances time, and the frames of clients wait for the next advance' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l seed -d 'The seed of all random values: 0–18446744073709551615' -r
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l log -d 'Write every frame to FILE: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L' -r -F
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l log -d 'Write every frame to FILE, in the format of its extension: .asc (ASC), .pcapng (pcapng), any other (candump -L)' -r -F
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l color -d 'Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never' -r -f -a "auto\t'Laid out on a terminal, with colour unless the environment disables it'
 always\t'Laid out with colour, even into a pipe'
 never\t'Laid out on a terminal, without colour'"
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l http -d 'The address of the control interface, port 0 selects a free one [default: 127.0.0.1:8408]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l beacon -d 'Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-real-bus -d 'Allow communication faults on socketcan:, where real devices may be; without it, only the simulated devices can lose frames'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l beacon -d 'Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-real-bus -d 'Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only simulated devices can lose frames'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l log-overwrite -d 'Overwrite the --log file if it is not empty'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l error-frames -d 'Send error frames to clients: the first one, and one per change of an error mode'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l error-frames -d 'Send error frames to clients: the first one of each destroyed frame, and one for each change of an error mode'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l verbose -d 'Show every cyclic frame on a terminal, including unchanged repeats'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l no-http -d 'Disable the control interface'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-remote -d 'Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a udp-multicast bus to reach them'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-remote -d 'Allow an --http address that other machines can reach, which gives them full control, and allow a udp-multicast bus to reach other machines'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -s V -l version -d 'Print version'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "run" -d 'Runs devices on a bus (the default command)'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "use-case" -d 'Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each frame; exit 1 if a frame differs'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "decode" -d 'Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "replay" -d 'Replays a recorded log against simulated devices, from their power-up, in virtual time: compares their frames with the log and sends them all other frames; exit 1 on differences'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "use-case" -d 'Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "decode" -d 'Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "replay" -d 'Replays a recording against simulated devices in virtual time: compares their frames with the recording, and sends them all other frames; exit 1 on differences'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "set" -d 'Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "status" -d 'Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "eds" -d 'Prints the EDS of a CANopen kind, generated from its object dictionary'
@@ -59,42 +59,42 @@ complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "completions" -d 'Pr
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "man" -d 'Prints the manual page, in roff'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l device -d 'A device on the bus; repeatable [default: pvea-canopen@0x20]' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l link -d 'Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l state -d 'Keep each device\'s memory in DIR/NAME.nvm; without it, the memory is lost at exit' -r -f -a "(__fish_complete_directories)"
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l bus -d 'The URL of the bus; repeatable, all URLs share one bus [default: socketcand://127.0.0.1:29536/pve0]' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l bit-rate -d 'The bit rate of the bus, in bit/s, or as in 250k and 1M [default: that of the first device, by default 250k for a valve and 500k for an angle sensor]' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l speed -d 'The speed of virtual time: a factor of wall time, above 0; or step: only the control interface advances time, and client frames wait until it does' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l link -d 'Let the spool of VALVE turn the shaft of SENSOR, as on a boom; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l state -d 'Keep the memory of each device in DIR/NAME.nvm; without this option, the memory is lost at exit' -r -f -a "(__fish_complete_directories)"
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l bus -d 'A URL at which clients reach the bus; repeatable [default: socketcand://127.0.0.1:29536/pve0]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l bit-rate -d 'The bit rate of the bus in bit/s, or with k or M, as in 250k [default: the rate of the first device, by default 250k for a valve and 500k for an angle sensor]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l speed -d 'The speed of virtual time: a factor of wall time above 0, or step: only the control interface advances time, and the frames of clients wait for the next advance' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l seed -d 'The seed of all random values: 0–18446744073709551615' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l log -d 'Write every frame to FILE: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l log -d 'Write every frame to FILE, in the format of its extension: .asc (ASC), .pcapng (pcapng), any other (candump -L)' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l color -d 'Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never' -r -f -a "auto\t'Laid out on a terminal, with colour unless the environment disables it'
 always\t'Laid out with colour, even into a pipe'
 never\t'Laid out on a terminal, without colour'"
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l http -d 'The address of the control interface, port 0 selects a free one [default: 127.0.0.1:8408]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l beacon -d 'Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-real-bus -d 'Allow communication faults on socketcan:, where real devices may be; without it, only the simulated devices can lose frames'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l beacon -d 'Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-real-bus -d 'Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only simulated devices can lose frames'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l log-overwrite -d 'Overwrite the --log file if it is not empty'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l error-frames -d 'Send error frames to clients: the first one, and one per change of an error mode'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l error-frames -d 'Send error frames to clients: the first one of each destroyed frame, and one for each change of an error mode'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l verbose -d 'Show every cyclic frame on a terminal, including unchanged repeats'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l no-http -d 'Disable the control interface'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-remote -d 'Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a udp-multicast bus to reach them'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-remote -d 'Allow an --http address that other machines can reach, which gives them full control, and allow a udp-multicast bus to reach other machines'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand use-case" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l junit -d 'Write the results to FILE as JUnit XML, a test case for each scenario' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l junit -d 'Write the results to FILE as JUnit XML, with a test case for each scenario' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l seed -d 'The seed of all random values: 0–18446744073709551615' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l verbose -d 'Print the traces, with the step notes'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l verbose -d 'Print the trace of each scenario, with the notes of its steps'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l schema -d 'Print the format of a scenario as a JSON schema, for editors'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -l device -d 'A device known to be on the bus, as for run; repeatable. Without it, devices are detected by their frames' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -l device -d 'A device on the bus, as for run; repeatable. Without this option, devices are recognised by their frames' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l device -d 'A simulated device that replaces one in the recording, as for run; repeatable' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l link -d 'Make the shaft of SENSOR follow the spool of VALVE, as for run; repeatable' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l tolerance-ms -d 'The tolerance of frame times, in milliseconds; a position may differ by the movement within that time' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l from-boot-up -d 'Begin with the first boot-up or address claim of a device, and ignore all earlier frames'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l device -d 'A simulated device in place of one in the recording, as for run; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l link -d 'Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l tolerance-ms -d 'The tolerance of frame times, in milliseconds; a position may differ by the movement in that time' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l from-boot-up -d 'Begin with the first boot-up or address claim of a device; earlier frames are ignored'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand set" -l http -d 'The control interface of the simulator, as in its ready line' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand set" -l http -d 'The address of the control interface, as in the ready line of the simulator' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand set" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand status" -l http -d 'The control interface of the simulator, as in its ready line' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand status" -l http -d 'The address of the control interface, as in the ready line of the simulator' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand status" -l json -d 'Print the JSON of GET /devices or GET /devices/NAME'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand status" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand eds" -s h -l help -d 'Print help'
@@ -102,10 +102,10 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand dbc" -s h -l help -d 'Pr
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand completions" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand man" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "run" -d 'Runs devices on a bus (the default command)'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "use-case" -d 'Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each frame; exit 1 if a frame differs'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "decode" -d 'Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "replay" -d 'Replays a recorded log against simulated devices, from their power-up, in virtual time: compares their frames with the log and sends them all other frames; exit 1 on differences'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "use-case" -d 'Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "decode" -d 'Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "replay" -d 'Replays a recording against simulated devices in virtual time: compares their frames with the recording, and sends them all other frames; exit 1 on differences'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "set" -d 'Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "status" -d 'Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "eds" -d 'Prints the EDS of a CANopen kind, generated from its object dictionary'

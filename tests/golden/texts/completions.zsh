@@ -16,25 +16,25 @@ _pve-sim() {
     local context curcontext="$curcontext" state line
     _arguments "${_arguments_options[@]}" : \
 '*--device=[A device on the bus; repeatable \[default\: pvea-canopen@0x20\]]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
-'--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it, the memory is lost at exit]:DIR:_files -/' \
-'*--bus=[The URL of the bus; repeatable, all URLs share one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
-'--bit-rate=[The bit rate of the bus, in bit/s, or as in 250k and 1M \[default\: that of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
-'--speed=[The speed of virtual time\: a factor of wall time, above 0; or step\: only the control interface advances time, and client frames wait until it does]:FACTOR|step:_default' \
+'*--link=[Let the spool of VALVE turn the shaft of SENSOR, as on a boom; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'--state=[Keep the memory of each device in DIR/NAME.nvm; without this option, the memory is lost at exit]:DIR:_files -/' \
+'*--bus=[A URL at which clients reach the bus; repeatable \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
+'--bit-rate=[The bit rate of the bus in bit/s, or with k or M, as in 250k \[default\: the rate of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
+'--speed=[The speed of virtual time\: a factor of wall time above 0, or step\: only the control interface advances time, and the frames of clients wait for the next advance]:FACTOR|step:_default' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
-'--log=[Write every frame to FILE\: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L]:FILE:_files' \
+'--log=[Write every frame to FILE, in the format of its extension\: .asc (ASC), .pcapng (pcapng), any other (candump -L)]:FILE:_files' \
 '--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
 always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
-'(--no-http)--http=[The address of the control interface, port 0 selects a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
-'--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
-'--allow-real-bus[Allow communication faults on socketcan\:, where real devices may be; without it, only the simulated devices can lose frames]' \
+'--beacon[Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them]' \
+'--allow-real-bus[Allow communication faults with --bus socketcan\:, where they can affect real devices; without this option, only simulated devices can lose frames]' \
 '--log-overwrite[Overwrite the --log file if it is not empty]' \
-'--error-frames[Send error frames to clients\: the first one, and one per change of an error mode]' \
+'--error-frames[Send error frames to clients\: the first one of each destroyed frame, and one for each change of an error mode]' \
 '--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \
 '--no-http[Disable the control interface]' \
-'--allow-remote[Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a udp-multicast bus to reach them]' \
+'--allow-remote[Allow an --http address that other machines can reach, which gives them full control, and allow a udp-multicast bus to reach other machines]' \
 '-h[Print help (see more with '\''--help'\'')]' \
 '--help[Print help (see more with '\''--help'\'')]' \
 '-V[Print version]' \
@@ -51,25 +51,25 @@ never\:"Laid out on a terminal, without colour"))' \
             (run)
 _arguments "${_arguments_options[@]}" : \
 '*--device=[A device on the bus; repeatable \[default\: pvea-canopen@0x20\]]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[Make the shaft of SENSOR follow the spool of VALVE, as on a boom that the valve moves; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
-'--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it, the memory is lost at exit]:DIR:_files -/' \
-'*--bus=[The URL of the bus; repeatable, all URLs share one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
-'--bit-rate=[The bit rate of the bus, in bit/s, or as in 250k and 1M \[default\: that of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
-'--speed=[The speed of virtual time\: a factor of wall time, above 0; or step\: only the control interface advances time, and client frames wait until it does]:FACTOR|step:_default' \
+'*--link=[Let the spool of VALVE turn the shaft of SENSOR, as on a boom; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'--state=[Keep the memory of each device in DIR/NAME.nvm; without this option, the memory is lost at exit]:DIR:_files -/' \
+'*--bus=[A URL at which clients reach the bus; repeatable \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
+'--bit-rate=[The bit rate of the bus in bit/s, or with k or M, as in 250k \[default\: the rate of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
+'--speed=[The speed of virtual time\: a factor of wall time above 0, or step\: only the control interface advances time, and the frames of clients wait for the next advance]:FACTOR|step:_default' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
-'--log=[Write every frame to FILE\: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L]:FILE:_files' \
+'--log=[Write every frame to FILE, in the format of its extension\: .asc (ASC), .pcapng (pcapng), any other (candump -L)]:FILE:_files' \
 '--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
 always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
-'(--no-http)--http=[The address of the control interface, port 0 selects a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
-'--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
-'--allow-real-bus[Allow communication faults on socketcan\:, where real devices may be; without it, only the simulated devices can lose frames]' \
+'--beacon[Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them]' \
+'--allow-real-bus[Allow communication faults with --bus socketcan\:, where they can affect real devices; without this option, only simulated devices can lose frames]' \
 '--log-overwrite[Overwrite the --log file if it is not empty]' \
-'--error-frames[Send error frames to clients\: the first one, and one per change of an error mode]' \
+'--error-frames[Send error frames to clients\: the first one of each destroyed frame, and one for each change of an error mode]' \
 '--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \
 '--no-http[Disable the control interface]' \
-'--allow-remote[Allow --http to listen at an address that other machines can reach, which gives them full control; and allow a udp-multicast bus to reach them]' \
+'--allow-remote[Allow an --http address that other machines can reach, which gives them full control, and allow a udp-multicast bus to reach other machines]' \
 '-h[Print help (see more with '\''--help'\'')]' \
 '--help[Print help (see more with '\''--help'\'')]' \
 && ret=0
@@ -78,51 +78,51 @@ never\:"Laid out on a terminal, without colour"))' \
 _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
 '--help[Print help]' \
-'::which -- The use case, or all; if omitted, the titles are listed:_default' \
+'::which -- The use case, or all; without it, the titles are listed:_default' \
 && ret=0
 ;;
 (scenario)
 _arguments "${_arguments_options[@]}" : \
-'--junit=[Write the results to FILE as JUnit XML, a test case for each scenario]:FILE:_files' \
+'--junit=[Write the results to FILE as JUnit XML, with a test case for each scenario]:FILE:_files' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
-'--verbose[Print the traces, with the step notes]' \
+'--verbose[Print the trace of each scenario, with the notes of its steps]' \
 '--schema[Print the format of a scenario as a JSON schema, for editors]' \
 '-h[Print help]' \
 '--help[Print help]' \
-'*::files -- The scenarios, in the order of the report; the format\: docs/scenarios.md:_files' \
+'*::files -- The scenario files, in the order of the report; docs/scenarios.md describes their format:_files' \
 && ret=0
 ;;
 (decode)
 _arguments "${_arguments_options[@]}" : \
-'*--device=[A device known to be on the bus, as for run; repeatable. Without it, devices are detected by their frames]:KIND[@ID][,KEY=VALUE…]:_default' \
+'*--device=[A device on the bus, as for run; repeatable. Without this option, devices are recognised by their frames]:KIND[@ID][,KEY=VALUE…]:_default' \
 '-h[Print help]' \
 '--help[Print help]' \
-':file -- The recording\: a candump -L log, a candump screen, ASC or pcapng, detected by its content; - is stdin:_files' \
+':file -- The recording, or - for stdin; its format is detected\: candump -L, screen output of candump, ASC or pcapng:_files' \
 && ret=0
 ;;
 (replay)
 _arguments "${_arguments_options[@]}" : \
-'*--device=[A simulated device that replaces one in the recording, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[Make the shaft of SENSOR follow the spool of VALVE, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
-'--tolerance-ms=[The tolerance of frame times, in milliseconds; a position may differ by the movement within that time]:N:_default' \
-'--from-boot-up[Begin with the first boot-up or address claim of a device, and ignore all earlier frames]' \
+'*--device=[A simulated device in place of one in the recording, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
+'*--link=[Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'--tolerance-ms=[The tolerance of frame times, in milliseconds; a position may differ by the movement in that time]:N:_default' \
+'--from-boot-up[Begin with the first boot-up or address claim of a device; earlier frames are ignored]' \
 '-h[Print help]' \
 '--help[Print help]' \
-':file -- The recording\: a candump -L log, a candump screen with times, ASC or pcapng, detected by its content:_files' \
+':file -- The recording; its format is detected\: candump -L, screen output of candump with times, ASC or pcapng:_files' \
 && ret=0
 ;;
 (set)
 _arguments "${_arguments_options[@]}" : \
-'--http=[The control interface of the simulator, as in its ready line]:ADDR:PORT:_default' \
+'--http=[The address of the control interface, as in the ready line of the simulator]:ADDR:PORT:_default' \
 '-h[Print help]' \
 '--help[Print help]' \
 ':device -- The name of the device:_default' \
-'*::words -- A plant word and its value, as on the console or in PATCH /devices/NAME/plant\: supply_mv=8000 spool=stuck lever=off; several words change at the same instant, or none changes:_default' \
+'*::words -- A plant word and its value, as on the console or in PATCH /devices/NAME/plant, for example supply_mv=8000 spool=stuck lever=off; all words change at the same instant, or none does:_default' \
 && ret=0
 ;;
 (status)
 _arguments "${_arguments_options[@]}" : \
-'--http=[The control interface of the simulator, as in its ready line]:ADDR:PORT:_default' \
+'--http=[The address of the control interface, as in the ready line of the simulator]:ADDR:PORT:_default' \
 '--json[Print the JSON of GET /devices or GET /devices/NAME]' \
 '-h[Print help]' \
 '--help[Print help]' \
@@ -229,10 +229,10 @@ esac
 _pve-sim_commands() {
     local commands; commands=(
 'run:Runs devices on a bus (the default command)' \
-'use-case:Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each frame; exit 1 if a frame differs' \
-'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
-'decode:Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed' \
-'replay:Replays a recorded log against simulated devices, from their power-up, in virtual time\: compares their frames with the log and sends them all other frames; exit 1 on differences' \
+'use-case:Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs' \
+'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read' \
+'decode:Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed' \
+'replay:Replays a recording against simulated devices in virtual time\: compares their frames with the recording, and sends them all other frames; exit 1 on differences' \
 'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
 'status:Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached' \
 'eds:Prints the EDS of a CANopen kind, generated from its object dictionary' \
@@ -267,10 +267,10 @@ _pve-sim__subcmd__eds_commands() {
 _pve-sim__subcmd__help_commands() {
     local commands; commands=(
 'run:Runs devices on a bus (the default command)' \
-'use-case:Plays the use cases of the manuals, of an ISOBUS valve or of an angle sensor, in virtual time and explains each frame; exit 1 if a frame differs' \
-'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
-'decode:Explains each line of a recorded log, as the trace does; exit 1 if a line cannot be parsed' \
-'replay:Replays a recorded log against simulated devices, from their power-up, in virtual time\: compares their frames with the log and sends them all other frames; exit 1 on differences' \
+'use-case:Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs' \
+'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read' \
+'decode:Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed' \
+'replay:Replays a recording against simulated devices in virtual time\: compares their frames with the recording, and sends them all other frames; exit 1 on differences' \
 'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
 'status:Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached' \
 'eds:Prints the EDS of a CANopen kind, generated from its object dictionary' \

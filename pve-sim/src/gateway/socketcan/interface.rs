@@ -11,7 +11,7 @@ use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
 use crate::gateway::Member;
-use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
+use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender, spend};
 
 /// The delay between attempts while the interface's queue is full.
 const RETRY: Duration = Duration::from_millis(1);
@@ -100,7 +100,7 @@ impl Member for Interface {
                         tell(world, self.health.hear());
                         // Error frames and CAN FD frames are not requested from the kernel.
                         if let Some(frame) = same(&frame) {
-                            permit.spend();
+                            spend(permit);
                             world.tell(ToWorld::Send(id, frame));
                         }
                     }

@@ -11,7 +11,7 @@ use tokio::time::sleep;
 
 use super::message::{emit, parse};
 use crate::gateway::Member;
-use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
+use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender, spend};
 
 /// The hop limit towards other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
@@ -82,7 +82,7 @@ impl Member for Group {
                 } => match read {
                     Ok((len, from)) => match self.intake.take(&datagram[..len], from) {
                         Ok(Some(frame)) => {
-                            permit.spend();
+                            spend(permit);
                             world.tell(ToWorld::Send(id, frame));
                         }
                         Ok(None) => {}
