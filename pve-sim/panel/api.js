@@ -44,7 +44,7 @@ export function follow(on) {
   tell("frame", on.frame);
   tell("lost", on.missed);
   source.addEventListener("error", (event) => {
-    // The bus's trouble has data; the connection's has none.
+    // An error on the bus has data; an error of the connection has none.
     if (event.data !== undefined) {
       on.error(JSON.parse(event.data));
       return;

@@ -1,4 +1,4 @@
-// Virtual time, between the instants that the server tells.
+// Virtual time, extrapolated between the instants that the server sends.
 
 /** A clock that is behind by more than this, in milliseconds of wall time, is set back. */
 const TOLERANCE = 500;

@@ -1,4 +1,4 @@
-// A device: a card with its state, its gauge, its plot, its faults, and what acts on it.
+// A device: a card with its state, gauge, plot, faults and plant.
 
 import { call, devicePath } from "./api.js";
 import { Dial } from "./dial.js";

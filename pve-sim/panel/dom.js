@@ -1,4 +1,4 @@
-// Elements: how they are made, and how they are changed only where something is new.
+// Creates elements, and changes them only where a value is new.
 
 const SVG = "http://www.w3.org/2000/svg";
 

@@ -1,4 +1,4 @@
-// The panel: follows the simulator's events, and shows devices, bus and trace.
+// The panel: follows the events of the simulator, and shows devices, bus and trace.
 
 import { call, follow } from "./api.js";
 import { Bus } from "./bus.js";

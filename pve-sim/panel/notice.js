@@ -1,4 +1,4 @@
-// One line for what was refused, or has become serious; read aloud, and gone after a while.
+// One line for a refusal or a new fault: screen readers announce it, and it disappears after a while.
 
 import { byId, setText } from "./dom.js";
 

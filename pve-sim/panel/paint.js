@@ -1,4 +1,4 @@
-// Drawing: at most once a frame of the screen, and only what asked for it.
+// Drawing: at most once per animation frame, and only the parts that requested it.
 
 const parts = new Set();
 let isAsked = false;

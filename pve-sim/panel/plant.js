@@ -1,4 +1,4 @@
-// The plant of a device as controls: what acts on it from outside.
+// The plant of a device as controls.
 
 import { call, devicePath } from "./api.js";
 import { el } from "./dom.js";
@@ -29,7 +29,7 @@ export class PlantControls {
     Object.assign(this, { name, answered, waiting: {}, sent: null });
     this.controls = new Map();
     this.shown = {};
-    // A control that nobody holds any more shows what the device has.
+    // A control that is not in use shows the value of the device.
     this.element = el("div", { class: "plant", onfocusout: () => answered(null) });
     for (const [field, make] of Object.entries(CONTROLS)) {
       if (!(field in plant)) continue;
@@ -57,7 +57,7 @@ export class PlantControls {
     while (Object.keys(this.waiting).length > 0) {
       this.sent = this.waiting;
       this.waiting = {};
-      // Whatever the answer, the controls show what the device has.
+      // After any answer, the controls show the values of the device.
       for (const each of Object.keys(this.sent)) delete this.shown[each];
       await attempt(async () => this.answered(await call("PATCH", devicePath(this.name, "/plant"), this.sent)));
     }

@@ -1,4 +1,4 @@
-// A plot of the last 20 seconds. Plots share the time that a frame of the screen has: a few are drawn in each.
+// A plot of the last 20 seconds. Each animation frame draws only a few plots, because they share its time.
 
 import { clock } from "./clock.js";
 import { el } from "./dom.js";

@@ -92,7 +92,7 @@ export class Trace {
   add(frame) {
     const line = this.read(frame);
     this.lines.push(line);
-    // In portions: each makes the array anew.
+    // In portions, because each deletion copies the array.
     if (this.lines.length > KEPT + SHOWN) this.lines.splice(0, SHOWN);
     if (!this.isPaused && this.passes(line)) {
       this.fresh.push(line);
@@ -121,7 +121,7 @@ export class Trace {
 
   filter(text) {
     const words = text.toLowerCase().split(/\s+/).filter((word) => word !== "" && word !== "-");
-    // An identifier may be typed as programs write it: 0x0A0.
+    // An identifier may begin with 0x.
     this.words = words.map((word) => word.replace(/^(-?)0x/, "$1"));
     this.redraw();
   }

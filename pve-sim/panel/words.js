@@ -1,4 +1,4 @@
-// Values as people read them.
+// Values in human-readable form.
 
 /** The stroke of the spool: ±16384 is ±100 %. */
 export const FULL = 16384;

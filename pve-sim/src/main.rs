@@ -1,6 +1,6 @@
 //! `pve-sim`: executes the commands and maps their results to exit codes. The library contains everything else.
 
-use std::fmt::{Arguments, Display};
+use std::fmt::Display;
 use std::io::{BufWriter, StdoutLock, Write};
 use std::process::ExitCode;
 use std::sync::mpsc::channel;
@@ -22,7 +22,7 @@ const FAILURE: u8 = 1;
 const USAGE: u8 = 2;
 
 /// The time limit for writing the final error to stderr.
-const PATIENCE: Duration = Duration::from_secs(2);
+const WRITE_TIMEOUT: Duration = Duration::from_secs(2);
 
 fn main() -> ExitCode {
     outlive_file_size_limit();
@@ -42,10 +42,10 @@ fn main() -> ExitCode {
             Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
         },
         Ok(Request::Status(StatusArgs { http, device, json })) => match remote::status(http, device.as_deref(), json) {
-            Ok(text) => print_all(&text),
+            Ok(text) => print(&text, true),
             Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
         },
-        Ok(Request::Print(text)) => print_all(&text),
+        Ok(Request::Print(text)) => print(&text, true),
         Err(error) => fail(USAGE, &error),
     }
 }
@@ -54,16 +54,12 @@ fn stdout() -> Output<StdoutLock<'static>> {
     Output::new(std::io::stdout().lock())
 }
 
-/// Writes a text; [`end`] reports a write error.
-fn print(stdout: &mut impl Write, text: Arguments<'_>) {
-    let _ = stdout.write_fmt(text);
-}
-
-/// Writes the complete output of a command.
-fn print_all(text: &str) -> ExitCode {
+/// Writes the complete output of a command, and returns its exit code.
+fn print(text: &str, success: bool) -> ExitCode {
     let mut stdout = stdout();
-    print(&mut stdout, format_args!("{text}"));
-    end(stdout, true)
+    // `end` reports a write error.
+    let _ = stdout.write_all(text.as_bytes());
+    end(stdout, success)
 }
 
 /// Returns the exit code of a command from its result. Truncated output is a failure.
@@ -101,9 +97,7 @@ fn compare(options: &ReplayOptions) -> ExitCode {
         Err(error) => return fail(FAILURE, &error),
     };
     outcome.unread.iter().for_each(|line| warn(line));
-    let mut stdout = stdout();
-    print(&mut stdout, format_args!("{}", outcome.report(options)));
-    end(stdout, outcome.is_as_logged())
+    print(&outcome.report(options).to_string(), outcome.is_as_logged())
 }
 
 fn warn(line: &str) {
@@ -125,7 +119,7 @@ fn fail(code: u8, error: &dyn Display) -> ExitCode {
     });
     match writer {
         // The channel carries no message: it closes with the end of the thread.
-        Ok(_) => drop(ended.recv_timeout(PATIENCE)),
+        Ok(_) => drop(ended.recv_timeout(WRITE_TIMEOUT)),
         // The error to report may itself be that no thread can be started.
         Err(_) => drop(tell(line)),
     }

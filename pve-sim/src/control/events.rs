@@ -50,7 +50,7 @@ pub struct Subscription {
 pub(crate) struct Events {
     channel: broadcast::Sender<Arc<ControlEvent>>,
     /// The last reported state of each device.
-    told: Vec<(NodeId, Kind, Told)>,
+    reported: Vec<(NodeId, Kind, Reported)>,
     /// The next position-sample time.
     sample_at: Instant,
     /// The position-sample interval, in virtual time.
@@ -59,7 +59,7 @@ pub(crate) struct Events {
 
 /// The last reported state of a device.
 #[derive(Clone, Debug, PartialEq)]
-struct Told {
+struct Reported {
     view: Option<View>,
     plant: PlantState,
 }
@@ -69,9 +69,9 @@ impl Events {
     pub(crate) fn new(speed: f64, simulation: &mut Simulation) -> Self {
         let devices = simulation.devices().to_vec();
         let world = simulation.world_mut();
-        let told = devices.into_iter().map(|(node, kind)| (node, kind, Told::of(node, world))).collect();
+        let reported = devices.into_iter().map(|(node, kind)| (node, kind, Reported::of(node, world))).collect();
         let sample = Duration::from_ticks((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
-        Self { channel: broadcast::Sender::new(WAITING), told, sample_at: world.now(), sample }
+        Self { channel: broadcast::Sender::new(WAITING), reported, sample_at: world.now(), sample }
     }
 
     /// Adds a follower.
@@ -83,7 +83,7 @@ impl Events {
         self.poll(simulation);
         if !self.is_followed() {
             let world = simulation.world_mut();
-            self.told.iter_mut().for_each(|(node, _, told)| *told = Told::of(*node, world));
+            self.reported.iter_mut().for_each(|(node, _, reported)| *reported = Reported::of(*node, world));
         }
         Ok(Subscription { states: simulation.states(), events: self.channel.subscribe() })
     }
@@ -117,12 +117,12 @@ impl Events {
         if samples {
             self.sample_at = after(world.now(), self.sample);
         }
-        let Self { told, channel, .. } = self;
-        for (node, kind, told) in told {
-            let now = Told::of(*node, world);
-            let changed = if samples { now != *told } else { now.at_rest() != told.at_rest() };
+        let Self { reported, channel, .. } = self;
+        for (node, kind, reported) in reported {
+            let now = Reported::of(*node, world);
+            let changed = if samples { now != *reported } else { now.at_rest() != reported.at_rest() };
             if changed {
-                *told = now;
+                *reported = now;
                 tell(channel, "device", &DeviceState::of(*node, *kind, world));
             }
         }
@@ -139,7 +139,7 @@ fn tell(channel: &broadcast::Sender<Arc<ControlEvent>>, name: &'static str, data
     let _ = channel.send(Arc::new(ControlEvent { name, json: json(data) }));
 }
 
-impl Told {
+impl Reported {
     fn of(node: NodeId, world: &mut World) -> Self {
         Self { view: world.view(node), plant: PlantState::of(node, world) }
     }

@@ -73,18 +73,18 @@ impl<R: AsyncRead + Unpin> AsyncRead for Guarded<R> {
 pub struct ForeignWarning {
     url: String,
     world: WorldSender,
-    has_told: AtomicBool,
+    has_warned: AtomicBool,
 }
 
 impl ForeignWarning {
     /// Creates the warning for the bus at this URL.
     #[must_use]
     pub const fn new(url: String, world: WorldSender) -> Self {
-        Self { url, world, has_told: AtomicBool::new(false) }
+        Self { url, world, has_warned: AtomicBool::new(false) }
     }
 
     fn tell(&self) {
-        if !self.has_told.swap(true, Ordering::Relaxed) {
+        if !self.has_warned.swap(true, Ordering::Relaxed) {
             self.world.tell(ToWorld::Warn(format!(
                 "{}: closed a connection that does not use this protocol, perhaps from a web page; further ones are \
                  closed without a warning",

@@ -43,8 +43,8 @@ pub struct Gateway {
 }
 
 impl Gateway {
-    /// Creates a gateway. `serve` is called to start it, and must join the world before it returns if the gateway is a
-    /// [`Member`]; the task of the returned future serves clients.
+    /// Creates a gateway. `serve` starts it and returns the future that serves clients. A [`Member`] joins the world
+    /// before `serve` returns.
     fn new<F: Future<Output = ()> + Send + 'static>(
         url: String,
         hint: String,
@@ -62,7 +62,8 @@ impl Gateway {
 /// A gateway that is a single client of the world for the whole run: a multicast group, a kernel interface.
 trait Member: Send + Sized {
     /// Passes frames in both directions. Returns only when the queue of the gateway overruns.
-    fn pass(&mut self, id: ClientId, client_end: ClientEnd, world: &WorldSender) -> impl Future<Output = ()> + Send;
+    fn exchange(&mut self, id: ClientId, client_end: ClientEnd, world: &WorldSender)
+    -> impl Future<Output = ()> + Send;
 
     /// Joins the world immediately, so that the gateway receives the first frame of a world started later. The returned
     /// future passes frames forever.
@@ -73,7 +74,7 @@ trait Member: Send + Sized {
                 let (id, client_end) = joined;
                 // Receives the permit that the world returns for joining.
                 client_end.permits.spend().await;
-                self.pass(id, client_end, &world).await;
+                self.exchange(id, client_end, &world).await;
                 // An overrun drops the pending frames, and the gateway joins again.
                 world.tell(ToWorld::Leave(id));
                 joined = world.join();

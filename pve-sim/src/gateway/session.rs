@@ -16,7 +16,7 @@ pub trait Dialogue: Send {
     const JUDGE: Judge;
 
     /// The answer to a TCP client when all places are taken.
-    const NO_PLACE: &'static str;
+    const REFUSAL: &'static str;
 
     /// The greeting sent to a new client, if any.
     const GREETING: Option<&'static str>;
@@ -25,11 +25,11 @@ pub trait Dialogue: Send {
     fn is_opened(&self) -> bool;
 
     /// Executes the requests completed by these bytes.
-    fn hear(&mut self, bytes: &[u8], client: &Client) -> impl Future<Output = ()> + Send;
+    fn receive(&mut self, bytes: &[u8], client: &Client) -> impl Future<Output = ()> + Send;
 
     /// Returns the message writer: a function that appends a message in the client's protocol, and returns the pause
     /// after it.
-    fn emitter(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<Self>;
+    fn encoder(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<Self>;
 }
 
 /// A client of the world.
@@ -52,9 +52,9 @@ impl Client {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// The time limit for opening the bus; `None` for no limit.
-    pub(super) patience: Option<Duration>,
+    pub(super) open_timeout: Option<Duration>,
     /// The time limit for reading the last answers after the client's end of stream.
-    pub(super) farewell: Duration,
+    pub(super) drain_timeout: Duration,
 }
 
 /// The reason why a session ended.
@@ -77,15 +77,15 @@ pub(super) async fn serve(
     let (to_client, ClientEnd { queue, permits }) = ClientQueue::new();
     let client = Client { id: ClientId::next(), world, permits };
     client.world.tell(ToWorld::Join(client.id, to_client));
-    let mut write = pin!(write(writer, queue, dialogue.emitter()));
-    let mut listen = pin!(listen(reader, dialogue, &client, limits.patience));
+    let mut write = pin!(write(writer, queue, dialogue.encoder()));
+    let mut listen = pin!(listen(reader, dialogue, &client, limits.open_timeout));
     let end = tokio::select! {
         () = client.permits.dismissed() => End::Dismissed,
         () = async {
             tokio::select! {
                 // After its end of stream, a client still receives pending answers: the queue ends when the world has
                 // removed the client.
-                () = &mut listen => drop(timeout(limits.farewell, write).await),
+                () = &mut listen => drop(timeout(limits.drain_timeout, write).await),
                 // A client that stopped reading may still have sent requests.
                 written = &mut write => if written.is_err() { listen.await },
             }
@@ -101,22 +101,22 @@ async fn listen<D: Dialogue>(
     mut reader: impl AsyncRead + Unpin,
     mut dialogue: D,
     client: &Client,
-    patience: Option<Duration>,
+    open_timeout: Option<Duration>,
 ) {
     if let Some(greeting) = D::GREETING {
         client.tell(ToWorld::Reply(client.id, Reply::new(greeting))).await;
     }
     let mut bytes = [0; 4096];
-    let patience = patience.map(|patience| Instant::now() + patience);
+    let open_timeout = open_timeout.map(|open_timeout| Instant::now() + open_timeout);
     loop {
         let read = reader.read(&mut bytes);
-        let read = match patience.filter(|_| !dialogue.is_opened()) {
-            Some(patience) => timeout_at(patience, read).await.unwrap_or(Ok(0)),
+        let read = match open_timeout.filter(|_| !dialogue.is_opened()) {
+            Some(open_timeout) => timeout_at(open_timeout, read).await.unwrap_or(Ok(0)),
             None => read.await,
         };
         match read {
             Ok(0) | Err(_) => break,
-            Ok(len) => dialogue.hear(&bytes[..len], client).await,
+            Ok(len) => dialogue.receive(&bytes[..len], client).await,
         }
     }
     client.world.tell(ToWorld::Leave(client.id));

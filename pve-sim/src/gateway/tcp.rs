@@ -29,10 +29,10 @@ const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
 pub(crate) const WAITING: usize = 8;
 
 /// The time limit for opening the bus, because places are few.
-pub(super) const HANDSHAKE: Duration = Duration::from_secs(60);
+pub(super) const OPEN_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// The time limit for reading the last answers after the client's end of stream.
-pub(super) const FAREWELL: Duration = Duration::from_secs(10);
+pub(super) const DRAIN_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// An address to listen at.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -114,7 +114,7 @@ impl Listener {
                         let (reader, writer) = halves(stream);
                         enter(reader, writer, world, warning, dialogue).await;
                     }
-                    None => drop(stream.try_write(D::NO_PLACE.as_bytes())),
+                    None => drop(stream.try_write(D::REFUSAL.as_bytes())),
                 }
             });
         }
@@ -130,7 +130,7 @@ pub async fn enter<D: Dialogue>(
     warning: Arc<ForeignWarning>,
     dialogue: D,
 ) -> End {
-    let limits = Limits { patience: Some(HANDSHAKE), farewell: FAREWELL };
+    let limits = Limits { open_timeout: Some(OPEN_TIMEOUT), drain_timeout: DRAIN_TIMEOUT };
     serve(Guarded::new(reader, D::JUDGE, warning), writer, world, limits, dialogue).await
 }
 
@@ -144,19 +144,19 @@ async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemap
     timeout(WAIT_FOR_PLACE, places.acquire_owned()).await.ok()?.ok()
 }
 
-fn halves(stream: TcpStream) -> (Prompt, OwnedWriteHalf) {
+fn halves(stream: TcpStream) -> (QuickAck, OwnedWriteHalf) {
     // Without TCP_NODELAY, frames would wait for the acknowledgement of earlier ones. If the socket refuses the option,
     // the client is merely served later.
     let _ = stream.set_nodelay(true);
     let (reader, writer) = stream.into_split();
-    (Prompt(reader), writer)
+    (QuickAck(reader), writer)
 }
 
 /// A connection that acknowledges each read immediately, because a client without TCP_NODELAY holds back its next frame
 /// until the acknowledgement. The option is set after each read, because Linux resets it.
-pub(super) struct Prompt(OwnedReadHalf);
+pub(super) struct QuickAck(OwnedReadHalf);
 
-impl AsyncRead for Prompt {
+impl AsyncRead for QuickAck {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let poll = Pin::new(&mut self.0).poll_read(cx, buf);
         #[cfg(target_os = "linux")]

@@ -16,11 +16,11 @@ use tokio::sync::{Notify, Semaphore, SemaphorePermit};
 pub(super) struct Connection {
     /// The local address of the connection.
     local: SocketAddr,
-    born: Instant,
-    /// The last traffic in either direction, in milliseconds since `born`.
+    created: Instant,
+    /// The last traffic in either direction, in milliseconds since `created`.
     last: AtomicU64,
     /// The number of pending requests to the world.
-    asking: AtomicUsize,
+    pending_calls: AtomicUsize,
     dismissed: Notify,
     /// The permits of calls that wait for virtual time, shared by all connections.
     waits: Arc<Semaphore>,
@@ -28,7 +28,7 @@ pub(super) struct Connection {
 
 /// The guard of a pending request: while it exists, the connection is not idle.
 #[derive(Debug)]
-pub(super) struct Asking<'a>(&'a Connection);
+pub(super) struct PendingCall<'a>(&'a Connection);
 
 impl Connection {
     /// Returns the local address of the connection.
@@ -37,9 +37,9 @@ impl Connection {
     }
 
     /// Marks a request to the world as pending.
-    pub(super) fn ask(&self) -> Asking<'_> {
-        self.asking.fetch_add(1, Ordering::Relaxed);
-        Asking(self)
+    pub(super) fn begin_call(&self) -> PendingCall<'_> {
+        self.pending_calls.fetch_add(1, Ordering::Relaxed);
+        PendingCall(self)
     }
 
     /// Returns a permit to wait for virtual time; `None` if all are taken.
@@ -52,21 +52,21 @@ impl Connection {
         self.dismissed.notified().await;
     }
 
-    fn beat(&self) {
-        let millis = u64::try_from(self.born.elapsed().as_millis()).unwrap_or(u64::MAX);
+    fn touch(&self) {
+        let millis = u64::try_from(self.created.elapsed().as_millis()).unwrap_or(u64::MAX);
         self.last.store(millis, Ordering::Relaxed);
     }
 
     /// Returns the time at which the connection became idle; `None` while a request is pending.
-    fn quiet_since(&self) -> Option<Instant> {
+    fn idle_since(&self) -> Option<Instant> {
         let last = std::time::Duration::from_millis(self.last.load(Ordering::Relaxed));
-        (self.asking.load(Ordering::Relaxed) == 0).then(|| self.born + last)
+        (self.pending_calls.load(Ordering::Relaxed) == 0).then(|| self.created + last)
     }
 }
 
-impl Drop for Asking<'_> {
+impl Drop for PendingCall<'_> {
     fn drop(&mut self) {
-        self.0.asking.fetch_sub(1, Ordering::Relaxed);
+        self.0.pending_calls.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -91,15 +91,15 @@ impl Connections {
     pub(super) fn admit(&self, local: SocketAddr) -> Option<Arc<Connection>> {
         let mut all = self.lock();
         if all.len() >= self.places {
-            let quiet = all.iter().enumerate().filter_map(|(place, other)| Some((other.quiet_since()?, place)));
+            let quiet = all.iter().enumerate().filter_map(|(place, other)| Some((other.idle_since()?, place)));
             let (_, quietest) = quiet.min()?;
             all.swap_remove(quietest).dismissed.notify_one();
         }
         let connection = Arc::new(Connection {
             local,
-            born: Instant::now(),
+            created: Instant::now(),
             last: AtomicU64::new(0),
-            asking: AtomicUsize::new(0),
+            pending_calls: AtomicUsize::new(0),
             dismissed: Notify::new(),
             waits: Arc::clone(&self.waits),
         });
@@ -119,23 +119,23 @@ impl Connections {
 
 /// The stream of a connection, which records its traffic.
 #[derive(Debug)]
-pub(super) struct Watched<S> {
+pub(super) struct Tracked<S> {
     pub(super) stream: S,
     pub(super) connection: Arc<Connection>,
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for Tracked<S> {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let read = ready!(Pin::new(&mut self.stream).poll_read(cx, buf));
-        self.connection.beat();
+        self.connection.touch();
         Poll::Ready(read)
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for Tracked<S> {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         let written = ready!(Pin::new(&mut self.stream).poll_write(cx, bytes));
-        self.connection.beat();
+        self.connection.touch();
         Poll::Ready(written)
     }
 
@@ -157,13 +157,13 @@ mod tests {
         let local = "127.0.0.1:8408".parse().expect("an address");
         let connections = Connections::new(2);
         let (first, second) = (connections.admit(local).expect("a place"), connections.admit(local).expect("a place"));
-        let asking = first.ask();
+        let pending_calls = first.begin_call();
         let third = connections.admit(local).expect("the place of the second");
         let left: Vec<_> = connections.lock().iter().map(Arc::as_ptr).collect();
         assert!(left.contains(&Arc::as_ptr(&first)) && left.contains(&Arc::as_ptr(&third)), "{second:?} went");
-        let _other = third.ask();
+        let _other = third.begin_call();
         assert!(connections.admit(local).is_none());
-        drop(asking);
+        drop(pending_calls);
         let fourth = connections.admit(local).expect("the place of the first");
         connections.leave(&third);
         connections.leave(&fourth);

@@ -88,7 +88,7 @@ const fn status(refusal: &Refusal) -> StatusCode {
 }
 
 /// The time limit for receiving the body of a request.
-const PATIENCE: Duration = Duration::from_secs(10);
+const BODY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// The body of a request, as JSON.
 #[derive(Debug)]
@@ -101,7 +101,7 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> fo
         use axum::extract::rejection::JsonRejection::JsonSyntaxError;
         let (parts, body) = request.into_parts();
         let collected = Bytes::from_request(Request::from_parts(parts.clone(), body), state);
-        let Ok(collected) = timeout(PATIENCE, collected).await else {
+        let Ok(collected) = timeout(BODY_TIMEOUT, collected).await else {
             return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body was not received in time".to_owned()));
         };
         let bytes = collected.map_err(|error| Failure::Request(error.status(), error.body_text()))?;

@@ -14,7 +14,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpListener;
 use tokio::runtime;
 
-use super::connection::{Connection, Connections, Watched};
+use super::connection::{Connection, Connections, Tracked};
 use super::routes::router;
 use crate::inbox::WorldSender;
 
@@ -22,7 +22,7 @@ use crate::inbox::WorldSender;
 const RETRY: Duration = Duration::from_millis(50);
 
 /// The time limit for receiving the head of a request.
-const HEAD: Duration = Duration::from_secs(60);
+const HEAD_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// The response to a new connection while all existing ones have pending requests.
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
@@ -94,11 +94,11 @@ pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAdd
 
 async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin, router: Router, connection: Arc<Connection>) {
     let service = TowerToHyperService::new(router.layer(Extension(Arc::clone(&connection))));
-    let stream = TokioIo::new(Watched { stream, connection });
+    let stream = TokioIo::new(Tracked { stream, connection });
     // An error ends this connection only.
     let _ = http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(HEAD)
+        .header_read_timeout(HEAD_TIMEOUT)
         .serve_connection(stream, service)
         .await;
 }

@@ -6,8 +6,8 @@
 
 mod client_queue;
 
-pub use client_queue::{ClientEnd, ClientQueue, Overrun, PERMITS, Permits, QUEUE};
 pub(crate) use client_queue::{BATCH, spend};
+pub use client_queue::{ClientEnd, ClientQueue, Overrun, PERMITS, Permits, QUEUE};
 
 use std::borrow::Cow;
 use std::sync::Arc;

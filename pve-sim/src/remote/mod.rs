@@ -21,7 +21,7 @@ use ureq::{Agent, Body, http};
 pub use words::PlantWord;
 
 /// The time limit of a response. The simulator answers these requests immediately at any speed.
-const PATIENCE: Duration = Duration::from_secs(30);
+const RESPONSE_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A failed request.
 #[derive(Debug, thiserror::Error)]
@@ -48,7 +48,7 @@ const REMEDY: &str = "start pve-sim, or give the address from its ready line as 
 /// [`RemoteError`]; nothing has changed if the simulator refused it.
 pub fn set(http: SocketAddr, device: &str, words: &[PlantWord]) -> Result<(), RemoteError> {
     let change: Value = words.iter().map(|word| (word.name.clone(), word.json())).collect();
-    Simulator::at(http, PATIENCE).change_plant(device, &change).map(drop)
+    Simulator::at(http, RESPONSE_TIMEOUT).change_plant(device, &change).map(drop)
 }
 
 /// Returns the states of the named device or, for `None`, of all devices in the simulator at `http`, for stdout: as a
@@ -57,7 +57,7 @@ pub fn set(http: SocketAddr, device: &str, words: &[PlantWord]) -> Result<(), Re
 /// # Errors
 /// [`RemoteError`]
 pub fn status(http: SocketAddr, device: Option<&str>, json: bool) -> Result<String, RemoteError> {
-    let simulator = Simulator::at(http, PATIENCE);
+    let simulator = Simulator::at(http, RESPONSE_TIMEOUT);
     let body = simulator.devices(device)?;
     if json { Ok(body + "\n") } else { table::of(&body).map_err(|error| simulator.other_server(error)) }
 }
@@ -65,15 +65,15 @@ pub fn status(http: SocketAddr, device: Option<&str>, json: bool) -> Result<Stri
 /// A running simulator.
 struct Simulator {
     address: SocketAddr,
-    patience: Duration,
+    timeout: Duration,
     agent: Agent,
 }
 
 impl Simulator {
-    fn at(address: SocketAddr, patience: Duration) -> Self {
+    fn at(address: SocketAddr, timeout: Duration) -> Self {
         // A proxy from the environment cannot reach this machine's loopback addresses.
         let config = Agent::config_builder().proxy(None).max_redirects(0).http_status_as_error(false);
-        Self { address, patience, agent: config.timeout_global(Some(patience)).build().into() }
+        Self { address, timeout, agent: config.timeout_global(Some(timeout)).build().into() }
     }
 
     fn devices(&self, name: Option<&str>) -> Result<String, RemoteError> {
@@ -103,7 +103,7 @@ impl Simulator {
     fn failure(&self, error: ureq::Error) -> RemoteError {
         match error {
             ureq::Error::Io(error) => RemoteError::Unreachable(self.address, error),
-            ureq::Error::Timeout(_) => RemoteError::Silent(self.address, self.patience),
+            ureq::Error::Timeout(_) => RemoteError::Silent(self.address, self.timeout),
             error => self.other_server(error),
         }
     }

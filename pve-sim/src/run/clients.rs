@@ -18,7 +18,7 @@ use hal_sim::world::{ClientPortId, Event, EventKind, World};
 const NAME: &str = "the gateway";
 
 /// The maximum number of pending frames of disconnected clients: half a second of a bus at 250 kbit/s.
-pub(super) const LEFT_BEHIND: usize = 1024;
+pub(super) const ORPHANED_MAX: usize = 1024;
 
 /// The connected clients of all gateways.
 pub(super) struct Clients {
@@ -36,7 +36,7 @@ pub(super) struct Clients {
     /// The queued frames per client, including disconnected clients. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
     /// The number of pending frames of disconnected clients.
-    left_behind: usize,
+    orphaned: usize,
     /// The number of dropped frames of disconnected clients.
     dropped: usize,
     /// The number of frames that clients have sent so far.
@@ -80,7 +80,7 @@ impl Clients {
             sending: None,
             sent: Vec::new(),
             waiting: BTreeMap::new(),
-            left_behind: 0,
+            orphaned: 0,
             dropped: 0,
             count: 0,
             is_lost: false,
@@ -94,7 +94,7 @@ impl Clients {
             ToWorld::Join(id, to_client) => {
                 self.clients.insert(id, Client { to_client, listening: false });
             }
-            ToWorld::Leave(id) => self.let_go(id),
+            ToWorld::Leave(id) => self.remove(id),
             ToWorld::Send(id, frame) => {
                 if self.clients.contains_key(&id) {
                     self.count += 1;
@@ -199,13 +199,13 @@ impl Clients {
         let overrun: Vec<ClientId> = listeners
             .filter_map(|(id, client)| client.to_client.post(message.clone()).is_err().then_some(*id))
             .collect();
-        overrun.iter().for_each(|id| self.let_go(*id));
+        overrun.iter().for_each(|id| self.remove(*id));
         overrun.len()
     }
 
     /// Drops the frame of a disconnected client after an error frame, because the controller could otherwise retry the
     /// frame forever. Call this after every event, before [`send`](Self::send).
-    pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
+    pub(super) fn withdraw(&mut self, event: &Event, world: &mut World) {
         let Some(left) = self.sending.filter(|sender| !self.clients.contains_key(sender)) else { return };
         if event.is_error_frame() && *event.who == *NAME {
             world.drop_waiting(self.port);
@@ -242,7 +242,7 @@ impl Clients {
                 self.sent.push(Sent { sender: id, frame, on_bus: frame, left: 1 });
                 self.sending = Some(id);
                 if !self.clients.contains_key(&id) {
-                    self.left_behind -= 1;
+                    self.orphaned -= 1;
                 }
             }
             if queue.is_empty() {
@@ -257,7 +257,7 @@ impl Clients {
         client.to_client.refund(1);
         let posted = client.to_client.post(message);
         if posted.is_err() {
-            self.let_go(id);
+            self.remove(id);
         }
         posted
     }
@@ -267,14 +267,14 @@ impl Clients {
         std::mem::take(&mut self.dropped)
     }
 
-    /// Removes a client, whose queued frames are still sent. While more than [`LEFT_BEHIND`] frames of disconnected
+    /// Removes a client, whose queued frames are still sent. While more than [`ORPHANED_MAX`] frames of disconnected
     /// clients are queued, drops the later half of the longest queue of a disconnected client.
-    fn let_go(&mut self, id: ClientId) {
+    fn remove(&mut self, id: ClientId) {
         if self.clients.remove(&id).is_none() {
             return;
         }
-        self.left_behind += self.waiting.get(&id).map_or(0, VecDeque::len);
-        while self.left_behind > LEFT_BEHIND {
+        self.orphaned += self.waiting.get(&id).map_or(0, VecDeque::len);
+        while self.orphaned > ORPHANED_MAX {
             let departed = self.waiting.iter().filter(|(id, _)| !self.clients.contains_key(id));
             let Some((most, length)) =
                 departed.map(|(id, queue)| (*id, queue.len())).max_by_key(|(id, len)| (*len, *id))
@@ -282,7 +282,7 @@ impl Clients {
                 return;
             };
             let kept = length / 2;
-            self.left_behind -= length - kept;
+            self.orphaned -= length - kept;
             self.dropped += length - kept;
             match self.waiting.get_mut(&most) {
                 Some(queue) if kept > 0 => queue.truncate(kept),

@@ -149,12 +149,12 @@ fn what_departed_clients_leave_behind_is_bounded() {
     rig.apply(ToWorld::Send(modest, frame(0x7FF, &[])));
     rig.apply(ToWorld::Leave(modest));
     let waiting: usize = rig.clients.waiting.values().map(VecDeque::len).sum();
-    assert!(waiting <= LEFT_BEHIND, "{waiting}");
+    assert!(waiting <= ORPHANED_MAX, "{waiting}");
     assert!(rig.clients.waiting.contains_key(&modest));
     // The frame in the controller no longer counts.
     assert_eq!(rig.clients.take_dropped(), 100 * PERMITS - waiting);
     assert_eq!(rig.run().len(), waiting + 1);
-    assert_eq!(rig.clients.left_behind, 0);
+    assert_eq!(rig.clients.orphaned, 0);
 }
 
 /// All frames are destroyed.
@@ -173,7 +173,7 @@ fn a_frame_that_is_destroyed_ends_with_its_client() {
         world.step();
         let events: Vec<Event> = world.take_events().collect();
         for event in &events {
-            clients.give_up(event, &mut world);
+            clients.withdraw(event, &mut world);
         }
         clients.send(&mut world);
         events.iter().filter(|event| event.is_error_frame()).count()
@@ -181,7 +181,7 @@ fn a_frame_that_is_destroyed_ends_with_its_client() {
     // Frames of connected clients are not withdrawn.
     let tried: usize = (0..200).map(|_| step(&mut clients)).sum();
     assert!(tried > 20, "{tried}");
-    clients.let_go(id);
+    clients.remove(id);
     let tried: usize = (0..200).map(|_| step(&mut clients)).sum();
     assert!(tried <= 2, "each of them once more at the most: {tried}");
     assert!(clients.waiting.is_empty() && clients.sending.is_none());

@@ -43,7 +43,7 @@ pub struct Driver<O> {
     /// The end of the start-up, when all devices have power.
     open: Instant,
     /// The time at which the trace was last printed.
-    handed_out: WallInstant,
+    last_flush: WallInstant,
 }
 
 impl<O: Platform> Driver<O> {
@@ -73,7 +73,7 @@ impl<O: Platform> Driver<O> {
             trace,
             arrivals: VecDeque::new(),
             open: Instant::MAX,
-            handed_out: now,
+            last_flush: now,
         }
     }
 
@@ -125,7 +125,7 @@ impl<O: Platform> Driver<O> {
     /// Lets the gateways join, then powers the first device immediately, and the others at random moments within
     /// [`SUPPLY_JITTER`].
     fn power_on(&mut self) {
-        self.let_join();
+        self.accept_joins();
         let world = self.simulation.world_mut();
         if let Some(first) = world.devices().next() {
             world.power(first, true);
@@ -135,18 +135,18 @@ impl<O: Platform> Driver<O> {
         self.trace.fit(&self.simulation);
         // Runs immediately, so that clients do not wait at a slow speed; the pace starts afterwards. Stepped time stays
         // at 0.
-        while !self.is_stepped && !self.go(self.open) {}
+        while !self.is_stepped && !self.advance_to(self.open) {}
     }
 
     /// Executes the joins of gateways that have already arrived. Must be called before the first device is powered, so
     /// that the gateways receive its boot-up.
-    fn let_join(&mut self) {
+    fn accept_joins(&mut self) {
         while let Some(arrival) = self.platform.take() {
             self.arrivals.push_back(arrival);
         }
         let joins = |arrival: &Arrival| matches!(arrival.message, ToWorld::Join(..) | ToWorld::Listen(..));
         while self.arrivals.front().is_some_and(joins) {
-            self.take_effect();
+            self.execute_next();
         }
     }
 
@@ -157,7 +157,7 @@ impl<O: Platform> Driver<O> {
             return self.turn_stepped();
         }
         let now = self.platform.now();
-        let warning = self.time.look(now, self.simulation.now());
+        let warning = self.time.read(now, self.simulation.now());
         self.warn(warning);
         if self.arrivals.is_empty() {
             self.arrivals.extend(self.platform.take());
@@ -166,13 +166,13 @@ impl<O: Platform> Driver<O> {
         if !self.catch_up(self.time.at(now).min(due)) {
             let warning = self.time.fell_behind(self.simulation.now());
             self.warn(warning);
-            self.hand_out();
+            self.flush();
             return;
         }
         let warning = self.time.caught_up(self.simulation.now());
         self.warn(warning);
         if self.simulation.now() >= due {
-            self.take_effect();
+            self.execute_next();
         } else {
             self.wait(due);
         }
@@ -187,19 +187,19 @@ impl<O: Platform> Driver<O> {
             self.arrivals.push_back(arrival);
         }
         while !self.arrivals.is_empty() {
-            self.take_effect();
+            self.execute_next();
         }
         for _ in 0..EVENT_BATCH {
             let Some(end) = self.control.as_mut().and_then(|control| control.advance_limit(&mut self.simulation))
             else {
-                self.hand_out();
+                self.flush();
                 let arrival = self.platform.wait(None, WallDuration::ZERO);
                 self.arrivals.extend(arrival);
                 return;
             };
-            self.go(end);
+            self.advance_to(end);
         }
-        self.hand_out();
+        self.flush();
     }
 
     /// Waits for a message or the next event. First flushes the output if the last flush was [`MAX_SLEEP`] ago, or if the
@@ -208,16 +208,16 @@ impl<O: Platform> Driver<O> {
     /// At a speed up to 1 without listeners, the thread wakes up only for messages and clock readings. Each event still
     /// takes effect at its own virtual instant.
     fn wait(&mut self, due: Instant) {
-        let now = self.time.looked();
-        let looks = self.time.minds_stalls();
+        let now = self.time.last_reading();
+        let holds = self.time.holds_in_stalls();
         let is_followed = self.control.as_ref().is_some_and(ControlServer::is_followed);
         let is_watched = self.clients.is_heard() || self.simulation.is_busy() || is_followed;
-        let event = if looks && !is_watched { NEVER } else { self.next() };
+        let event = if holds && !is_watched { NEVER } else { self.next() };
         let next = self.time.when(event.min(due));
-        let until = looks.then(|| now + MAX_SLEEP).into_iter().chain(next).min();
-        if now >= self.handed_out + MAX_SLEEP || until.is_none_or(|until| until >= now + MAX_SLEEP) {
-            self.hand_out();
-            self.handed_out = now;
+        let until = holds.then(|| now + MAX_SLEEP).into_iter().chain(next).min();
+        if now >= self.last_flush + MAX_SLEEP || until.is_none_or(|until| until >= now + MAX_SLEEP) {
+            self.flush();
+            self.last_flush = now;
         }
         // For listeners, the thread wakes up early enough for the event.
         let spin = if is_watched && until == next { SPIN } else { WallDuration::ZERO };
@@ -227,12 +227,12 @@ impl<O: Platform> Driver<O> {
 
     /// Advances to `end`, or through [`EVENT_BATCH`] events; returns whether it reached `end`.
     fn catch_up(&mut self, end: Instant) -> bool {
-        (0..EVENT_BATCH).any(|_| self.go(end))
+        (0..EVENT_BATCH).any(|_| self.advance_to(end))
     }
 
     /// Advances to the next event or position sample, or to `end` if `end` comes first; returns whether it reached
     /// `end`.
-    fn go(&mut self, end: Instant) -> bool {
+    fn advance_to(&mut self, end: Instant) -> bool {
         let followers = self.control.as_ref().map_or(NEVER, ControlServer::due);
         let has_arrived = if followers <= end && followers < self.simulation.next() {
             self.simulation.go(followers);
@@ -260,7 +260,7 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    fn take_effect(&mut self) {
+    fn execute_next(&mut self) {
         let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
         match message {
             ToWorld::Warn(line) => self.trace.warn(line),
@@ -300,13 +300,13 @@ impl<O: Platform> Driver<O> {
                 control.show(&happened, &self.simulation);
             }
             self.trace.tell(&happened, at, self.simulation.history().explainer());
-            self.clients.give_up(&happened.event, self.simulation.world_mut());
+            self.clients.withdraw(&happened.event, self.simulation.world_mut());
         }
     }
 
     /// Flushes stdout, stderr and the log.
-    fn hand_out(&mut self) {
-        self.trace.hand_out();
+    fn flush(&mut self) {
+        self.trace.flush();
         self.warn_of_memories();
         let dropped = self.clients.take_dropped();
         if dropped > 0 {

@@ -10,38 +10,38 @@ use super::system::{self, Signals};
 pub(super) struct End {
     signals: Signals,
     reader_gone: watch::Receiver<bool>,
-    teller: watch::Sender<bool>,
+    closed_sender: watch::Sender<bool>,
 }
 
 impl End {
     /// Installs the signal handlers, and starts watching stdout.
-    pub(super) fn listen() -> io::Result<Self> {
-        let (teller, reader_gone) = watch::channel(false);
-        watch_stdout(teller.clone());
-        Ok(Self { signals: Signals::listen()?, reader_gone, teller })
+    pub(super) fn install() -> io::Result<Self> {
+        let (closed_sender, reader_gone) = watch::channel(false);
+        watch_stdout(closed_sender.clone());
+        Ok(Self { signals: Signals::install()?, reader_gone, closed_sender })
     }
 
     /// Returns the sender by which a writer reports that stdout is closed.
-    pub(super) fn teller(&self) -> watch::Sender<bool> {
-        self.teller.clone()
+    pub(super) fn closed_sender(&self) -> watch::Sender<bool> {
+        self.closed_sender.clone()
     }
 
     /// Waits for a signal or a closed stdout.
-    pub(super) async fn come(&mut self) {
+    pub(super) async fn wait(&mut self) {
         let Self { signals, reader_gone, .. } = self;
         tokio::select! {
-            () = signals.come() => {}
+            () = signals.wait() => {}
             _ = reader_gone.wait_for(|gone| *gone) => {}
         }
     }
 }
 
 /// Watches stdout from a separate thread: on a quiet bus no write would reveal that it is closed.
-fn watch_stdout(teller: watch::Sender<bool>) {
+fn watch_stdout(closed_sender: watch::Sender<bool>) {
     // If the thread cannot start, the next write of the trace fails instead.
     let _ = std::thread::Builder::new().name("stdout".to_owned()).spawn(move || {
         if system::wait_for_hangup() {
-            teller.send_replace(true);
+            closed_sender.send_replace(true);
         }
     });
 }

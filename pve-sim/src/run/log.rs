@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
-use super::system::{is_same_file, open_alone};
+use super::system::{is_same_file, open_exclusively};
 use super::{LogOptions, RunError};
 use hal_sim::log::Timestamp;
 use hal_sim::recording::{Format, Writer};
@@ -27,7 +27,7 @@ impl Log {
     /// under another name, for the log of another run, and for a non-empty file unless it may be overwritten.
     pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
         Self::check_place(log, state)?;
-        if matches!(open_alone(OpenOptions::new().write(true), &log.path), Ok(None)) {
+        if matches!(open_exclusively(OpenOptions::new().write(true), &log.path), Ok(None)) {
             return refuse(log, IN_USE);
         }
         Self::check_content(log)
@@ -69,7 +69,7 @@ impl Log {
         let failed = |source| RunError::File { path: log.path.clone(), source };
         // Truncated only after the second check.
         let mut options = OpenOptions::new();
-        let file = open_alone(options.write(true).create(true).truncate(false), &log.path).map_err(failed)?;
+        let file = open_exclusively(options.write(true).create(true).truncate(false), &log.path).map_err(failed)?;
         let Some(file) = file else { return refuse(log, IN_USE) };
         Self::check_place(log, state)?;
         Self::check_content(log)?;

@@ -81,7 +81,7 @@ pub enum RunError {
         http: Option<SocketAddr>,
     },
     /// The control interface's address is in use or not of this machine.
-    #[error("--http {address}: {source}{}", http_way_out(source))]
+    #[error("--http {address}: {source}{}", http_remedy(source))]
     Http {
         /// The address.
         address: SocketAddr,
@@ -105,7 +105,7 @@ pub enum RunError {
 }
 
 /// Returns the remedy if the port of the control interface is in use.
-fn http_way_out(error: &io::Error) -> &'static str {
+fn http_remedy(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
             "; is another pve-sim running? --http 127.0.0.1:0 selects a free port, --no-http disables the control interface"
@@ -145,12 +145,12 @@ const DESCRIPTORS: usize = 32;
 pub fn run(options: &RunOptions) -> Result<bool, RunError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
     let result = runtime.block_on(async {
-        let mut end = End::listen()?;
-        let reader_gone = end.teller();
+        let mut end = End::install()?;
+        let reader_gone = end.closed_sender();
         let running = tokio::select! {
             running = start(options, reader_gone) => running?,
             // No device has run, so no record is pending.
-            () = end.come() => return Ok(true),
+            () = end.wait() => return Ok(true),
         };
         Ok(running.until(&mut end).await)
     });
@@ -188,7 +188,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
-    let (mut simulation, warnings) = aside({
+    let (mut simulation, warnings) = run_blocking({
         let options = options.clone();
         move || setup::simulation(&options)
     })
@@ -224,7 +224,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let (alive, ended) = oneshot::channel::<()>();
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
         let _alive = alive;
-        system::be_punctual();
+        system::disable_timer_slack();
         driver.run()
     })?;
     Ok(Running { world_sender, world, ended, _typing: typing })
@@ -235,7 +235,7 @@ impl Running {
     /// Returns whether everything was stored and all output is complete.
     async fn until(self, end: &mut End) -> bool {
         tokio::select! {
-            () = end.come() => {}
+            () = end.wait() => {}
             // The sender is never used: the receiver resolves when the thread ends.
             _ = self.ended => {}
         }
@@ -256,7 +256,7 @@ fn places(options: &RunOptions) -> (usize, usize) {
 
 /// Runs blocking work on a separate thread, so that a signal can end the wait. The process exits without joining that
 /// thread.
-async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+async fn run_blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     match tokio::task::spawn_blocking(work).await {
         Ok(done) => done,
         Err(panic) => std::panic::resume_unwind(panic.into_panic()),

@@ -29,12 +29,12 @@ pub(super) const SPIN: Duration = Duration::from_micros(50);
 pub(super) struct System {
     inbox: Inbox,
     /// Whether all gateways have ended.
-    deserted: bool,
+    is_disconnected: bool,
 }
 
 impl System {
     pub(super) const fn new(inbox: Inbox) -> Self {
-        Self { inbox, deserted: false }
+        Self { inbox, is_disconnected: false }
     }
 }
 
@@ -44,26 +44,26 @@ impl Platform for System {
     }
 
     fn is_ending(&self) -> bool {
-        self.deserted || self.inbox.is_ending()
+        self.is_disconnected || self.inbox.is_ending()
     }
 
     fn take(&mut self) -> Option<Arrival> {
         let taken = self.inbox.messages.try_recv();
-        self.deserted |= matches!(taken, Err(TryRecvError::Disconnected));
+        self.is_disconnected |= matches!(taken, Err(TryRecvError::Disconnected));
         taken.ok()
     }
 
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival> {
         let Some(until) = until else {
             let waited = self.inbox.messages.recv();
-            self.deserted |= waited.is_err();
+            self.is_disconnected |= waited.is_err();
             return waited.ok();
         };
         let sleep = until.saturating_duration_since(WallInstant::now() + spin);
         if !sleep.is_zero() {
             match self.inbox.messages.recv_timeout(sleep) {
                 Ok(arrival) => return Some(arrival),
-                Err(RecvTimeoutError::Disconnected) => self.deserted = true,
+                Err(RecvTimeoutError::Disconnected) => self.is_disconnected = true,
                 Err(RecvTimeoutError::Timeout) => {}
             }
         }

@@ -15,8 +15,8 @@ const QUEUE: usize = 4096;
 /// The maximum number of bytes in one write, not counting the last line.
 const BATCH: usize = 64 * 1024;
 
-/// The time limit for the reader of stdout at the end of a run.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// The time limit for writing the pending texts at the end of a run.
+const END_TIMEOUT: Duration = Duration::from_secs(2);
 
 enum Text {
     /// Trace lines, each with its newline.
@@ -81,7 +81,7 @@ impl Printer {
     /// Waits until everything is printed or the time limit expires; returns whether stdout is complete.
     pub(super) fn finish(self) -> bool {
         drop(self.queue);
-        let end = self.ended.recv_timeout(PATIENCE);
+        let end = self.ended.recv_timeout(END_TIMEOUT);
         debug_assert!(matches!(end, Err(RecvTimeoutError::Disconnected | RecvTimeoutError::Timeout)));
         !self.is_cut.load(Ordering::Relaxed)
     }
@@ -192,8 +192,8 @@ mod tests {
         let (stdout, closed) = sync_channel(1);
         drop(closed);
         let (stderr, said) = channel();
-        let (teller, gone) = watch::channel(false);
-        let printer = Printer::start_with(Pipe(stdout), Collect(stderr), teller).unwrap();
+        let (closed_sender, gone) = watch::channel(false);
+        let printer = Printer::start_with(Pipe(stdout), Collect(stderr), closed_sender).unwrap();
         assert!(!*gone.borrow());
         printer.trace("one\n".to_owned());
         printer.trace("two\n".to_owned());

@@ -15,7 +15,7 @@ use rustyline::ExternalPrinter;
 const REDRAW: &str = "\x1b[A\n";
 
 /// The maximum wait for an editor that is about to change the terminal modes.
-const PATIENCE: Duration = Duration::from_secs(1);
+const DRAW_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The printer whose message makes the line editor redraw its line.
 type Redraw = Box<dyn ExternalPrinter + Send>;
@@ -92,12 +92,12 @@ impl Screen {
         self.shared.changed.notify_all();
     }
 
-    /// Prevents further lines, after waiting at most [`PATIENCE`] for an editor that is about to draw its line. Returns
+    /// Prevents further lines, after waiting at most [`DRAW_TIMEOUT`] for an editor that is about to draw its line. Returns
     /// whether a line is being typed, in which case the editor has changed the terminal modes.
     pub(super) fn close(&self) -> bool {
         let state = self.state();
         let is_begun = |state: &mut State| state.line == Line::Begun;
-        let waited = self.shared.changed.wait_timeout_while(state, PATIENCE, is_begun);
+        let waited = self.shared.changed.wait_timeout_while(state, DRAW_TIMEOUT, is_begun);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         std::mem::replace(&mut state.line, Line::Over) != Line::None
     }

@@ -25,7 +25,7 @@ pub(super) const MAX_SLEEP: WallDuration = WallDuration::from_millis(20);
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
 /// The minimum wall time between two warnings about stalls.
-const REMINDER: WallDuration = WallDuration::from_secs(60);
+const WARNING_INTERVAL: WallDuration = WallDuration::from_secs(60);
 
 /// The virtual time of a run.
 #[derive(Debug)]
@@ -35,11 +35,11 @@ pub(super) struct Timekeeper {
     /// A wall instant and its virtual instant, from which time continues.
     anchor: (WallInstant, Instant),
     /// The time of the last clock reading.
-    looked: WallInstant,
+    last_reading: WallInstant,
     /// The progress since the world fell behind; `None` if the world is not behind.
     behind: Option<Behind>,
     /// Whether the user was told that the speed is too high.
-    out_of_reach: bool,
+    is_too_fast: bool,
     /// Whether the user was told that virtual time is at its limit.
     over: bool,
     stalls: Stalls,
@@ -69,7 +69,7 @@ impl Timekeeper {
     pub(super) const fn start(speed: f64, now: WallInstant) -> Self {
         let stalls = Stalls { count: 0, time: WallDuration::ZERO, told: None };
         let anchor = (now, Instant::from_ticks(0));
-        Self { speed, anchor, looked: now, behind: None, out_of_reach: false, over: false, stalls }
+        Self { speed, anchor, last_reading: now, behind: None, is_too_fast: false, over: false, stalls }
     }
 
     /// Returns the virtual time at a wall instant, at most [`LAST`]; a wall instant before the anchor counts as the
@@ -94,29 +94,29 @@ impl Timekeeper {
     }
 
     /// Returns the time of the last clock reading.
-    pub(super) const fn looked(&self) -> WallInstant {
-        self.looked
+    pub(super) const fn last_reading(&self) -> WallInstant {
+        self.last_reading
     }
 
     /// Returns whether virtual time stops during stalls, which applies to speeds up to 1.
-    pub(super) const fn minds_stalls(&self) -> bool {
+    pub(super) const fn holds_in_stalls(&self) -> bool {
         self.speed <= 1.0
     }
 
     /// Records a clock reading at `now`, while the world is at virtual instant `world`. After a stall, virtual time
-    /// continues from `world`. Returns a warning about stalls, at most once per [`REMINDER`].
-    pub(super) fn look(&mut self, now: WallInstant, world: Instant) -> Option<String> {
-        let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
+    /// continues from `world`. Returns a warning about stalls, at most once per [`WARNING_INTERVAL`].
+    pub(super) fn read(&mut self, now: WallInstant, world: Instant) -> Option<String> {
+        let passed = now.saturating_duration_since(std::mem::replace(&mut self.last_reading, now));
         if let Some(behind) = &mut self.behind {
             behind.worked += passed.min(STALL);
         }
-        if passed <= STALL || !self.minds_stalls() {
+        if passed <= STALL || !self.holds_in_stalls() {
             return None;
         }
         self.anchor = (now, world);
         self.stalls.count += 1;
         self.stalls.time += passed;
-        if self.stalls.told.is_some_and(|told| now.saturating_duration_since(told) < REMINDER) {
+        if self.stalls.told.is_some_and(|told| now.saturating_duration_since(told) < WARNING_INTERVAL) {
             return None;
         }
         let Stalls { count, time, .. } =
@@ -132,7 +132,7 @@ impl Timekeeper {
     pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
         let begun = Behind { worked: WallDuration::ZERO, from: world };
         let speed = self.speed;
-        if !self.out_of_reach {
+        if !self.is_too_fast {
             let behind = self.behind.get_or_insert(begun);
             if behind.worked < BEHIND {
                 return None;
@@ -143,8 +143,8 @@ impl Timekeeper {
                 return None;
             }
         }
-        self.anchor = (self.looked, world);
-        let told = std::mem::replace(&mut self.out_of_reach, true);
+        self.anchor = (self.last_reading, world);
+        let told = std::mem::replace(&mut self.is_too_fast, true);
         (!told).then(|| format!("--speed {speed} is too fast for this machine: virtual time runs as fast as possible"))
     }
 

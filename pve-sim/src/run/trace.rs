@@ -18,7 +18,7 @@ use hal_sim::trace::Layout;
 /// The number of pending bytes at which lines are printed.
 const BATCH: usize = 32 * 1024;
 
-/// Returns the layout of stdout: `None`, unless it is a terminal or colour is requested.
+/// Returns the layout of stdout; `None` unless stdout is a terminal or colour is always used.
 pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
     let stdout = std::io::stdout();
     let wished = match color {
@@ -110,7 +110,7 @@ impl Trace {
     }
 
     /// Flushes all pending lines.
-    pub(super) fn hand_out(&mut self) {
+    pub(super) fn flush(&mut self) {
         if let Some(layout) = &mut self.layout {
             layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));
         }
@@ -136,7 +136,7 @@ impl Trace {
         if let Some(layout) = &mut self.layout {
             layout.finish(&mut self.lines);
         }
-        self.hand_out();
+        self.flush();
         if let Some(Err(complaint)) = self.log.take().map(Log::finish) {
             self.printer.warn(complaint);
             self.log_is_cut = true;

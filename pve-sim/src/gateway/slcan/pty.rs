@@ -36,7 +36,7 @@ pub(in crate::gateway) fn open(path: &Path) -> io::Result<Gateway> {
 /// Serves one client after the other, forever.
 async fn run(mut terminal: Terminal, url: Arc<str>, world: WorldSender) {
     // The time to open the bus is unlimited: no other client waits for the place.
-    let limits = Limits { patience: None, farewell: Duration::ZERO };
+    let limits = Limits { open_timeout: None, drain_timeout: Duration::ZERO };
     loop {
         while !terminal.is_in_use() {
             sleep(LOOK).await;

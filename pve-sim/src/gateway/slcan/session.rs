@@ -25,7 +25,7 @@ pub struct Session {
     /// Whether the channel has been open at least once.
     was_open: bool,
     /// Whether the user was warned that the client's bit rate differs from that of the bus.
-    has_told: bool,
+    has_warned: bool,
     /// Whether a bus error has occurred since the client last read the flags; set by the writer of messages.
     has_error: Arc<AtomicBool>,
 }
@@ -50,7 +50,7 @@ impl Session {
             rate: None,
             has_stamps: false,
             was_open: false,
-            has_told: false,
+            has_warned: false,
             has_error: Arc::default(),
         }
     }
@@ -99,7 +99,7 @@ impl Session {
         client.world.tell(ToWorld::AskBitRate(asked));
         // The world has ended: it will not answer, and the client will be disconnected.
         let Ok(bus) = answer.await.map(|bus| bus.bits_per_second()) else { return false };
-        if bus != rate && !std::mem::replace(&mut self.has_told, true) {
+        if bus != rate && !std::mem::replace(&mut self.has_warned, true) {
             client.world.tell(ToWorld::Warn(format!(
                 "{}: a client set {rate} bit/s, but the bus runs at {bus} bit/s: the channel stays closed",
                 self.url
@@ -111,14 +111,14 @@ impl Session {
 
 impl Dialogue for Session {
     const JUDGE: Judge = judge;
-    const NO_PLACE: &'static str = BELL;
+    const REFUSAL: &'static str = BELL;
     const GREETING: Option<&'static str> = None;
 
     fn is_opened(&self) -> bool {
         self.was_open
     }
 
-    async fn hear(&mut self, bytes: &[u8], client: &Client) {
+    async fn receive(&mut self, bytes: &[u8], client: &Client) {
         for byte in bytes {
             if let Some(command) = self.parser.push(*byte) {
                 self.execute(command, client).await;
@@ -126,7 +126,7 @@ impl Dialogue for Session {
         }
     }
 
-    fn emitter(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<> {
+    fn encoder(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<> {
         let has_error = Arc::clone(&self.has_error);
         let mut has_stamps = false;
         move |out, message| {

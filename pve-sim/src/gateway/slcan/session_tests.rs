@@ -6,7 +6,7 @@ use tokio::time::Instant;
 
 use super::*;
 use crate::gateway::session::End;
-use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
+use crate::gateway::tcp::{DRAIN_TIMEOUT, OPEN_TIMEOUT};
 use crate::gateway::{ForeignWarning, enter};
 use crate::inbox::{ClientQueue, Inbox, PERMITS, QUEUE, WorldSender};
 use hal_sim::log::Timestamp;
@@ -50,7 +50,7 @@ async fn a_client_that_never_opens_the_channel_is_let_go() {
     let (mut client, _inbox, session) = serve(64);
     client.write_all(b"V\rS5\rC\r").await.expect("room");
     assert_eq!(session.await.expect("no panic"), End::Left);
-    assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
+    assert!(start.elapsed() >= OPEN_TIMEOUT, "after {:?}", start.elapsed());
 }
 
 /// Even after it has closed the channel.
@@ -59,7 +59,7 @@ async fn a_client_that_has_opened_the_channel_may_be_quiet() {
     let (mut client, _inbox, session) = serve(64);
     client.write_all(b"O\rC\r").await.expect("room");
     pass().await;
-    tokio::time::advance(10 * HANDSHAKE).await;
+    tokio::time::advance(10 * OPEN_TIMEOUT).await;
     pass().await;
     assert!(!session.is_finished());
     drop(client);
@@ -95,7 +95,7 @@ async fn a_client_that_takes_nothing_more_is_heard_to_its_last_word() {
     client.write_all(b"t1230\r").await.expect("it is heard");
     drop(client);
     assert_eq!(session.await.expect("no panic"), End::Left);
-    assert!(start.elapsed() < FAREWELL, "after {:?}", start.elapsed());
+    assert!(start.elapsed() < DRAIN_TIMEOUT, "after {:?}", start.elapsed());
     assert!(inbox.messages.try_iter().any(|arrival| matches!(arrival.message, ToWorld::Send(..))));
 }
 

@@ -48,11 +48,11 @@ impl Terminal {
     ///
     /// # Errors
     /// When the process has no free file descriptor.
-    pub(super) fn halves(&self) -> io::Result<(Deaf, Sender)> {
+    pub(super) fn halves(&self) -> io::Result<(WithoutEcho, Sender)> {
         // Both types work for any non-blocking descriptor.
         let reader = Receiver::from_owned_fd_unchecked(self.end.try_clone()?)?;
         let writer = Sender::from_owned_fd_unchecked(self.end.try_clone()?)?;
-        Ok((Deaf(reader), writer))
+        Ok((WithoutEcho(reader), writer))
     }
 
     /// Resets the terminal modes and discards unread output of the previous client. The next client may be connected
@@ -110,9 +110,9 @@ fn set_raw(terminal: impl AsFd) -> io::Result<()> {
 /// The input from clients. Each read switches the terminal's echo off, because the adapter would otherwise execute its
 /// own echoed answers and frames.
 #[derive(Debug)]
-pub(super) struct Deaf(Receiver);
+pub(super) struct WithoutEcho(Receiver);
 
-impl AsyncRead for Deaf {
+impl AsyncRead for WithoutEcho {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let poll = Pin::new(&mut self.0).poll_read(cx, buf);
         // A client can switch the echo on at any time. This read contains any echo so far.

@@ -27,7 +27,7 @@ pub(super) struct Interface {
     socket: AsyncFd<CanSocket>,
     health: Health,
     /// The time of the next retry for a missing interface; `None` while the socket is bound.
-    next_look: Option<Instant>,
+    next_open: Option<Instant>,
 }
 
 /// A frame pending for the interface.
@@ -45,7 +45,7 @@ impl Interface {
     /// When no CAN interface has that name, or the kernel lacks SocketCAN.
     pub(super) fn open(name: &str) -> io::Result<Self> {
         let socket = open(name)?;
-        Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
+        Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_open: None })
     }
 
     /// Sends a frame to the interface. Returns the frame if sending must be retried; `None` if the frame was accepted
@@ -68,14 +68,14 @@ impl Interface {
 
     /// Schedules a retry to open the interface if an error reveals that the interface no longer exists.
     fn note(&mut self, error: &io::Error) {
-        if is_gone(error) && self.next_look.is_none() {
-            self.next_look = Some(Instant::now() + PAUSE);
+        if is_gone(error) && self.next_open.is_none() {
+            self.next_open = Some(Instant::now() + PAUSE);
         }
     }
 
     /// Reopens the interface if it exists again.
-    fn look_for_it(&mut self) {
-        self.next_look = match open(&self.name) {
+    fn reopen(&mut self) {
+        self.next_open = match open(&self.name) {
             Ok(socket) => {
                 self.socket = socket;
                 None
@@ -86,7 +86,7 @@ impl Interface {
 }
 
 impl Member for Interface {
-    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &WorldSender) {
+    async fn exchange(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &WorldSender) {
         let mut waiting: Option<Waiting> = None;
         loop {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
@@ -95,7 +95,7 @@ impl Member for Interface {
                 // Reception continues while the bus accepts no frame.
                 (permit, read) = async {
                     (permits.permit().await, read(&self.socket).await)
-                }, if self.next_look.is_none() => match read {
+                }, if self.next_open.is_none() => match read {
                     Ok(frame) => {
                         tell(world, self.health.hear());
                         // Error frames and CAN FD frames are not requested from the kernel.
@@ -120,7 +120,7 @@ impl Member for Interface {
                 () = until(next_try) => {
                     waiting = waiting.and_then(|waiting| self.send(waiting, world));
                 }
-                () = until(self.next_look) => self.look_for_it(),
+                () = until(self.next_open) => self.reopen(),
             }
         }
     }

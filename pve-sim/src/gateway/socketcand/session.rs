@@ -58,14 +58,14 @@ impl Session {
 
 impl Dialogue for Session {
     const JUDGE: Judge = judge;
-    const NO_PLACE: &'static str = "< error too many clients >";
+    const REFUSAL: &'static str = "< error too many clients >";
     const GREETING: Option<&'static str> = Some(HI);
 
     fn is_opened(&self) -> bool {
         self.stage != Stage::Greeted
     }
 
-    async fn hear(&mut self, bytes: &[u8], client: &Client) {
+    async fn receive(&mut self, bytes: &[u8], client: &Client) {
         for byte in bytes {
             if let Some(message) = self.parser.push(*byte) {
                 client.tell(self.answer(message, client.id)).await;
@@ -73,7 +73,7 @@ impl Dialogue for Session {
         }
     }
 
-    fn emitter(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<> {
+    fn encoder(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<> {
         emit
     }
 }

@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 use super::*;
 use crate::gateway::session::End;
-use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
+use crate::gateway::tcp::{DRAIN_TIMEOUT, OPEN_TIMEOUT};
 use crate::gateway::{ForeignWarning, enter};
 use crate::inbox::{Arrival, Inbox, QUEUE, WorldSender};
 use hal_sim::log::{ErrorClass, Timestamp};
@@ -130,7 +130,7 @@ async fn a_client_that_never_opens_the_bus_is_let_go() {
     say(&mut setup.client, "< echo >").await;
     let mut answers = String::new();
     setup.client.read_to_string(&mut answers).await.expect("the end");
-    assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
+    assert!(start.elapsed() >= OPEN_TIMEOUT, "after {:?}", start.elapsed());
 }
 
 #[tokio::test(start_paused = true)]
@@ -139,7 +139,7 @@ async fn a_client_that_has_opened_the_bus_may_be_quiet() {
     say(&mut client, "< open pve0 >").await;
     // The session takes the request before the time passes, and would time out afterwards.
     for time in [0, 10] {
-        tokio::time::advance(time * HANDSHAKE).await;
+        tokio::time::advance(time * OPEN_TIMEOUT).await;
         for _ in 0..10 {
             tokio::task::yield_now().await;
         }
@@ -170,7 +170,7 @@ async fn a_client_that_says_its_last_word_and_does_not_read_is_let_go() {
         say(&mut writer, "< echo >").await;
     }
     writer.shutdown().await.expect("the end");
-    tokio::time::timeout(2 * FAREWELL, session).await.expect("the place is free").expect("no panic");
+    tokio::time::timeout(2 * DRAIN_TIMEOUT, session).await.expect("the place is free").expect("no panic");
 }
 
 #[tokio::test]

@@ -42,7 +42,7 @@ struct Intake {
     /// Whether datagrams from other machines are accepted.
     is_remote: bool,
     /// Whether the user was told about an ignored datagram.
-    has_told: bool,
+    has_warned: bool,
 }
 
 impl Group {
@@ -53,7 +53,7 @@ impl Group {
     pub(super) fn join(address: SocketAddr, is_remote: bool) -> io::Result<Self> {
         let incoming = incoming(address)?;
         let outgoing = outgoing(address, if is_remote { HOPS } else { 0 })?;
-        let intake = Intake { group: address, own: outgoing.local_addr()?, is_remote, has_told: false };
+        let intake = Intake { group: address, own: outgoing.local_addr()?, is_remote, has_warned: false };
         Ok(Self { address, incoming, outgoing, intake, is_in_trouble: false })
     }
 
@@ -71,7 +71,7 @@ impl Group {
 }
 
 impl Member for Group {
-    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &WorldSender) {
+    async fn exchange(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &WorldSender) {
         let mut datagram = [0; DATAGRAM_MAX];
         loop {
             tokio::select! {
@@ -123,7 +123,7 @@ impl Intake {
         } else {
             format!("a datagram from remote host {}; use --allow-remote to accept it", from.ip())
         };
-        if std::mem::replace(&mut self.has_told, true) {
+        if std::mem::replace(&mut self.has_warned, true) {
             return Ok(None);
         }
         Err(format!(
@@ -195,7 +195,7 @@ mod tests {
 
     fn intake(is_remote: bool) -> Intake {
         let parse = |text: &str| text.parse().expect("an address");
-        Intake { group: parse(GROUP), own: parse("127.0.0.1:1"), is_remote, has_told: false }
+        Intake { group: parse(GROUP), own: parse("127.0.0.1:1"), is_remote, has_warned: false }
     }
 
     fn datagram() -> (Vec<u8>, Frame) {

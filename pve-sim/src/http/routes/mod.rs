@@ -39,7 +39,7 @@ pub(super) struct Control {
 impl Control {
     /// Sends a message to the world, and waits for the answer.
     async fn ask<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
-        let _asking = self.connection.ask();
+        let _asking = self.connection.begin_call();
         let (answer, receiver) = oneshot::channel();
         self.world.tell(ToWorld::Control(message(answer)));
         Ok(receiver.await.map_err(|_| Failure::ending())??)

@@ -22,6 +22,6 @@ mod own;
 mod own;
 
 pub(super) use own::{
-    HAS_JOBS, Modes, Signals, be_punctual, interrupt, is_same_file, max_open_files, open_alone, suspend,
+    HAS_JOBS, Modes, Signals, disable_timer_slack, interrupt, is_same_file, max_open_files, open_exclusively, suspend,
     wait_for_foreground, wait_for_hangup, wait_for_input,
 };

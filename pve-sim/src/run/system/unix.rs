@@ -31,7 +31,7 @@ pub(in crate::run) struct Signals(Vec<unix::Signal>);
 
 impl Signals {
     /// Installs handlers of SIGINT, SIGTERM and SIGHUP, except for a SIGHUP that is ignored, as under `nohup`.
-    pub(in crate::run) fn listen() -> io::Result<Self> {
+    pub(in crate::run) fn install() -> io::Result<Self> {
         let mut kinds = vec![SignalKind::interrupt(), SignalKind::terminate()];
         if !hangup_is_ignored() {
             kinds.push(SignalKind::hangup());
@@ -40,7 +40,7 @@ impl Signals {
     }
 
     /// Waits for one of the signals.
-    pub(in crate::run) async fn come(&mut self) {
+    pub(in crate::run) async fn wait(&mut self) {
         std::future::poll_fn(|context| {
             let came = self.0.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
             if came { Poll::Ready(()) } else { Poll::Pending }
@@ -172,14 +172,14 @@ pub(in crate::run) fn max_open_files() -> Option<u64> {
 }
 
 /// Removes the timer slack of this thread: Linux would delay each wake-up by 50 µs to combine several.
-pub(in crate::run) fn be_punctual() {
+pub(in crate::run) fn disable_timer_slack() {
     #[cfg(target_os = "linux")]
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
 }
 
 /// Opens a file for writing, with a lock against other calls of this function; `None` when another process has it. File
 /// systems without locks are not protected.
-pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
+pub(in crate::run) fn open_exclusively(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
     let file = options.open(path)?;
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),

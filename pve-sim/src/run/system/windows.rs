@@ -21,7 +21,7 @@ pub(in crate::run) struct Signals {
 
 impl Signals {
     /// Listens to Ctrl-C, Ctrl-Break, the closed window, and the end of the session and of the system.
-    pub(in crate::run) fn listen() -> io::Result<Self> {
+    pub(in crate::run) fn install() -> io::Result<Self> {
         Ok(Self {
             interrupt: ctrl_c()?,
             brk: ctrl_break()?,
@@ -33,7 +33,7 @@ impl Signals {
 
     /// Waits for one of the events. After a closed window, a log-off or a shutdown, Windows grants the process some
     /// seconds.
-    pub(in crate::run) async fn come(&mut self) {
+    pub(in crate::run) async fn wait(&mut self) {
         tokio::select! {
             _ = self.interrupt.recv() => {}
             _ = self.brk.recv() => {}
@@ -92,11 +92,11 @@ pub(in crate::run) const fn max_open_files() -> Option<u64> {
 }
 
 /// Does nothing: threads have no timer slack.
-pub(in crate::run) const fn be_punctual() {}
+pub(in crate::run) const fn disable_timer_slack() {}
 
 /// Opens a file for writing, while others may only read it; `None` when another process has it open. A lock would also
 /// prevent others from reading.
-pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
+pub(in crate::run) fn open_exclusively(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
     const FILE_SHARE_READ: u32 = 1;
     const ERROR_SHARING_VIOLATION: i32 = 32;
 
