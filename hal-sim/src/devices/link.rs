@@ -14,11 +14,8 @@ const RATE_MAX: i32 = 3_600_000;
 
 const ANGLES: RangeInclusive<u32> = 0..=TURN_CDEG - 1;
 
-/// A link as requested by the user, not yet validated against the devices.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LinkSpec(NamedLink);
-
-impl FromStr for LinkSpec {
+/// Parses a link, without validation of its names.
+impl FromStr for NamedLink {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -44,7 +41,7 @@ impl FromStr for LinkSpec {
         if link.min >= link.max {
             return Err(format!("min={} must be below max={}", link.min, link.max));
         }
-        Ok(Self(NamedLink { valve: valve.to_owned(), sensor: sensor.to_owned(), link }))
+        Ok(Self { valve: valve.to_owned(), sensor: sensor.to_owned(), link })
     }
 }
 
@@ -61,27 +58,24 @@ fn angle(text: &str) -> Result<u32, String> {
     })
 }
 
-/// Validates the requested links against these devices.
+/// Rejects links whose names are not those of a valve and of a sensor without another link.
 ///
 /// # Errors
 /// [`DevicesError::UnknownDevice`] or [`DevicesError::LinkedTwice`].
-pub fn links(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, DevicesError> {
+pub fn refuse_bad_links(devices: &[NamedDevice], links: &[NamedLink]) -> Result<(), DevicesError> {
     let check = |name: &str, wanted: fn(Kind) -> bool, product| {
-        let fits = |device: &&NamedDevice| wanted(device.setup.kind);
-        if devices.iter().filter(fits).any(|device| device.name == name) {
+        let fitting = || devices.iter().filter(|device| wanted(device.setup.kind)).map(|device| &device.name);
+        if fitting().any(|known| known == name) {
             return Ok(());
         }
-        let known = devices.iter().filter(fits).map(|device| device.name.clone()).collect();
-        Err(DevicesError::UnknownDevice { product, name: name.to_owned(), known })
+        Err(DevicesError::UnknownDevice { product, name: name.to_owned(), known: fitting().cloned().collect() })
     };
-    let mut links: Vec<NamedLink> = Vec::new();
-    for LinkSpec(link) in specs {
-        check(&link.valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
-        check(&link.sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
-        if links.iter().any(|other| other.sensor == link.sensor) {
-            return Err(DevicesError::LinkedTwice(link.sensor));
+    for (place, NamedLink { valve, sensor, .. }) in links.iter().enumerate() {
+        check(valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
+        check(sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
+        if links[..place].iter().any(|other| other.sensor == *sensor) {
+            return Err(DevicesError::LinkedTwice(sensor.clone()));
         }
-        links.push(link);
     }
-    Ok(links)
+    Ok(())
 }

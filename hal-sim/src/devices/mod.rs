@@ -14,7 +14,7 @@ mod spec;
 mod tests;
 
 pub use heard::{GRACE, NotHeard, RateWatch};
-pub use link::{LinkSpec, links};
+pub use link::refuse_bad_links;
 pub use spec::{CONTROL, DeviceSpec, bit_rate};
 
 use protocol_core::actuator::SpoolTimes;

@@ -59,7 +59,8 @@ pub struct Node {
 /// A translator of frames into text, based on the devices on the bus.
 #[derive(Clone, Debug, Default)]
 pub struct Explainer {
-    nodes: Vec<Node>,
+    /// The devices, whose node IDs the caller keeps up to date.
+    pub nodes: Vec<Node>,
     blocks: Blocks,
     writes: Writes,
     /// The devices that were [learned](Self::learn), with the evidence for their kinds, by node ID or address.
@@ -71,16 +72,6 @@ impl Explainer {
     #[must_use]
     pub fn new(nodes: Vec<Node>) -> Self {
         Self { nodes, ..Self::default() }
-    }
-
-    /// Adds a device.
-    pub fn add(&mut self, node: Node) {
-        self.nodes.push(node);
-    }
-
-    /// Returns the devices given by the caller, to update their node IDs.
-    pub fn nodes_mut(&mut self) -> &mut [Node] {
-        &mut self.nodes
     }
 
     /// Records a frame, after the frame itself has been explained. Later segments of an SDO block transfer and the

@@ -385,7 +385,7 @@ fn a_known_sender_is_called_by_its_name_whatever_it_sends_under() {
 #[test]
 fn node_ids_change() {
     let mut explainer = explainer();
-    explainer.nodes_mut()[1].node_id = Some(0x11);
+    explainer.nodes[1].node_id = Some(0x11);
     assert_eq!(explainer.explain(&frame("000: 01 11"), None), "master: NMT start, rear");
 }
 

@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::str::FromStr;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use protocol_core::time::Instant;
 
@@ -21,13 +20,6 @@ impl Timestamp {
     #[must_use]
     pub const fn as_micros(self) -> u64 {
         self.0
-    }
-
-    /// Returns the current wall-clock time; a clock before 1970 yields 1970.
-    #[must_use]
-    pub fn now() -> Self {
-        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        Self(u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
     }
 
     /// Converts virtual time to a timestamp, for a world that started at `self`.

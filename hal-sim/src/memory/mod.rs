@@ -236,7 +236,7 @@ impl Memory {
 /// The reason why a file cannot be written or put aside. Its text is one line that includes the file name.
 pub type MemoryFileError = Box<dyn Error + Send + Sync>;
 
-/// A file with the image of a flash. The library itself does not access the file system.
+/// A file with the image of a flash, implemented by the caller: the library itself writes no files.
 pub trait MemoryFile: Debug + Send {
     /// Replaces the image. When the function returns, the image is on disk.
     ///

@@ -144,12 +144,12 @@ impl ReplayBus {
     /// Returns whether a log frame belongs to a replayed device.
     pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
         self.update_ids();
-        attribution::is_own(frame, self.explainer.nodes_mut(), keys, timeline)
+        attribution::is_own(frame, &self.explainer.nodes, keys, timeline)
     }
 
     /// Updates the node IDs of powered devices. Unpowered devices keep the node ID of their setup.
     fn update_ids(&mut self) {
-        for (known, node) in self.explainer.nodes_mut().iter_mut().zip(&self.nodes) {
+        for (known, node) in self.explainer.nodes.iter_mut().zip(&self.nodes) {
             if let Some(device) = self.world.device(*node) {
                 known.node_id = device.node_id();
             }

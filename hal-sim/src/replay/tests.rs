@@ -15,7 +15,7 @@ use tempfile::NamedTempFile;
 
 use super::*;
 use crate::Memory;
-use crate::devices::{self, DeviceSpec, LinkSpec};
+use crate::devices::{self, DeviceSpec, NamedLink};
 use crate::log::{ErrorClass, Record, Timestamp};
 use crate::recording::{Format, Writer};
 use crate::world::{ClientPortId, EventKind, NodeId, SUPPLY_JITTER, World};
@@ -34,7 +34,7 @@ fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
         let mut value = || words.next().expect("a value");
         match option {
             "--device" => devices.push(value().parse::<DeviceSpec>().expect("a device")),
-            "--link" => links.push(value().parse::<LinkSpec>().expect("a link")),
+            "--link" => links.push(value().parse::<NamedLink>().expect("a link")),
             "--tolerance-ms" => tolerance_ms = value().parse().expect("a number"),
             "--from-boot-up" => from_boot_up = true,
             _ => panic!("{option}"),
@@ -42,7 +42,7 @@ fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
     }
     let mut devices = devices::named(devices).expect("names");
     devices::share_bit_rate(&mut devices, None);
-    let links = devices::links(&devices, links).expect("links");
+    devices::refuse_bad_links(&devices, &links).expect("links");
     let tolerance = Duration::from_millis(tolerance_ms);
     ReplayOptions { file: file.path().to_owned(), devices, links, tolerance, from_boot_up }
 }

@@ -6,7 +6,7 @@ use super::file::{self, DeviceEntry, ScenarioFile};
 use super::step::{Expect, Step, What};
 use super::trial::Trial;
 use super::{OWN, ReadError};
-use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
+use crate::devices::{self, DeviceSpec, NamedDevice, NamedLink};
 use crate::memory::Memory;
 use crate::simulation::Simulation;
 use crate::state::{BusChange, Invalid};
@@ -64,12 +64,12 @@ impl Scenario {
                 .map_err(|error| at(first)(format!("{error} with @ID, or set allow_clash = true")))?;
         }
         let first = links.first().map_or(0, |link| link.span().start);
-        let specs = links.into_iter().map(|spec| {
+        let links = links.into_iter().map(|spec| {
             let place = spec.span().start;
-            spec.into_inner().parse::<LinkSpec>().map_err(at(place))
+            spec.into_inner().parse::<NamedLink>().map_err(at(place))
         });
-        let links =
-            devices::links(&devices, specs.collect::<Result<_, _>>()?).map_err(|error| at(first)(error.to_string()))?;
+        let links: Vec<NamedLink> = links.collect::<Result<_, _>>()?;
+        devices::refuse_bad_links(&devices, &links).map_err(|error| at(first)(error.to_string()))?;
         let bit_rate = bit_rate.map(|rate| {
             let place = rate.span().start;
             let change = BusChange { bit_rate: rate.into_inner() };

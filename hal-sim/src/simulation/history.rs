@@ -160,7 +160,7 @@ impl History {
     pub(super) fn add_device(&mut self, name: &str, kind: Kind, node: NodeId) {
         self.places.insert(name.into(), (node, self.places.len()));
         for explainer in [&mut self.oldest, &mut self.latest] {
-            explainer.add(Node { name: name.to_owned(), kind, node_id: None });
+            explainer.nodes.push(Node { name: name.to_owned(), kind, node_id: None });
         }
     }
 
@@ -173,7 +173,7 @@ impl History {
     pub(super) fn learn(&mut self, world: &World) {
         for (node, place) in self.places.values() {
             for explainer in [&mut self.oldest, &mut self.latest] {
-                explainer.nodes_mut()[*place].node_id = world.device(*node).and_then(|device| device.node_id());
+                explainer.nodes[*place].node_id = world.device(*node).and_then(|device| device.node_id());
             }
         }
     }
@@ -313,7 +313,7 @@ impl Entry {
             explainer.observe(frame);
         }
         if let Some((place, node_id)) = self.device
-            && let Some(node) = explainer.nodes_mut().get_mut(place)
+            && let Some(node) = explainer.nodes.get_mut(place)
         {
             node.node_id = node_id;
         }

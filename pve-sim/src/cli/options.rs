@@ -12,7 +12,7 @@ use crate::control::Speed;
 use crate::gateway::BusUrl;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
 use hal_sim::Kind;
-use hal_sim::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
+use hal_sim::devices::{self, DeviceSpec, NamedDevice, NamedLink};
 
 /// The default seed: two runs with the same seed and input are identical.
 pub(super) const DEFAULT_SEED: u64 = 1;
@@ -68,7 +68,7 @@ pub struct RunArgs {
     ///   min=N   the lower end stop, inclusive, 1/100 degree, by default 0
     ///   max=N   the upper end stop, by default 9000
     #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
-    link: Vec<LinkSpec>,
+    link: Vec<NamedLink>,
 
     /// Accept devices with the same node ID, or the same address
     #[arg(long, help_heading = "Devices")]
@@ -199,8 +199,9 @@ pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<
 }
 
 /// Validates the links between these devices.
-pub(super) fn between(devices: &[NamedDevice], links: Vec<LinkSpec>) -> Result<Vec<NamedLink>, UsageError> {
-    devices::links(devices, links).map_err(|error| UsageError(format!("--link: {error}")))
+pub(super) fn between(devices: &[NamedDevice], links: Vec<NamedLink>) -> Result<Vec<NamedLink>, UsageError> {
+    devices::refuse_bad_links(devices, &links).map_err(|error| UsageError(format!("--link: {error}")))?;
+    Ok(links)
 }
 
 /// Checks the buses: a kernel interface needs wall time, and a shared bus must not be joined twice.

@@ -8,7 +8,7 @@ use protocol_core::time::Duration;
 use super::UsageError;
 use super::options::{between, on_one_bus};
 use hal_sim::decode::DecodeOptions;
-use hal_sim::devices::{self, DeviceSpec, LinkSpec};
+use hal_sim::devices::{self, DeviceSpec, NamedLink};
 use hal_sim::replay::ReplayOptions;
 
 /// The default tolerance of `replay`, in milliseconds: the largest start-up difference between two devices on one
@@ -40,7 +40,7 @@ pub(super) struct ReplayArgs {
 
     /// Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable
     #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]")]
-    link: Vec<LinkSpec>,
+    link: Vec<NamedLink>,
 
     /// The tolerance of frame times, in milliseconds; a position may differ by the movement in that time
     #[arg(long, value_name = "N", default_value_t = TOLERANCE_MS, value_parser = clap::value_parser!(u32).range(..=60_000))]

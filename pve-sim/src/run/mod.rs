@@ -49,6 +49,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
@@ -194,7 +195,9 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     })
     .await?;
     let bus = options.buses.first().map_or("can0", BusUrl::name);
-    let start = Timestamp::now();
+    // A clock before 1970 yields 1970.
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let start = Timestamp::from_micros(u64::try_from(since.as_micros()).unwrap_or(u64::MAX));
     let log = options.log.as_ref();
     let log = log.map(|log| Log::create(log, options.state.as_deref(), bus, start)).transpose()?;
     let typing = Typing::new();
