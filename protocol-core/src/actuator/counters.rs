@@ -13,19 +13,19 @@ impl Counters {
     /// All counters at 0.
     pub const NONE: Self = Self([0; Fault::ALL.len()]);
 
-    /// Decodes stored bytes in priority order; a byte above 127 counts as 127.
+    /// Decodes stored bytes, in order of priority. A byte above 127 becomes 127.
     #[must_use]
     pub fn from_bytes(bytes: [u8; Fault::ALL.len()]) -> Self {
         Self(bytes.map(|count| count.min(COUNTER_MAX)))
     }
 
-    /// Encodes the counters in priority order.
+    /// Encodes the counters, in order of priority.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; Fault::ALL.len()] {
         self.0
     }
 
-    /// Returns how often a fault has occurred, including its present activation (R: the manual says "previously").
+    /// Returns the number of occurrences of a fault, the present one included (R: the manual says "previously").
     #[must_use]
     pub fn get(&self, fault: Fault) -> u8 {
         self.0.get(fault.index()).copied().unwrap_or(0)
@@ -38,7 +38,7 @@ impl Counters {
         self
     }
 
-    /// Adds the counters of `other`; each sum is at most 127.
+    /// Returns the sums of the counters, limited to 127.
     #[must_use]
     pub fn plus(mut self, other: Self) -> Self {
         for (count, more) in self.0.iter_mut().zip(other.0) {

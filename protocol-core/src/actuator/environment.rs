@@ -1,4 +1,4 @@
-//! Supply and temperature: limits, hysteresis and monitors (SPEC 2, table of the monitors).
+//! The monitors of supply and temperature, with limits and hysteresis (SPEC 2, table of the monitors).
 
 use core::ops::RangeInclusive;
 
@@ -13,12 +13,13 @@ pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
 pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
 /// The maximum temperature, °C.
 const TEMPERATURE_MAX: i32 = 120;
-/// The minimum temperature, °C, for the kinds that have a lower limit.
+/// The minimum temperature, °C, of the kinds with a lower limit.
 const TEMPERATURE_MIN: i32 = -40;
-/// The temperature hysteresis, K: the fault clears only when the temperature is this far inside the limits (A).
+/// The hysteresis of the temperature, K (A). The fault clears only this far inside the limits.
 const TEMPERATURE_HYSTERESIS: i32 = 5;
 
-/// The limits of a monitored value: the allowed range, and the range that clears the fault.
+/// The ranges of a monitored value: a value outside `allowed` trips the monitor, a value within `safe` clears the
+/// fault.
 #[derive(Clone, Debug)]
 struct Limits {
     allowed: RangeInclusive<i32>,
@@ -26,14 +27,14 @@ struct Limits {
 }
 
 impl Limits {
-    /// Supply, mV: trips above 36 V, clears below 32 V (R), not at exactly 32 V (A).
+    /// Supply in mV. Trips above 36 V; clears below 32 V (R), not at exactly 32 V (A).
     const SUPPLY_HIGH: Self = Self { allowed: i32::MIN..=36_000, safe: i32::MIN..=31_999 };
-    /// Supply, mV: trips below 9 V, clears above 11 V (R), not at exactly 11 V (A).
+    /// Supply in mV. Trips below 9 V; clears above 11 V (R), not at exactly 11 V (A).
     const SUPPLY_LOW: Self = Self { allowed: 9_000..=i32::MAX, safe: 11_001..=i32::MAX };
-    /// Temperature, °C: upper limit only.
+    /// Temperature in °C, upper limit only.
     const TEMPERATURE_HIGH: Self =
         Self { allowed: i32::MIN..=TEMPERATURE_MAX, safe: i32::MIN..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS };
-    /// Temperature, °C: both limits, for the CANopen kinds (R).
+    /// Temperature in °C, both limits, for the CANopen kinds (R).
     const TEMPERATURE_BOTH: Self = Self {
         allowed: TEMPERATURE_MIN..=TEMPERATURE_MAX,
         safe: TEMPERATURE_MIN + TEMPERATURE_HYSTERESIS..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS,
@@ -74,7 +75,7 @@ impl Environment {
         self.due = self.temperature.due().min(self.supply_high.due()).min(self.supply_low.due());
     }
 
-    /// Returns the next time at which a fault activates if the inputs do not change.
+    /// Returns the time at which the next fault activates if the inputs do not change.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }

@@ -1,14 +1,14 @@
 //! The faults of the valve, and sets of them (SPEC 2).
 
-/// A fault, in order of priority (SPEC 2, table of the monitors).
+/// A fault of the valve. The number is its priority (SPEC 2, table of the monitors).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Fault {
-    /// The spool is not at its set-point.
+    /// The spool deviates from its set-point.
     SpoolNotAtSetPoint = 1,
     /// The spool does not reach the float position.
     FloatNotReached = 2,
-    /// Internal error, see [`InternalCause`].
+    /// The internal error, see [`InternalCause`].
     Internal = 3,
     /// The CAN controller is bus-off.
     CanBus = 4,
@@ -18,12 +18,12 @@ pub enum Fault {
     SupplyHigh = 6,
     /// The supply voltage is too low.
     SupplyLow = 7,
-    /// No valid set-point was received in time.
+    /// No valid set-point came within the guard time.
     TimeGuarding = 8,
 }
 
 impl Fault {
-    /// All faults, highest priority first.
+    /// All faults, the highest priority first.
     pub const ALL: [Self; 8] = [
         Self::SpoolNotAtSetPoint,
         Self::FloatNotReached,
@@ -42,7 +42,7 @@ impl Fault {
         self as u8
     }
 
-    /// Returns the fault's name, the same in every interface.
+    /// Returns the name of the fault, which all interfaces use.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -74,7 +74,7 @@ impl Fault {
 pub struct FaultSet(u8);
 
 impl FaultSet {
-    /// No fault.
+    /// The empty set.
     pub const EMPTY: Self = Self(0);
     /// All eight faults.
     pub const ALL: Self = Self(0xFF);
@@ -85,7 +85,7 @@ impl FaultSet {
         Self(1_u8.wrapping_shl(fault.index() as u32))
     }
 
-    /// Creates a set from bits: bit 0 is the fault of priority 1, bit 7 that of priority 8.
+    /// Creates a set from bits: bit 0 is the fault of priority 1, bit 7 the fault of priority 8.
     #[must_use]
     pub const fn from_bits(bits: u8) -> Self {
         Self(bits)
@@ -185,14 +185,14 @@ impl Iterator for FaultIter {
 /// A cause of the internal error (SPEC 2, a fault's life; SPEC 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InternalCause {
-    /// Injected by the user.
+    /// The user has injected the internal error.
     Injected,
     /// The watchdog reset the processor. The caller clears the cause once the internal error has been reported.
     Watchdog,
     /// The entire memory is damaged. The cause lasts until the next start.
     Memory,
-    /// The record with this number, 0–7, is corrupt or could not be written; higher numbers count as 7. The cause lasts
-    /// until the record is written.
+    /// The record with this number, 0–7, is corrupt or could not be written. The cause lasts until the record is
+    /// written. Numbers above 7 count as 7.
     Record(u8),
 }
 
@@ -218,7 +218,6 @@ impl InternalCauses {
     }
 }
 
-/// The faults of the spool position.
 pub(super) const SPOOL_FAULTS: FaultSet =
     FaultSet::of(Fault::SpoolNotAtSetPoint).union(FaultSet::of(Fault::FloatNotReached));
 

@@ -5,15 +5,15 @@ use super::fault::{Fault, FaultSet};
 /// A colour of the LED.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Color {
-    /// Healthy.
+    /// Green: healthy.
     Green,
-    /// Disabled.
+    /// Yellow: disabled.
     Yellow,
-    /// Faulty.
+    /// Red: faulty.
     Red,
 }
 
-/// The state of the LED. The platform flashes it at 1.5 Hz: 333 ms on, 333 ms off.
+/// The state of the LED. The platform does the flashing, at 1.5 Hz: 333 ms on, 333 ms off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Led {
     /// The colour.
@@ -22,12 +22,12 @@ pub struct Led {
     pub flashing: bool,
 }
 
-/// The state of the valve that the LED indicates.
+/// The state of the valve, as far as the LED indicates it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Condition {
     /// The active faults.
     pub faults: FaultSet,
-    /// Whether the device is shut down: regulation stays off until the protocol ends the shutdown.
+    /// Whether a fault has shut regulation down. The shutdown lasts until the protocol ends it.
     pub fault_hold: bool,
     /// Whether regulation is disabled, for example by hand operation, an emergency stop, or a missing node ID or
     /// address.
@@ -37,17 +37,17 @@ pub struct Condition {
 }
 
 impl Led {
-    /// The valve is healthy and active.
+    /// Constant green: healthy and actuating.
     pub const GREEN: Self = Self { color: Color::Green, flashing: false };
-    /// Power save.
+    /// Flashing green: power save.
     pub const GREEN_FLASHING: Self = Self { color: Color::Green, flashing: true };
-    /// Disabled; hold, hand operation and emergency stop count as disabled (A).
+    /// Constant yellow: disabled. Hold, hand operation and emergency stop count as disabled (A).
     pub const YELLOW: Self = Self { color: Color::Yellow, flashing: false };
-    /// Bus-off is active (R), or the internal error is the active fault of highest priority.
+    /// Constant red: bus-off (R), or the internal error as the active fault of highest priority.
     pub const RED: Self = Self { color: Color::Red, flashing: false };
-    /// Bus-off is not active, and the active fault of highest priority is not the internal error.
+    /// Flashing red: any other active fault of highest priority.
     pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };
-    /// A shutdown persists although its cause has cleared (A).
+    /// The indication of a shutdown that lasts although its fault has cleared (A).
     pub const FAULT_HOLD: Self = Self::RED_FLASHING;
 
     /// Returns the LED state for a condition, by precedence: bus-off, the fault of highest priority, fault hold,

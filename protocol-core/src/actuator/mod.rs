@@ -1,19 +1,19 @@
 //! The protocol-independent valve: set-point, spool, monitors, faults, power save and LED (SPEC 2).
 //!
-//! This module uses no CAN identifiers, object dictionaries or diagnostic codes; the protocols present the state of the
-//! [`Valve`].
+//! This module knows no CAN identifiers, object dictionaries or diagnostic codes. The protocols present the state of
+//! the [`Valve`].
 //!
 //! ```text
 //! set_point    set-points, positions, and the scales of the protocols
-//! travel       the travel of the spool over time, in integers without rounding
-//! spool        the effect of solenoids, springs, lever and spool faults
-//! power_save   when the solenoids switch off
-//! environment  supply and temperature
-//! monitor      the base of all monitors, and the guard of set-points
-//! fault        the faults, by priority        counters   their occurrence counters
-//! register     the active faults and their changes
-//! led          the indication of the LED
-//! valve        combines them
+//! travel       travel of the spool over time, in integers
+//! spool        effect of solenoids, springs, lever and spool faults
+//! power_save   switching the solenoids off
+//! environment  monitors of supply and temperature
+//! monitor      monitor with a delay, and the time guard of the set-points
+//! fault        faults in order of priority      counters   occurrence counters of the faults
+//! register     active faults and their changes
+//! led          state of the LED
+//! valve        the valve, made of these
 //! ```
 
 mod counters;

@@ -1,4 +1,4 @@
-//! Monitors, which activate a fault after a delay, and the time guard of the set-points (SPEC 2, table of the
+//! The monitor, which activates a fault after a delay, and the time guard of the set-points (SPEC 2, table of the
 //! monitors).
 
 use super::fault::{Fault, FaultSet};
@@ -6,22 +6,22 @@ use super::register::FaultRegister;
 use super::travel::{Band, Travel};
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The tolerance of the spool position around its set-point, in percent of the full stroke (A).
+/// The deviation from the set-point that monitor 1 allows, in percent of the full stroke (A).
 pub const SET_POINT_PERCENT: i32 = 15;
-/// The time for which the spool may be outside the tolerance around its set-point (A).
+/// The delay of monitor 1: the spool may deviate from its set-point for this time (A).
 pub const SET_POINT_DELAY: Duration = Duration::from_millis(500);
-/// The time within which the spool must reach the float position (A).
+/// The delay of monitor 2: the spool must reach the float position within this time (A).
 pub const FLOAT_DELAY: Duration = Duration::from_millis(1000);
-/// The maximum time between two valid set-points.
+/// The maximum time between two valid set-points, after which fault 8 activates.
 pub const GUARD_TIME: Duration = Duration::from_millis(250);
 
-/// Returns the band that monitor 1 allows: within [`SET_POINT_PERCENT`] of the target.
+/// Returns the band that monitor 1 allows around a target.
 #[inline]
 pub(super) const fn tolerance(target: Travel) -> Band {
     Band::around(target, Travel::percent(SET_POINT_PERCENT))
 }
 
-/// The evaluation of a monitored value.
+/// The evaluation of a monitored value against its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
     /// Whether the value is outside its allowed range.
@@ -39,8 +39,8 @@ pub(super) struct Monitor {
 }
 
 impl Monitor {
-    /// Creates the monitor of a fault. For constant delays only: an assertion checks that the delay in microseconds
-    /// fits 32 bits.
+    /// Creates the monitor of a fault. The delay must be a constant: an assertion checks that its microseconds fit 32
+    /// bits.
     pub(super) const fn new(fault: Fault, delay: Duration) -> Self {
         assert!(delay.as_micros() <= u32::MAX as u64);
         Self { due: NEVER, delay_us: delay.as_micros() as u32, fault }
@@ -48,8 +48,7 @@ impl Monitor {
 
     /// Evaluates the monitored value.
     ///
-    /// If a reading both trips and clears, the fault activates after the delay, clears immediately, and activates again
-    /// after another delay.
+    /// While a reading both trips and clears, the fault activates at the end of each delay and clears at once.
     pub(super) fn observe(&mut self, reading: Reading, faults: &mut FaultRegister, now: Instant) {
         if !faults.active.contains(self.fault) {
             if !reading.trips {
@@ -73,8 +72,7 @@ impl Monitor {
         }
     }
 
-    /// Starts or stops the delay like [`observe`](Self::observe), but never activates the fault. The fault must be
-    /// inactive and the delay not yet expired.
+    /// Starts or stops the delay as [`observe`](Self::observe) does, for an inactive fault whose delay has not expired.
     #[inline]
     pub(super) fn watch(&mut self, trips: bool, now: Instant) {
         if !trips {
@@ -84,13 +82,13 @@ impl Monitor {
         }
     }
 
-    /// Returns the end of a delay that begins now.
+    /// Returns the end of a delay that begins at `now`.
     #[inline]
     const fn end(&self, now: Instant) -> Instant {
         delayed(now, Duration::from_micros(self.delay_us as u64))
     }
 
-    /// Cancels the running delay; the next tripping reading starts a new delay.
+    /// Cancels the running delay. The next tripping reading starts a new one.
     pub(super) const fn restart(&mut self) {
         self.due = NEVER;
     }
@@ -102,13 +100,13 @@ impl Monitor {
         }
     }
 
-    /// Returns the time at which the fault activates if the value does not change; [`NEVER`] if no delay is running.
+    /// Returns the end of the running delay; [`NEVER`] if no delay is running.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }
 }
 
-/// The time guard: monitors the arrival of set-points (fault 8).
+/// The time guard, which monitors the arrival of set-points (fault 8).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimeGuard {
     running: bool,
@@ -122,13 +120,13 @@ impl TimeGuard {
         *self = Self { running: true, due: delayed(now, GUARD_TIME) };
     }
 
-    /// Handles a valid set-point: restarts the guard time of a running guard, and clears fault 8.
+    /// Handles a valid set-point: restarts a running guard and clears fault 8.
     pub(super) fn feed(&mut self, faults: &mut FaultRegister, now: Instant) {
         self.wind_up(now);
         faults.clear(Fault::TimeGuarding);
     }
 
-    /// Like [`feed`](Self::feed), but does not clear fault 8, which must be inactive.
+    /// Restarts the guard time of a running guard.
     #[inline]
     pub(super) fn wind_up(&mut self, now: Instant) {
         if self.running {
@@ -136,7 +134,7 @@ impl TimeGuard {
         }
     }
 
-    /// Activates fault 8 if the guard time has expired. The guard then stops until the next set-point.
+    /// Activates fault 8 once the guard time has expired. The next set-point starts the guard time again.
     pub(super) fn observe(&mut self, faults: &mut FaultRegister, now: Instant) {
         if now >= self.due {
             self.due = NEVER;

@@ -1,4 +1,4 @@
-//! Power save: the solenoids are off while the valve is blocked (SPEC 2).
+//! Power save, which switches the solenoids of a blocked valve off (SPEC 2).
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
@@ -10,7 +10,7 @@ pub const POWER_SAVE_DELAY: Duration = Duration::from_millis(200);
 pub(super) enum PowerSave {
     /// The set-point is not neutral.
     Off,
-    /// The set-point is neutral, the spool is not. If undisturbed, the spool reaches neutral at this time.
+    /// The set-point is neutral, but the spool is not. An undisturbed spool reaches neutral at this time.
     Returning(Instant),
     /// The valve is blocked. Power save begins at this time or when the spool comes to rest, whichever is later.
     Waiting(Instant),
@@ -19,9 +19,8 @@ pub(super) enum PowerSave {
 }
 
 impl PowerSave {
-    /// Updates the state. `set_point` and `spool` are true while the set-point and the spool are neutral; `rests` is
-    /// the time at which the spool comes to rest. The delay starts once both are neutral, which the manual's
-    /// introduction calls *blocked* (R).
+    /// Updates the state. `set_point` and `spool` say whether set-point and spool are neutral; `rests` is the time at
+    /// which the spool comes to rest. The delay begins once both are neutral (R).
     pub(super) fn update(&mut self, set_point: bool, spool: bool, rests: Instant, now: Instant) {
         let wait = |due: Instant| if due.max(rests) <= now { Self::On } else { Self::Waiting(due) };
         *self = match *self {
@@ -35,7 +34,7 @@ impl PowerSave {
         };
     }
 
-    /// Records the time at which a returning spool reaches neutral, computed by `back`.
+    /// Records the time at which a returning spool reaches neutral. Only this state calls `back` to compute the time.
     pub(super) fn note_return(&mut self, back: impl FnOnce() -> Instant) {
         if let Self::Returning(expected) = self {
             *expected = back();

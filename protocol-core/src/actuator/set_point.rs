@@ -6,13 +6,13 @@
 pub struct Position(i16);
 
 impl Position {
-    /// 100 % of the stroke.
+    /// The full stroke.
     pub const FULL: i16 = 16384;
     /// Neutral.
     pub const NEUTRAL: Self = Self(0);
-    /// −100 %: the A-port side.
+    /// −100 %, on the A-port side.
     pub const MIN: Self = Self(-Self::FULL);
-    /// +100 %: the B-port side.
+    /// +100 %, on the B-port side.
     pub const MAX: Self = Self(Self::FULL);
 
     /// Creates a position of −16384 … 16384; `None` outside this range.
@@ -21,11 +21,10 @@ impl Position {
         if raw >= -Self::FULL && raw <= Self::FULL { Some(Self(raw)) } else { None }
     }
 
-    /// Returns the position nearest to `raw`.
+    /// Returns the position `raw`, limited to −16384 … 16384.
     #[must_use]
     #[inline]
     pub fn clamped(raw: i32) -> Self {
-        // The clamped value fits an i16.
         Self(raw.clamp(Self::MIN.0 as i32, Self::MAX.0 as i32) as i16)
     }
 
@@ -42,7 +41,7 @@ impl Position {
         Self(self.0.saturating_neg())
     }
 
-    /// Returns whether this is exactly neutral.
+    /// Returns whether the position is exactly neutral.
     #[must_use]
     pub const fn is_neutral(self) -> bool {
         self.0 == 0
@@ -82,21 +81,20 @@ impl Scale {
             .then(|| Position::clamped(rescale(i32::from(value), i32::from(Position::FULL), i32::from(full))))
     }
 
-    /// Converts a position to a value.
+    /// Converts a position to a value within ±N.
     #[must_use]
     #[inline]
     pub fn of_position(self, position: Position) -> i16 {
-        // At most ±N.
         rescale(i32::from(position.0), i32::from(self.full()), i32::from(Position::FULL)) as i16
     }
 }
 
-/// The command from the protocol to the valve.
+/// The set-point that the protocol gives to the valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetPoint {
-    /// Move the spool to this position.
+    /// The spool moves to this position.
     Position(Position),
-    /// Move the spool fully to the B-port side, which connects both ports to tank. Float is not a [`Position`].
+    /// The spool moves fully to the B-port side, where both ports are connected to tank. Float is not a [`Position`].
     Float,
 }
 
@@ -111,7 +109,7 @@ impl Default for SetPoint {
     }
 }
 
-/// Returns `value × to / from`, rounded half away from zero. With the factors used here, every product fits 25 bits.
+/// Returns `value × to / from`, rounded half away from zero. The product must fit 31 bits; here it fits 25.
 #[inline]
 fn rescale(value: i32, to: i32, from: i32) -> i32 {
     let half = from.wrapping_div(2);

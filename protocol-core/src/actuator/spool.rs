@@ -1,6 +1,6 @@
-//! The spool: modelled or measured (SPEC 2).
+//! The spool, modelled or measured (SPEC 2).
 //!
-//! In the model two solenoids move the spool at a limited rate, springs return it to neutral, and the hand lever
+//! In the model two solenoids move the spool at a limited rate, and springs return it to neutral. The hand lever
 //! overrides both.
 
 use core::ops::RangeInclusive;
@@ -13,25 +13,23 @@ use crate::time::{Duration, Instant};
 pub const SOLENOID_STROKE: Duration = Duration::from_millis(250);
 /// The time for the springs to return the spool from full stroke to neutral (A).
 pub const SPRING_STROKE: Duration = Duration::from_millis(150);
-/// The factor by which a [`SpoolFault::Slow`] spool moves more slowly (A).
+/// The divisor of the rates of a [`SpoolFault::Slow`] spool (A).
 pub const SLOWNESS: i32 = 8;
 /// The time for a [`SpoolFault::Drifting`] spool to creep a full stroke (A).
 pub const DRIFT_STROKE: Duration = Duration::from_secs(8);
-/// The distance that a [`SpoolFault::Drifting`] spool creeps, in percent of the full stroke: more than monitor 1 allows
-/// (A).
+/// The distance that a [`SpoolFault::Drifting`] spool creeps, in percent of the full stroke (A). Monitor 1 allows less.
 pub const DRIFT_PERCENT: i32 = 20;
-/// The end position of a [`SpoolFault::NoFloat`] spool in float, in percent of the full stroke: short of the float band
-/// (A).
+/// The end position of a [`SpoolFault::NoFloat`] spool in float, in percent of the full stroke (A). The float band
+/// begins beyond it.
 pub const NO_FLOAT_PERCENT: i32 = 80;
-/// The maximum distance from neutral or float at which the spool still counts as in that position, in percent of the
-/// full stroke (A).
+/// The tolerance of the neutral and float positions, in percent of the full stroke (A).
 pub const END_BAND_PERCENT: i32 = 5;
 
 const DRIFT: Rate = Rate::of_full_stroke(DRIFT_STROKE);
 
-/// The band in which the spool is in neutral.
+/// The band of the neutral position.
 pub(super) const IN_NEUTRAL: Band = Band::around(Travel::NEUTRAL, Travel::percent(END_BAND_PERCENT));
-/// The band in which the spool is in float.
+/// The band of the float position.
 pub(super) const IN_FLOAT: Band = Band::around(Travel::FULL_B, Travel::percent(END_BAND_PERCENT));
 
 /// A fault of the spool.
@@ -40,17 +38,17 @@ pub enum SpoolFault {
     /// No fault.
     #[default]
     None,
-    /// Jammed: does not move under any force.
+    /// The spool is jammed: no force moves it.
     Stuck,
-    /// Moves too slowly, by solenoids and springs alike.
+    /// Solenoids and springs move the spool too slowly.
     Slow,
-    /// Does not hold its position: creeps towards B, or towards A if there is no room.
+    /// The spool does not hold its position: it creeps towards B, or towards A if there is no room.
     Drifting,
-    /// Does not reach the float position.
+    /// The spool does not reach the float position.
     NoFloat,
 }
 
-/// The stroke times of a healthy spool, as measured on a real spool.
+/// The stroke times of a healthy spool. They can be set to those of a measured valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpoolTimes {
     stroke_ms: u16,
@@ -60,25 +58,26 @@ pub struct SpoolTimes {
 impl SpoolTimes {
     /// The permitted times, in milliseconds (A).
     pub const RANGE_MS: RangeInclusive<u16> = 10..=5000;
-    /// The times [`SOLENOID_STROKE`] and [`SPRING_STROKE`].
+    /// The default times, [`SOLENOID_STROKE`] and [`SPRING_STROKE`].
     pub const DEFAULT: Self =
         Self { stroke_ms: SOLENOID_STROKE.as_millis() as u16, return_ms: SPRING_STROKE.as_millis() as u16 };
 
     /// Creates stroke times: `stroke_ms` for the solenoids from neutral to full stroke, `return_ms` for the springs
-    /// back. `None` outside [`RANGE_MS`](Self::RANGE_MS). The model reproduces the times to within 0.4 %.
+    /// from full stroke to neutral. Returns `None` outside [`RANGE_MS`](Self::RANGE_MS). The model reproduces the times
+    /// to within 0.4 %.
     #[must_use]
     pub fn new(stroke_ms: u16, return_ms: u16) -> Option<Self> {
         let are_possible = [stroke_ms, return_ms].iter().all(|ms| Self::RANGE_MS.contains(ms));
         are_possible.then_some(Self { stroke_ms, return_ms })
     }
 
-    /// Returns the time for the solenoids from neutral to full stroke, in milliseconds.
+    /// Returns the time that the solenoids take from neutral to full stroke, in milliseconds.
     #[must_use]
     pub const fn stroke_ms(self) -> u16 {
         self.stroke_ms
     }
 
-    /// Returns the time for the springs from full stroke to neutral, in milliseconds.
+    /// Returns the time that the springs take from full stroke to neutral, in milliseconds.
     #[must_use]
     pub const fn return_ms(self) -> u16 {
         self.return_ms
@@ -111,7 +110,7 @@ pub struct SpoolSense {
     pub fault: SpoolFault,
     /// The position to which the hand lever pushes the spool.
     pub lever: Option<Position>,
-    /// The position measured by a sensor, if the board has a sensor; overrides the model.
+    /// The position measured by a sensor, on boards that have one. It overrides the model.
     pub measured: Option<Position>,
     /// The stroke times.
     pub times: SpoolTimes,
@@ -122,7 +121,7 @@ impl SpoolSense {
     pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None, times: SpoolTimes::DEFAULT };
 }
 
-/// The effect of the device on the spool.
+/// The action of the device on the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     /// The solenoids are off; the springs move the spool.
@@ -133,12 +132,12 @@ pub(super) enum Action {
     Float,
 }
 
-/// The dominant influence on the spool, which determines its travel.
+/// The influence that decides the travel of the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Influence {
     /// The spool follows the device alone.
     Device,
-    /// The spool follows the device, but with this fault.
+    /// The spool follows the device, with this fault.
     Faulty(SpoolFault),
     /// The lever or the sensor determines the position.
     At(Position),
@@ -187,7 +186,7 @@ impl Spool {
         }
     }
 
-    /// Applies an action of the device. `here` is the travel of the spool at `now`.
+    /// Applies an action of the device to the spool, which is at `here`.
     pub(super) fn act(&mut self, action: Action, here: Travel, now: Instant) {
         if action != self.action {
             self.action = action;
@@ -195,22 +194,20 @@ impl Spool {
         }
     }
 
-    /// Returns whether the spool is healthy and influenced by the device only. Such a spool moves at constant speed to
-    /// its destination and stays there.
+    /// Returns whether the device alone moves a healthy spool. Such a spool moves at constant speed to its destination
+    /// and stays there.
     #[inline]
     pub(super) fn is_free(&self) -> bool {
         self.influence == Influence::Device
     }
 
-    /// Like [`act`](Self::act), for a new target of a [free](Self::is_free) spool: the solenoids move the spool
-    /// straight to the target.
+    /// Applies [`Action::Move`] to a [free](Self::is_free) spool, which is at `here`.
     #[inline]
     pub(super) fn retarget(&mut self, target: Travel, here: Travel, now: Instant) {
         self.action = Action::Move(target);
         self.path = Path::new(here, target, self.rates.solenoids, now);
     }
 
-    /// Returns the travel of the spool.
     pub(super) fn at(&self, now: Instant) -> Travel {
         self.path.at(now)
     }
@@ -226,7 +223,6 @@ impl Spool {
         self.path.bends(now)
     }
 
-    /// Returns the destination of the spool.
     pub(super) const fn destination(&self) -> Travel {
         self.path.destination()
     }
@@ -241,7 +237,7 @@ impl Spool {
         self.path.crosses(band, now)
     }
 
-    /// Plans the path of the spool, which is now at `here`.
+    /// Plans the path of the spool from `here`.
     fn plan(&mut self, here: Travel, now: Instant) {
         self.path = match self.influence {
             Influence::Device => self.action.path(here, SpoolFault::None, self.rates, now),
@@ -253,7 +249,7 @@ impl Spool {
 }
 
 impl Action {
-    /// Returns the path of a movable spool from `here`.
+    /// Returns the path of a spool that is neither stuck nor held, from `here`.
     fn path(self, here: Travel, fault: SpoolFault, rates: Rates, now: Instant) -> Path {
         let (to, rate) = match self {
             Self::Release => (Travel::NEUTRAL, rates.springs),
@@ -268,7 +264,7 @@ impl Action {
 
 const NO_FLOAT: Travel = Travel::new(Travel::percent(NO_FLOAT_PERCENT));
 
-/// Returns the end position of a spool that drifts away from `target`.
+/// Returns the end of the creep of a drifting spool at `target`.
 fn drifted(target: Travel) -> Travel {
     let offset = Travel::percent(DRIFT_PERCENT);
     let towards_b = target.shifted(offset);

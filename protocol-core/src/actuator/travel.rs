@@ -1,8 +1,8 @@
-//! The travel of the spool over time: straight lines, in integers.
+//! The travel of the spool over time: legs of constant velocity, in integers.
 //!
-//! Travel is counted in steps so fine that every rate of the model is an integer number of steps per microsecond: exact
-//! for the default times, rounded for other times. Travel itself is therefore never rounded, and does not depend on how
-//! often it is computed.
+//! The steps of travel are so fine that every rate is an integer number of steps per microsecond. The default stroke
+//! times give exact rates; the rates of other times are rounded. Travel itself is never rounded, so it does not depend
+//! on the number of its computations.
 
 use super::Position;
 use crate::time::{Duration, Instant, NEVER, delayed, since};
@@ -22,7 +22,6 @@ impl Travel {
     pub(super) const FULL_B: Self = Self(Self::FULL);
     pub(super) const FULL_A: Self = Self(-Self::FULL);
 
-    /// Returns the travel in steps.
     pub(super) const fn steps(self) -> i32 {
         self.0
     }
@@ -36,13 +35,12 @@ impl Travel {
         Self(steps)
     }
 
-    /// Returns the travel `steps` further towards B, or towards A for negative `steps`. Cannot overflow, because two
-    /// full strokes fit an i32.
+    /// Returns the travel `steps` further towards B, or towards A if negative. Two full strokes fit an i32.
     pub(super) const fn shifted(self, steps: i32) -> Self {
         Self(self.0.wrapping_add(steps))
     }
 
-    /// Converts the travel to a position, truncated towards neutral, so that ±100 % means exactly full stroke.
+    /// Converts the travel to a position, truncated towards neutral: only full stroke is ±100 %.
     #[inline]
     pub(super) fn position(self) -> Position {
         Position::clamped(self.0 / Self::UNIT)
@@ -65,33 +63,32 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// Returns the band of `steps` on either side of `centre`.
+    /// Creates the band that extends `steps` to either side of `centre`.
     pub(super) const fn around(centre: Travel, steps: i32) -> Self {
         Self { low: centre.shifted(steps.wrapping_neg()).0, high: centre.shifted(steps).0 }
     }
 
-    /// Returns whether the band contains the travel. One comparison suffices: for travel below the band, the unsigned
-    /// difference wraps to a value above the width.
+    /// Returns whether the travel lies within the band. Below the band, the unsigned difference wraps to a value above
+    /// the width.
     pub(super) const fn contains(self, travel: Travel) -> bool {
         let width = self.high.wrapping_sub(self.low) as u32;
         travel.0.wrapping_sub(self.low) as u32 <= width
     }
 }
 
-/// The speed of the spool, in steps per microsecond.
+/// The rate of a spool movement, in steps per microsecond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Rate(i32);
 
 impl Rate {
-    /// Returns the rate that covers the full stroke in the given time. For constants only: an assertion checks that the
-    /// rate is an integer.
+    /// Returns the rate that covers the full stroke in a constant time. An assertion checks that it is an integer.
     pub(super) const fn of_full_stroke(full_stroke: Duration) -> Self {
         let micros = full_stroke.as_micros();
         assert!(micros <= Travel::FULL as u64);
         Self(divide(Travel::FULL, micros as i32))
     }
 
-    /// Returns the rate that covers the full stroke in about `millis` milliseconds, accurate to 0.4 % up to 5000 ms.
+    /// Returns the rate that covers the full stroke in `millis` milliseconds, rounded: accurate to 0.4 % up to 5000 ms.
     pub(super) const fn nearest(millis: u16) -> Self {
         Self(rounded(Travel::FULL, (millis as i32).saturating_mul(1000)))
     }
@@ -102,7 +99,7 @@ impl Rate {
     }
 }
 
-/// Returns the rounded quotient, at least 1, because a spool with rate 0 would never arrive.
+/// Returns the rounded quotient, at least 1: a spool with rate 0 would never arrive.
 const fn rounded(dividend: i32, divisor: i32) -> i32 {
     let halved = match divisor.checked_div(2) {
         Some(half) => dividend.saturating_add(half),
@@ -114,7 +111,7 @@ const fn rounded(dividend: i32, divisor: i32) -> i32 {
     }
 }
 
-/// Returns the quotient; asserts that it is positive and exact.
+/// Returns the quotient. An assertion checks that it is positive and exact.
 const fn divide(dividend: i32, divisor: i32) -> i32 {
     let quotient = match dividend.checked_div(divisor) {
         Some(quotient) => quotient,
@@ -124,7 +121,7 @@ const fn divide(dividend: i32, divisor: i32) -> i32 {
     quotient
 }
 
-/// A spool movement at constant velocity between two travel values.
+/// A movement of the spool at constant velocity.
 #[derive(Clone, Copy, Debug)]
 struct Leg {
     from: Travel,
@@ -153,7 +150,7 @@ impl Leg {
         self.from.shifted(micros.wrapping_mul(self.velocity))
     }
 
-    /// Returns the first microsecond at which the line has reached `level`, which must lie between `from` and `to`.
+    /// Returns the first microsecond at which the spool has reached `level`, which must lie between `from` and `to`.
     #[inline]
     fn reaches(&self, level: i32) -> Instant {
         let way = level.abs_diff(self.from.0);
@@ -162,7 +159,7 @@ impl Leg {
         delayed(self.start, Duration::from_micros(u64::from(micros)))
     }
 
-    /// Returns the next time after `now` at which the line enters or leaves the band; [`NEVER`] if there is none.
+    /// Returns the next time after `now` at which the spool enters or leaves the band, [`NEVER`] if it does not.
     fn crosses(&self, band: Band, now: Instant) -> Instant {
         if now >= self.end {
             return NEVER;
@@ -181,22 +178,19 @@ impl Leg {
     }
 }
 
-/// The path of the spool: the approach to a destination and then, for a drifting spool, a slow creep.
+/// The path of the spool: an approach to the destination, followed by the creep of a drifting spool.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
     approach: Leg,
-    /// The creep of a drifting spool.
     creep: Option<Leg>,
 }
 
 impl Path {
-    /// Creates a path at rest.
     pub(super) const fn rest(place: Travel, now: Instant) -> Self {
         let leg = Leg { from: place, to: place, start: now, end: now, velocity: 1 };
         Self { approach: leg, creep: None }
     }
 
-    /// Creates a path from `from` to `to`.
     pub(super) fn new(from: Travel, to: Travel, rate: Rate, now: Instant) -> Self {
         Self { approach: Leg::new(from, to, rate, now), creep: None }
     }
@@ -215,8 +209,8 @@ impl Path {
         }
     }
 
-    /// Returns the next time after `now` at which the velocity may change; [`NEVER`] once the spool is at rest. The
-    /// last microsecond of a line counts as a separate line, because it can cover a shorter distance.
+    /// Returns the next time after `now` at which the velocity may change, [`NEVER`] once the spool is at rest. The
+    /// last microsecond of a leg may cover a shorter distance, so the velocity also changes at its beginning.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         let ends = |leg: &Leg| {
             let last = Instant::from_ticks(leg.end.as_ticks().saturating_sub(1));
@@ -225,7 +219,7 @@ impl Path {
         ends(&self.approach).or_else(|| self.creep.as_ref().and_then(ends)).unwrap_or(NEVER)
     }
 
-    /// Returns the end of the approach, where a spool that does not creep stays.
+    /// Returns the end of the approach. A spool that does not creep stays there.
     pub(super) const fn destination(&self) -> Travel {
         self.approach.to
     }
@@ -238,8 +232,7 @@ impl Path {
         }
     }
 
-    /// Returns the first microsecond after `now` at which the spool enters or leaves a band; [`NEVER`] if there is
-    /// none.
+    /// Returns the first microsecond after `now` at which the spool enters or leaves a band, [`NEVER`] if it does not.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));
         self.approach.crosses(band, now).min(creeps)

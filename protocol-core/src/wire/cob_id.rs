@@ -14,21 +14,21 @@ impl NodeId {
         if raw >= 1 && raw <= 127 { Some(Self(raw)) } else { None }
     }
 
-    /// Returns the number.
+    /// Returns the node ID as a number, 1–127.
     #[inline]
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
     }
 
-    /// Returns the identifier of a function of this node in the predefined connection set.
+    /// Returns the identifier of this node's `function` in the predefined connection set.
     #[inline]
     #[must_use]
     pub const fn id(self, function: Function) -> StandardId {
         standard(self.raw_id(function))
     }
 
-    /// Returns the identifier of a function of this node as a number.
+    /// Returns the identifier of this node's `function` as a number.
     #[inline]
     #[must_use]
     pub const fn raw_id(self, function: Function) -> u16 {
@@ -36,36 +36,36 @@ impl NodeId {
     }
 }
 
-/// The node-specific functions of the predefined connection set: the identifier is the function plus the node ID.
+/// The functions of a node in the predefined connection set. The identifier of a frame is the function plus the node
+/// ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub enum Function {
-    /// Emergency, from the node.
+    /// EMCY, sent by the node.
     Emcy = 0x080,
-    /// TPDO 1, from the node.
+    /// TPDO 1, sent by the node.
     Tpdo1 = 0x180,
-    /// RPDO 1, to the node.
+    /// RPDO 1, received by the node.
     Rpdo1 = 0x200,
-    /// SDO, from the server.
+    /// SDO answer, sent by the node.
     SdoAnswer = 0x580,
-    /// SDO, to the server.
+    /// SDO request, received by the node.
     SdoRequest = 0x600,
-    /// Boot-up and heartbeat, from the node.
+    /// Boot-up and heartbeat, sent by the node.
     Heartbeat = 0x700,
 }
 
 impl Function {
-    /// All functions.
     const ALL: [Self; 6] = [Self::Emcy, Self::Tpdo1, Self::Rpdo1, Self::SdoAnswer, Self::SdoRequest, Self::Heartbeat];
 
-    /// Returns whether the node sends the frames of the function rather than receiving them.
+    /// Returns whether the node sends the frames of this function; otherwise the node receives them.
     #[must_use]
     pub const fn is_from_node(self) -> bool {
         !matches!(self, Self::Rpdo1 | Self::SdoRequest)
     }
 }
 
-/// Returns the function and node ID of an identifier; `None` for an identifier of no node, and for PDOs 2 to 4.
+/// Returns the function and node ID of an identifier; `None` for PDOs 2 to 4 and for identifiers without a node ID.
 #[must_use]
 pub fn classify(id: StandardId) -> Option<(Function, NodeId)> {
     let (function, node) = (id.as_raw() & !0x7F, id.as_raw() & 0x7F);
@@ -73,11 +73,11 @@ pub fn classify(id: StandardId) -> Option<(Function, NodeId)> {
     Some((function, NodeId::new(u8::try_from(node).ok()?)?))
 }
 
-/// NMT commands, to all.
+/// The identifier of NMT commands, which all nodes receive.
 pub const NMT: u16 = 0x000;
-/// LSS, from the slaves.
+/// The identifier of LSS answers, which the slaves send.
 pub const LSS_ANSWER: u16 = 0x7E4;
-/// LSS, to the slaves.
+/// The identifier of LSS requests, which the slaves receive.
 pub const LSS_REQUEST: u16 = 0x7E5;
 
 /// The value of an object of type COB-ID: an identifier and three control bits (CiA 301 7.5.2.5, .15, .35).
@@ -87,9 +87,9 @@ pub struct CobId(u32);
 impl CobId {
     /// Bit 31: the communication object is off.
     pub const OFF: u32 = 1 << 31;
-    /// Bit 30: no RTR (PDO), or SYNC producer (SYNC).
+    /// Bit 30: of a PDO, RTR is not allowed; of SYNC, the device is the producer.
     pub const BIT_30: u32 = 1 << 30;
-    /// Bit 29: 29-bit identifier.
+    /// Bit 29: the identifier has 29 bits.
     pub const EXTENDED: u32 = 1 << 29;
     const IDENTIFIER: u32 = Self::EXTENDED - 1;
 
@@ -132,7 +132,7 @@ impl CobId {
         self.0 & Self::IDENTIFIER
     }
 
-    /// Returns the CAN identifier.
+    /// Returns the CAN identifier. Bit 29 decides between 11 and 29 bits.
     #[must_use]
     pub const fn id(self) -> Id {
         if self.is_extended() {
@@ -149,9 +149,9 @@ impl CobId {
         self.0 & (Self::EXTENDED | Self::IDENTIFIER)
     }
 
-    /// Returns whether a PDO, SYNC, EMCY or EMCY consumer may use the identifier: a 29-bit identifier if `extended`, or
-    /// an 11-bit identifier that is not restricted. CiA 301 (7.3.5) restricts the identifiers of NMT, the default SDOs,
-    /// EMCY, error control and LSS (SPEC 4.1).
+    /// Returns whether a PDO, SYNC, EMCY or EMCY consumer may use the identifier. `extended` permits every 29-bit
+    /// identifier. An 11-bit identifier must not be one that CiA 301 (7.3.5) restricts, such as those of NMT, the
+    /// default SDOs and LSS (SPEC 4.1).
     #[must_use]
     pub const fn is_usable(self, extended: bool) -> bool {
         if self.is_extended() {

@@ -2,10 +2,10 @@
 
 use heapless::Vec;
 
-/// The maximum number of digits.
+/// The maximum number of digits of a u32.
 pub const DIGITS: usize = 10;
 
-/// The highest power of ten in a u32.
+/// The highest power of ten that fits a u32.
 const HIGHEST: u32 = 1_000_000_000;
 
 /// Returns the digits of a number without leading zeros.
@@ -13,7 +13,7 @@ const HIGHEST: u32 = 1_000_000_000;
 pub fn decimal(number: u32) -> Vec<u8, DIGITS> {
     let mut digits = Vec::new();
     let mut unit = HIGHEST;
-    // Ends at `unit` 0.
+    // The loop ends when `unit` is 0, where `checked_div` returns `None`.
     while let Some(leading) = number.checked_div(unit) {
         if leading != 0 || unit == 1 {
             // There is room: at most one digit per unit.

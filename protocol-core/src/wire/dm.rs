@@ -5,7 +5,7 @@ use heapless::Vec;
 
 use super::dtc::Dtc;
 
-/// The lamp status, by severity.
+/// The lamp status of a diagnostic message. The order is that of severity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Lamp(u8);
 
@@ -23,7 +23,7 @@ impl Lamp {
         Self(raw)
     }
 
-    /// Returns the byte.
+    /// Returns the lamp status as the byte on the bus.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -33,13 +33,13 @@ impl Lamp {
 /// The maximum occurrence count.
 pub const MAX_COUNT: u8 = 127;
 
-/// The second byte of a message, the flash status of the lamps: always 0xFF.
+/// The second byte of a message, the flash status of the lamps: always "not available".
 const FLASH_STATUS: u8 = 0xFF;
 
 /// The fill byte after the trouble code of a single frame.
 const FILL: u8 = 0xFF;
 
-/// The number of bytes before the first trouble code.
+/// The number of bytes before the first trouble code: lamp status and flash status.
 const HEAD: usize = 2;
 
 /// The number of bytes of a trouble code with its occurrence count.
@@ -54,11 +54,11 @@ pub const fn payload_len(troubles: usize) -> usize {
 /// A trouble code, its occurrence count, and its lamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trouble {
-    /// The lamp.
+    /// The lamp that the fault lights.
     pub lamp: Lamp,
     /// The code.
     pub dtc: Dtc,
-    /// The occurrence count; above [`MAX_COUNT`] it counts as [`MAX_COUNT`].
+    /// The occurrence count. Values above [`MAX_COUNT`] are sent as [`MAX_COUNT`].
     pub count: u8,
 }
 
@@ -83,8 +83,8 @@ pub const fn single(trouble: Option<Trouble>) -> [u8; 8] {
     }
 }
 
-/// Encodes a message with several trouble codes for the transport protocol, with the most severe of their lamps. Codes
-/// that do not fit `N` bytes, see [`payload_len`], are left out.
+/// Encodes a message with several trouble codes for the transport protocol. The lamp is the most severe of all codes.
+/// Codes that do not fit into `N` bytes, see [`payload_len`], are left out.
 #[must_use]
 pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) -> Vec<u8, N> {
     let lamp = troubles.clone().map(|trouble| trouble.lamp).max().unwrap_or(Lamp::OFF);
@@ -96,8 +96,8 @@ pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) 
     payload
 }
 
-/// Decodes the lamp and the trouble codes of a single frame or a transport protocol payload; `None` if it is too short
-/// for a trouble code.
+/// Decodes the lamp and the trouble codes of a single frame or a transport protocol payload. Returns `None` for a
+/// payload without room for a trouble code.
 pub fn parse(payload: &[u8]) -> Option<(Lamp, impl Iterator<Item = (Dtc, u8)>)> {
     let &[lamp, _, ref troubles @ ..] = payload else { return None };
     let (troubles, _) = troubles.as_chunks::<TROUBLE_LEN>();

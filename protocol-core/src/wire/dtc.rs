@@ -2,7 +2,7 @@
 
 /// A diagnostic trouble code in 24 bits: the suspect parameter (SPN) and its failure mode (FMI).
 ///
-/// (R) The manual prints a code as one number: the three bytes on the bus in reverse order (SPEC 3).
+/// (R) The manual prints a code as one number, which is the three bytes on the bus in reverse order (SPEC 3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Dtc(u32);
 
@@ -17,13 +17,13 @@ impl Dtc {
         Self((spn & 0x7_0000) << 5 | (fmi as u32 & 0x1F) << 16 | spn & 0xFFFF)
     }
 
-    /// Creates a code from its printed number, of which the low 24 bits are used.
+    /// Creates a code from the low 24 bits of the number that the manual prints.
     #[must_use]
     pub const fn from_printed(number: u32) -> Self {
         Self(number & 0xFF_FFFF)
     }
 
-    /// Returns the number as printed in the manual.
+    /// Returns the number that the manual prints.
     #[must_use]
     pub const fn printed(self) -> u32 {
         self.0

@@ -3,7 +3,7 @@
 /// The emergency error code "no error": an error reset.
 pub const NO_ERROR: u16 = 0x0000;
 
-/// The emergency error code of a generic error; for an EMCY consumer an emergency stop (SPEC 4.2).
+/// The emergency error code of a generic error. The EMCY consumer of a valve treats it as an emergency stop (SPEC 4.2).
 pub const GENERIC_ERROR: u16 = 0x1000;
 
 /// An emergency message.

@@ -1,16 +1,16 @@
-//! J1939 identifiers: priority, parameter group number, destination or group extension, source (SAE J1939-21 5.2;
-//! ISO 11783-3).
+//! J1939 identifiers: priority, parameter group number, destination or group extension, source (SAE J1939-21 5.2; ISO
+//! 11783-3).
 
 use crate::frame::{Frame, Id, extended, key};
 
-/// An address on the bus; controllers have 0–253.
+/// An address on the bus; a controller has one of 0–253.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address(u8);
 
 impl Address {
-    /// The null address, the source of a cannot-claim.
+    /// The null address: the source address of a cannot-claim.
     pub const NULL: Self = Self(0xFE);
-    /// The global address, the destination of messages to all.
+    /// The global address: the destination of messages to all controllers.
     pub const GLOBAL: Self = Self(0xFF);
 
     /// Creates an address from any byte.
@@ -20,7 +20,7 @@ impl Address {
         Self(raw)
     }
 
-    /// Returns the number.
+    /// Returns the address as a byte.
     #[inline]
     #[must_use]
     pub const fn get(self) -> u8 {
@@ -28,10 +28,10 @@ impl Address {
     }
 }
 
-/// A parameter group number as carried in three bytes.
+/// A parameter group number (PGN) of 24 bits.
 ///
-/// In an identifier the number has 18 bits, and in PDU1 format its low byte is 0. A request can contain any 24 bits;
-/// all of them are kept, so that a refusal can repeat them.
+/// In an identifier the number has 18 bits, and in PDU1 format its low byte is 0. A request can contain any 24 bits,
+/// which a refusal must repeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pgn(u32);
 
@@ -46,30 +46,31 @@ impl Pgn {
     pub const TP_CONNECTION: Self = Self(0x00_EC00);
     /// Address claimed, and cannot claim, PDU1.
     pub const ADDRESS_CLAIMED: Self = Self(0x00_EE00);
-    /// DM1, active diagnostic trouble codes (R: the manual prints 18CEFA).
+    /// DM1, active diagnostic trouble codes (R: the manual prints the identifier 18CEFA).
     pub const DM1: Self = Self(0x00_FECA);
-    /// DM2, previously active diagnostic trouble codes (R: the manual prints 18CEFCB and 18CEFB).
+    /// DM2, previously active diagnostic trouble codes (R: the manual prints the identifiers 18CEFCB and 18CEFB).
     pub const DM2: Self = Self(0x00_FECB);
     /// DM3, clearing of previously active diagnostic trouble codes.
     pub const DM3: Self = Self(0x00_FECC);
     /// Commanded address.
     pub const COMMANDED_ADDRESS: Self = Self(0x00_FED8);
 
-    /// Creates a group from the low 24 bits of `raw`.
+    /// Creates a group number from the low 24 bits of `raw`.
     #[inline]
     #[must_use]
     pub const fn new(raw: u32) -> Self {
         Self(raw & 0xFF_FFFF)
     }
 
-    /// Returns the auxiliary valve command group of valve `number`, of which the low four bits are used.
+    /// Returns the group of auxiliary valve commands (AVC) to a valve. The low four bits of `number` select the valve.
     #[inline]
     #[must_use]
     pub const fn avc(number: u8) -> Self {
         Self(0x00_FE30 | (number & 0xF) as u32)
     }
 
-    /// Returns the auxiliary valve estimated flow group of valve `number`, of which the low four bits are used.
+    /// Returns the group of auxiliary valve estimated flows (AVEF) of a valve. The low four bits of `number` select the
+    /// valve.
     #[inline]
     #[must_use]
     pub const fn avef(number: u8) -> Self {
@@ -91,14 +92,14 @@ impl Pgn {
         [low, middle, high]
     }
 
-    /// Returns the number.
+    /// Returns the 24 bits.
     #[inline]
     #[must_use]
     pub const fn raw(self) -> u32 {
         self.0
     }
 
-    /// Returns the page bits and PDU format, like [`J1939Id::format`]; higher bits are dropped.
+    /// Returns the page bits and the PDU format, like [`J1939Id::format`], without the higher bits.
     #[inline]
     #[must_use]
     pub const fn format(self) -> Format {
@@ -106,8 +107,7 @@ impl Pgn {
     }
 }
 
-/// The two page bits and the eight bits of PDU format. In PDU1 format these ten bits determine the group, so they are
-/// examined first.
+/// The two page bits and the eight bits of the PDU format. In PDU1 format these ten bits determine the group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Format(u16);
 
@@ -122,7 +122,8 @@ impl Format {
     pub const TP_CONNECTION: Self = Pgn::TP_CONNECTION.format();
     /// Address claimed, and cannot claim.
     pub const ADDRESS_CLAIMED: Self = Pgn::ADDRESS_CLAIMED.format();
-    /// The groups 0xFE00–0xFEFF, distinguished by the next byte of the identifier: AVC, AVEF, the DMs and many others.
+    /// The groups 0xFE00–0xFEFF: AVC, AVEF, the diagnostic messages and many others. The next byte of the identifier
+    /// distinguishes them.
     pub const GROUPS_FE: Self = Pgn(0x00_FE00).format();
 
     /// Returns whether the format is PDU1, whose frames have a destination.
@@ -151,22 +152,22 @@ impl Priority {
         Self(raw & 7)
     }
 
-    /// Returns the number.
+    /// Returns the priority as a number, 0–7.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
     }
 }
 
-/// Extended data page and data page.
+/// The bits of the extended data page and the data page.
 const BOTH_PAGES: u32 = 3 << 24;
 
-/// A 29-bit identifier.
+/// A 29-bit J1939 identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct J1939Id(u32);
 
 impl J1939Id {
-    /// Creates the identifier of a message. The destination is used in PDU1 format only.
+    /// Creates the identifier of a message. A group in PDU2 format ignores the destination.
     #[inline]
     #[must_use]
     pub const fn new(priority: Priority, pgn: Pgn, destination: Address, source: Address) -> Self {
@@ -188,7 +189,7 @@ impl J1939Id {
         Self(raw & 0x1FFF_FFFF)
     }
 
-    /// Returns the identifier of a frame; `None` for a standard identifier.
+    /// Returns the identifier of a frame; `None` for an 11-bit identifier.
     #[inline]
     #[must_use]
     pub fn of(frame: &Frame) -> Option<Self> {
@@ -209,14 +210,15 @@ impl J1939Id {
         Id::Extended(extended(self.0))
     }
 
-    /// Returns the key of the identifier.
+    /// Returns the [key] of the identifier.
     #[inline]
     #[must_use]
     pub fn key(self) -> u32 {
         key(self.id())
     }
 
-    /// Returns whether this is a J1939 identifier; both page bits set mark another protocol (ISO 11783-3).
+    /// Returns whether J1939 uses the identifier. If both page bits are set, it belongs to another protocol (ISO
+    /// 11783-3).
     #[inline]
     #[must_use]
     pub const fn is_j1939(self) -> bool {
@@ -229,7 +231,7 @@ impl J1939Id {
         Priority::new((self.0 >> 26) as u8)
     }
 
-    /// Returns the page bits and PDU format.
+    /// Returns the page bits and the PDU format.
     #[inline]
     #[must_use]
     pub const fn format(self) -> Format {

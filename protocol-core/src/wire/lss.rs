@@ -1,4 +1,4 @@
-//! LSS: the eight bytes of requests and answers (CiA 305 6.4).
+//! LSS requests and answers, of eight bytes each (CiA 305 6.4).
 
 use super::cob_id::NodeId;
 use super::u32_at;
@@ -17,7 +17,7 @@ pub struct Address {
 }
 
 impl Address {
-    /// Returns a part of the address; `None` above 3.
+    /// Returns a part of the address; `None` for a part above 3.
     #[must_use]
     pub const fn part(&self, part: u8) -> Option<u32> {
         match part {
@@ -33,14 +33,15 @@ impl Address {
 /// A part of the LSS address: 0 vendor, 1 product, 2 revision, 3 serial.
 pub type Part = u8;
 
-/// A bound that identify remote slave sets on a part of the LSS address; limits are inclusive.
+/// The kind of a bound on a part of the LSS address, set by identify remote slave. The limit itself satisfies every
+/// bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
-    /// Equal to the limit.
+    /// The part equals the limit.
     Exactly(Part),
-    /// At least the limit.
+    /// The part is at least the limit.
     AtLeast(Part),
-    /// At most the limit.
+    /// The part is at most the limit.
     AtMost(Part),
 }
 
@@ -49,7 +50,7 @@ impl Bound {
     pub const ALL: [Self; 6] =
         [Self::Exactly(0), Self::Exactly(1), Self::AtLeast(2), Self::AtMost(2), Self::AtLeast(3), Self::AtMost(3)];
 
-    /// Returns whether an LSS address satisfies the bound with this limit.
+    /// Returns whether an LSS address satisfies the bound with the given limit.
     #[must_use]
     pub fn holds(self, limit: u32, address: &Address) -> bool {
         match self {
@@ -65,13 +66,13 @@ impl Bound {
 pub struct LssNodeId(pub Option<NodeId>);
 
 impl LssNodeId {
-    /// Creates a node ID; `None` for a reserved number.
+    /// Creates a node ID from its number; `None` for a reserved number.
     #[must_use]
     pub fn new(raw: u8) -> Option<Self> {
         if raw == NO_NODE_ID { Some(Self(None)) } else { NodeId::new(raw).map(|node_id| Self(Some(node_id))) }
     }
 
-    /// Returns the number.
+    /// Returns the node ID as a number, 255 for none.
     #[must_use]
     pub fn get(self) -> u8 {
         self.0.map_or(NO_NODE_ID, NodeId::get)
@@ -83,7 +84,7 @@ impl LssNodeId {
 pub struct FastScan {
     /// The number to compare with the part of the LSS address.
     pub number: u32,
-    /// The lowest compared bit, 0–31; 0x80 starts a scan, and every unconfigured slave answers.
+    /// The lowest compared bit, 0–31. 0x80 starts a scan, and every slave without a node ID answers.
     pub bit_check: u8,
     /// The compared part of the LSS address.
     pub sub: u8,
@@ -92,15 +93,15 @@ pub struct FastScan {
 }
 
 impl FastScan {
-    /// Returns whether this request ends the scan: it compares all bits of the last part, and `next` is a different
-    /// part.
+    /// Returns whether a match of this request ends the scan: it compares all bits of the last part, and `next` differs
+    /// from this part.
     #[must_use]
     pub const fn is_last(&self) -> bool {
         self.bit_check == 0 && self.sub == 3 && self.next != 3
     }
 }
 
-/// A request of a master.
+/// A request of an LSS master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// 0x04: switch all slaves to waiting (0) or configuration (1).
@@ -108,20 +109,20 @@ pub enum Request {
         /// The mode; values above 1 are reserved.
         mode: u8,
     },
-    /// 0x40–0x43: a part of the address of the slave to switch to configuration.
+    /// 0x40–0x43: switch the slave with this LSS address to configuration. A request carries one part of the address.
     SwitchSelective(Part, u32),
     /// 0x11: configure a node ID.
     ConfigureNodeId(u8),
     /// 0x13: configure a bit rate.
     ConfigureBitTiming {
-        /// The bit timing table; 0 is that of CiA 305.
+        /// The bit timing table; 0 is the table of CiA 305.
         table: u8,
-        /// The index in the table.
+        /// The index of the bit rate in the table.
         index: u8,
     },
     /// 0x15: activate the configured bit rate.
     ActivateBitTiming {
-        /// The delay in ms before the switch, and again after it.
+        /// The delay before the switch, and the delay after it, in ms.
         delay_ms: u16,
     },
     /// 0x17: store the node ID and bit rate.
@@ -130,18 +131,18 @@ pub enum Request {
     InquireIdentity(Part),
     /// 0x5E: inquire the node ID.
     InquireNodeId,
-    /// 0x46–0x4B: a bound of identify remote slave.
+    /// 0x46–0x4B: identify remote slaves. A request carries one bound and its limit.
     IdentifyRemote(Bound, u32),
-    /// 0x4C: identify slaves without node ID.
+    /// 0x4C: identify slaves without a node ID.
     IdentifyNonConfigured,
     /// 0x51: fast scan.
     FastScan(FastScan),
-    /// Any other command.
+    /// Any other command, with its first byte.
     Unknown(u8),
 }
 
 impl Request {
-    /// Decodes a request on 0x7E5.
+    /// Decodes the eight data bytes of a request.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Self {
         let [command, first, second, _, _, bit_check, sub, next] = *bytes;
@@ -166,16 +167,16 @@ impl Request {
     }
 }
 
-/// An answer of a slave.
+/// An answer of an LSS slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// 0x44: the slave was selected by its LSS address.
+    /// 0x44: all four parts of the LSS address match, and the slave is in configuration.
     Selected,
-    /// 0x11: the error code of configuring the node ID.
+    /// 0x11: the result of configuring the node ID, [`SUCCESS`] or an error code.
     NodeId(u8),
-    /// 0x13: the error code of configuring the bit rate.
+    /// 0x13: the result of configuring the bit rate, [`SUCCESS`] or an error code.
     BitTiming(u8),
-    /// 0x17: the error code of storing.
+    /// 0x17: the result of storing, [`SUCCESS`] or an error code.
     Stored(u8),
     /// 0x5A–0x5D: a part of the LSS address.
     Identity(Part, u32),
@@ -187,10 +188,10 @@ pub enum Answer {
     Identified,
 }
 
-/// The error code of a successful configuration or store; the product defines the other error codes.
+/// The result of a successful configuration or store. The product defines the error codes.
 pub const SUCCESS: u8 = 0;
 
-/// The number that answers an inquiry of the node ID if the slave has none.
+/// The number of a slave without a node ID.
 pub const NO_NODE_ID: u8 = 255;
 
 impl Answer {

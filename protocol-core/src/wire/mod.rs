@@ -1,6 +1,6 @@
-//! Encoding and decoding of messages: one file per message, total functions, no state.
+//! Encoding and decoding of messages, one file each, by total functions without state.
 //!
-//! Parsing accepts any bytes; unknown codes are kept as values or yield `None`.
+//! Parsers accept any bytes. They keep unknown codes as values, or return `None`.
 
 pub mod cob_id;
 pub mod decimal;

@@ -8,13 +8,13 @@ use crate::frame::Frame;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name(u64);
 
-/// The mask of the identity number.
+/// The mask of the identity number, the low 21 bits.
 pub const IDENTITY_NUMBER: u32 = 0x1F_FFFF;
 
-/// The fields of a NAME; bits beyond the width of a field are ignored.
+/// The fields of a NAME. [`Name::new`] ignores bits beyond the width of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fields {
-    /// Whether the controller can choose another address on its own.
+    /// Whether the controller can choose another address by itself.
     pub arbitrary_address_capable: bool,
     /// The industry group, 3 bits; 2 is agriculture and forestry.
     pub industry_group: u8,
@@ -88,7 +88,7 @@ impl Name {
         self.0
     }
 
-    /// Encodes an address claim, `18EEFFyy` with the NAME. With the source [`Address::NULL`], the frame is a
+    /// Encodes an address claim, `18EEFFyy` with the NAME. With the source [`Address::NULL`] the frame is a
     /// cannot-claim.
     #[inline]
     #[must_use]

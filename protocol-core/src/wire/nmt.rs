@@ -13,7 +13,7 @@ pub enum Command {
     Stop = 0x02,
     /// Enter pre-operational.
     EnterPreOperational = 0x80,
-    /// Restart the entire device.
+    /// Restart the application and the communication.
     ResetApplication = 0x81,
     /// Restart the communication only.
     ResetCommunication = 0x82,
@@ -46,14 +46,14 @@ pub fn parse(data: &[u8]) -> Option<(Command, Target)> {
 /// An NMT state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum State {
-    /// Before the boot-up.
+    /// Initialising, before the boot-up message.
     #[default]
     Initialising,
-    /// SDO, NMT and other services, but no PDOs.
+    /// Pre-operational: all services but PDOs.
     PreOperational,
-    /// All services.
+    /// Operational: PDOs too.
     Operational,
-    /// NMT and heartbeat only.
+    /// Stopped: of the services of CiA 301, NMT and error control only.
     Stopped,
 }
 
@@ -61,7 +61,8 @@ impl State {
     /// All states.
     pub const ALL: [Self; 4] = [Self::Initialising, Self::PreOperational, Self::Operational, Self::Stopped];
 
-    /// Returns the code of the state in a heartbeat; the code of initialising marks the boot-up.
+    /// Returns the code of the state in a heartbeat. The code of [`Initialising`](Self::Initialising) marks the boot-up
+    /// message.
     #[inline]
     #[must_use]
     pub const fn code(self) -> u8 {
@@ -73,7 +74,7 @@ impl State {
         }
     }
 
-    /// Returns the state for a code in a heartbeat; `None` for an unknown code.
+    /// Returns the state of a code in a heartbeat; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.code() == code)

@@ -7,31 +7,31 @@ pub struct MappingEntry {
     pub index: u16,
     /// The sub-index of the mapped object.
     pub sub: u8,
-    /// The length in bits.
+    /// The length of the mapped object, in bits.
     pub bits: u8,
 }
 
 impl MappingEntry {
     /// An unused entry, beyond the number of mapped objects (A).
     ///
-    /// CiA 301 does not define this value. Configuration tools write it to all entries before writing new entries, and
-    /// it is the default in a HAT.
+    /// CiA 301 does not define this value. Configuration tools clear all entries with it before writing new ones. It is
+    /// also the default of a HAT's entries 2 to 8.
     pub const UNUSED: Self = Self::parse(0);
 
-    /// Decodes an entry: index, sub-index, length.
+    /// Decodes an entry from the value of its object.
     #[must_use]
     pub const fn parse(raw: u32) -> Self {
         Self { index: (raw >> 16) as u16, sub: (raw >> 8) as u8, bits: raw as u8 }
     }
 
-    /// Encodes the entry as the value of the object.
+    /// Encodes the entry as the value of its object.
     #[must_use]
     pub const fn emit(self) -> u32 {
         (self.index as u32) << 16 | (self.sub as u32) << 8 | self.bits as u32
     }
 
-    /// Returns whether the entry is a dummy: the index 0x0001–0x0007 of a data type, mapping a gap of that type's
-    /// length (CiA 301 7.4.7.1).
+    /// Returns whether the entry is a valid dummy: a gap in the PDO, described by the index (0x0001–0x0007) and the
+    /// length of a data type (CiA 301 7.4.7.1).
     #[must_use]
     pub const fn is_valid_dummy(self) -> bool {
         let bits = match self.index {

@@ -6,7 +6,7 @@ use crate::frame::Frame;
 /// The length of a request.
 const LEN: u8 = 3;
 
-/// Returns the requested group; `None` for fewer than three bytes and for a remote frame. Longer frames are accepted,
+/// Returns the requested group; `None` for a remote frame and for fewer than three bytes. Longer frames are valid,
 /// because some tools pad every frame to eight bytes.
 #[inline]
 #[must_use]
@@ -30,13 +30,13 @@ pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Control {
-    /// Executed.
+    /// The request was executed.
     Positive = 0,
-    /// Not supported, or failed.
+    /// The group is not supported, or its execution failed.
     Negative = 1,
-    /// Supported, but not for this requester.
+    /// The group is supported, but this requester has no access.
     AccessDenied = 2,
-    /// Supported, but not possible now.
+    /// The group is supported, but cannot be answered now.
     CannotRespond = 3,
 }
 
@@ -45,7 +45,7 @@ impl Control {
     pub const ALL: [Self; 4] = [Self::Positive, Self::Negative, Self::AccessDenied, Self::CannotRespond];
 }
 
-/// An acknowledgement, sent to all and naming the requester.
+/// An acknowledgement. The frame goes to all controllers and names the requester.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Acknowledgement {
     /// The control byte.

@@ -1,4 +1,4 @@
-//! SDO: the eight bytes of requests and answers, expedited and segmented (CiA 301 7.2.4.3), and the abort codes.
+//! SDO requests and answers of eight bytes, expedited and segmented (CiA 301 7.2.4.3), and the abort codes.
 
 use super::u32_at;
 
@@ -37,13 +37,13 @@ impl Multiplexer {
 /// A segment of a transfer, with up to seven bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Segment {
-    /// The toggle bit: alternates from segment to segment, initially false.
+    /// The toggle bit: false in the first segment, then alternating.
     pub toggle: bool,
     /// Whether this is the last segment.
     pub last: bool,
-    /// The number of used bytes in `data`, 0–7.
+    /// The number of used bytes of `data`, 0–7.
     pub len: u8,
-    /// The bytes; a server fills the bytes beyond `len` with zeros.
+    /// The bytes. A server fills those beyond `len` with zeros.
     pub data: [u8; 7],
 }
 
@@ -71,7 +71,7 @@ impl Segment {
     }
 }
 
-/// A request of a client.
+/// A request of an SDO client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Read an object.
@@ -85,24 +85,24 @@ pub enum Request {
     DownloadExpedited {
         /// The object.
         object: Multiplexer,
-        /// The number of used bytes in `data`, 1–4; `None` if not indicated.
+        /// The number of used bytes of `data`, 1–4; `None` if the request does not indicate it.
         size: Option<u8>,
-        /// The four bytes.
+        /// The four bytes, little-endian.
         data: u32,
     },
     /// Begin a segmented write of an object.
     InitiateDownload {
         /// The object.
         object: Multiplexer,
-        /// The number of bytes to follow; `None` if not indicated.
+        /// The number of bytes to follow; `None` if the request does not indicate it.
         size: Option<u32>,
     },
     /// The next segment of a download.
     DownloadSegment(Segment),
-    /// The client aborts the transfer.
+    /// The client aborts the transfer of an object with this code.
     Abort(Multiplexer, u32),
-    /// A block transfer, network indication or reserved command. The multiplexer is decoded even if the command has
-    /// none.
+    /// A block transfer, network indication or reserved command, with the bytes where other commands have their
+    /// multiplexer.
     Unknown(Multiplexer),
 }
 
@@ -140,14 +140,14 @@ impl Request {
     }
 }
 
-/// An answer of a server.
+/// An answer of an SDO server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// The value of an object of up to four bytes.
     UploadExpedited {
         /// The object.
         object: Multiplexer,
-        /// The number of used bytes in `data`, 1–4.
+        /// The number of used bytes of `data`, 1–4.
         size: u8,
         /// The bytes, little-endian.
         data: u32,
@@ -161,14 +161,14 @@ pub enum Answer {
     },
     /// A segment of an upload.
     UploadSegment(Segment),
-    /// The object was written, or the server is ready for its segments.
+    /// An expedited download was written, or the server is ready for the segments.
     DownloadDone(Multiplexer),
     /// A download segment was accepted.
     DownloadSegmentDone {
         /// The toggle bit of the accepted segment.
         toggle: bool,
     },
-    /// The server aborts the transfer.
+    /// The server aborts the transfer of an object.
     Abort(Multiplexer, AbortCode),
 }
 
@@ -210,7 +210,7 @@ impl Answer {
     }
 }
 
-/// The reason for an abort (CiA 301 7.2.4.3.17).
+/// The code that gives the reason for an abort (CiA 301 7.2.4.3.17).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct AbortCode(pub u32);
 
@@ -233,7 +233,7 @@ impl AbortCode {
     pub const NOT_MAPPABLE: Self = Self(0x0604_0041);
     /// The mapped objects would exceed the PDO.
     pub const PDO_TOO_LONG: Self = Self(0x0604_0042);
-    /// Access failed because of a hardware error: the non-volatile memory.
+    /// Access failed because of a hardware error; for the simulated devices, of the non-volatile memory.
     pub const HARDWARE: Self = Self(0x0606_0000);
     /// The length does not match.
     pub const LENGTH: Self = Self(0x0607_0010);
@@ -243,20 +243,20 @@ impl AbortCode {
     pub const TOO_SHORT: Self = Self(0x0607_0013);
     /// The sub-index does not exist.
     pub const NO_SUB: Self = Self(0x0609_0011);
-    /// Invalid value.
+    /// The value is invalid.
     pub const INVALID_VALUE: Self = Self(0x0609_0030);
     /// The value is too high.
     pub const TOO_HIGH: Self = Self(0x0609_0031);
     /// The value is too low.
     pub const TOO_LOW: Self = Self(0x0609_0032);
-    /// Data cannot be transferred or stored: the signature is wrong.
+    /// Data cannot be transferred or stored. Objects 0x1010 and 0x1011 refuse a wrong signature with this code.
     pub const CANNOT_STORE: Self = Self(0x0800_0020);
     /// Data cannot be transferred or stored in the present device state.
     pub const DEVICE_STATE: Self = Self(0x0800_0022);
-    /// No data available.
+    /// No data are available.
     pub const NO_DATA: Self = Self(0x0800_0024);
 
-    /// Returns the meaning of the code in a few words.
+    /// Returns the meaning of the code, for people.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {

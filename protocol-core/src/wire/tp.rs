@@ -1,4 +1,4 @@
-//! Transport protocol: the broadcast announce message (BAM) and its data packets; the connection request and its
+//! Transport protocol: the broadcast announce message (BAM) and its data packets, the request to send (RTS) and its
 //! refusal (SAE J1939-21 5.10).
 
 use super::j1939_id::{Address, J1939Id, Pgn, Priority};
@@ -16,19 +16,19 @@ pub const MAX_SIZE: u16 = u8::MAX as u16 * PACKET_LEN as u16;
 /// The control byte of a BAM.
 const BAM: u8 = 0x20;
 
-/// The control byte of a request to send (RTS), which requests a connection.
+/// The control byte of a request to send (RTS), which asks for a connection.
 const REQUEST_TO_SEND: u8 = 0x10;
 
 /// The control byte of a connection abort.
 const ABORT: u8 = 0xFF;
 
-/// The fill byte of unused and reserved bytes.
+/// The value of unused and reserved bytes.
 const FILL: u8 = 0xFF;
 
-/// A broadcast announce message (BAM), which announces the packets of a message.
+/// A broadcast announce message (BAM). It precedes the packets of a message to all controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Announcement {
-    /// The number of payload bytes.
+    /// The size of the message in bytes.
     pub size: u16,
     /// The number of packets.
     pub packets: u8,
@@ -37,7 +37,7 @@ pub struct Announcement {
 }
 
 impl Announcement {
-    /// Creates the announcement of `size` bytes; `None` outside [`MIN_SIZE`]–[`MAX_SIZE`].
+    /// Creates the announcement of a message of `size` bytes; `None` outside [`MIN_SIZE`]–[`MAX_SIZE`].
     #[must_use]
     pub fn new(pgn: Pgn, size: u16) -> Option<Self> {
         let packets = u8::try_from(size.div_ceil(PACKET_LEN as u16)).ok()?;
@@ -50,7 +50,8 @@ impl Announcement {
         Self::new(self.pgn, self.size) == Some(*self)
     }
 
-    /// Decodes the eight bytes of a TP.CM, unchecked; `None` unless it is a BAM.
+    /// Decodes the eight data bytes of a TP.CM; `None` unless they are a BAM. Size and number of packets are not
+    /// checked.
     #[must_use]
     pub const fn parse(bytes: &[u8; 8]) -> Option<Self> {
         match *bytes {
@@ -90,7 +91,7 @@ pub const fn request_to_send(bytes: &[u8; 8]) -> Option<Pgn> {
 /// A connection abort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Abort {
-    /// The reason, from the table of the standard.
+    /// The reason, a number from the table in SAE J1939-21.
     pub reason: u8,
     /// The group of the connection.
     pub pgn: Pgn,
@@ -104,7 +105,7 @@ impl Abort {
         [ABORT, self.reason, FILL, FILL, FILL, low, middle, high]
     }
 
-    /// Encodes the frame `1CECssyy: FF reason FF FF FF pgn` to the controller at `destination`.
+    /// Encodes the frame `1CECddyy: FF reason FF FF FF pgn` to the controller at `destination`.
     #[must_use]
     pub fn frame(self, destination: Address, source: Address) -> Frame {
         let id = J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, destination, source);
@@ -112,10 +113,10 @@ impl Abort {
     }
 }
 
-/// A data packet.
+/// A data packet (TP.DT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet {
-    /// The sequence number, from 1.
+    /// The sequence number; the first packet has 1.
     pub sequence: u8,
     /// The payload bytes.
     pub data: [u8; PACKET_LEN],
@@ -130,7 +131,7 @@ impl Packet {
         Self { sequence, data }
     }
 
-    /// Decodes the eight bytes of a TP.DT.
+    /// Decodes the eight data bytes of a TP.DT.
     #[must_use]
     pub const fn parse(bytes: &[u8; 8]) -> Self {
         let &[sequence, a, b, c, d, e, f, g] = bytes;
@@ -144,7 +145,7 @@ impl Packet {
         [self.sequence, a, b, c, d, e, f, g]
     }
 
-    /// Encodes the frame `1CEBFFyy: sequence, seven bytes`.
+    /// Encodes the frame `1CEBFFyy`: the sequence number and seven bytes.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_DATA, source).id(), self.emit())

@@ -1,14 +1,14 @@
-//! UDS lite: single frames with 29-bit identifiers (SPEC 7; ISO 14229-1 for the services, ISO 15765-2 for the first
-//! byte).
+//! UDS lite: single frames with 29-bit identifiers (SPEC 7). ISO 14229-1 defines the services, ISO 15765-2 the first
+//! byte.
 
 use crate::frame::{ExtendedId, Frame, Id, extended, key};
 
-/// A UDS address, as carried in the identifiers: three bits of net and eight bits of node.
+/// A UDS address: three bits of net and eight bits of node. An identifier carries two, source and destination.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address(u16);
 
 impl Address {
-    /// Creates an address from the low eleven bits of `raw`: net and node.
+    /// Creates an address from the low eleven bits of `raw`.
     #[must_use]
     pub const fn new(raw: u16) -> Self {
         Self(raw & 0x7FF)
@@ -20,7 +20,7 @@ impl Address {
         Self(node as u16)
     }
 
-    /// Returns net and node as eleven bits.
+    /// Returns the eleven bits.
     #[must_use]
     pub const fn raw(self) -> u16 {
         self.0
@@ -44,7 +44,7 @@ pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
     if raw & !0x003F_FFFF == BASE { Some((Address::new((raw >> 11) as u16), Address::new(raw as u16))) } else { None }
 }
 
-/// The mask of a [key] without the source.
+/// The mask of a [key] that ignores the source.
 pub const ANY_SOURCE: u32 = !(0x7FF << 11);
 
 /// Returns the [key] of messages to `destination`, with source 0.
@@ -57,15 +57,15 @@ pub fn key_to(destination: Address) -> u32 {
 pub const READ: u8 = 0x22;
 /// Service 0x2E, write data by identifier.
 pub const WRITE: u8 = 0x2E;
-/// The difference between the service of a positive answer and the service of its request.
+/// The bit that a positive answer adds to the service of its request.
 const POSITIVE: u8 = 0x40;
 /// The service of a negative answer.
 const NEGATIVE: u8 = 0x7F;
 
-/// A data identifier, big-endian on the bus (R: one example in the manual has the bytes in reverse order).
+/// A data identifier, big-endian on the bus (R: one example in the manual reverses the bytes).
 pub type Identifier = u16;
 
-/// The reason for a refusal (ISO 14229-1, negative response codes).
+/// The reason for a refusal: a negative response code of ISO 14229-1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NegativeCode {
@@ -73,7 +73,7 @@ pub enum NegativeCode {
     ServiceNotSupported = 0x11,
     /// The length is wrong.
     IncorrectLength = 0x13,
-    /// Not possible now.
+    /// The service cannot be executed now.
     ConditionsNotCorrect = 0x22,
     /// The identifier is unknown, or the value is out of range.
     RequestOutOfRange = 0x31,
@@ -84,7 +84,7 @@ pub enum NegativeCode {
 }
 
 impl NegativeCode {
-    /// Returns the meaning of the code in a few words.
+    /// Returns the meaning of the code, for people.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -98,17 +98,17 @@ impl NegativeCode {
     }
 }
 
-/// Returns the bytes of a single frame after the length byte, beginning with the service. `None` for an empty frame and
-/// for a first byte that is not the length of a single frame (0, or above 7).
+/// Returns the bytes of a single frame after its length byte, and whether their number equals the length byte. The
+/// first of them is the service.
 ///
-/// The flag states whether the length byte matches the length of the frame; if not, all bytes present are returned.
+/// Returns `None` for an empty frame and for a length byte outside 1–7, which is not that of a single frame.
 #[must_use]
 pub fn single_frame(data: &[u8]) -> Option<(&[u8], bool)> {
     let (&len, bytes) = data.split_first()?;
     matches!(len, 1..=7).then_some((bytes, bytes.len() == usize::from(len)))
 }
 
-/// An answer.
+/// An answer of a UDS server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer<'a> {
     /// `n 62 hi lo data…`, up to four bytes of data.

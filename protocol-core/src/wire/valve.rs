@@ -16,15 +16,15 @@ const FILL: u8 = 0xFF;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// Closed, in neutral.
+    /// The valve is closed, and the spool in neutral.
     Blocked = 0,
     /// Flow from the extend port.
     Extend = 1,
     /// Flow from the retract port.
     Retract = 2,
-    /// Both ports open to tank.
+    /// Both ports are open to tank.
     Float = 3,
-    /// Operated by the hand lever.
+    /// The hand lever moves the spool.
     HandOperation = 10,
     /// Emergency stop.
     EmergencyStop = 14,
@@ -51,7 +51,7 @@ impl State {
     }
 }
 
-/// The command of an AVC. A flow is 0–[`MAX_FLOW`]; a variant without a flow ignores the port flow command.
+/// The command of an AVC. A flow is a port flow command, 0–[`MAX_FLOW`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Close the valve.
@@ -60,7 +60,7 @@ pub enum Command {
     Extend(u8),
     /// Flow from the retract port.
     Retract(u8),
-    /// Open both ports.
+    /// Open both ports to tank.
     Float,
     /// Leave the spool to the hand lever.
     HandOperation,
@@ -75,13 +75,13 @@ pub enum Ignored {
     Length,
     /// The fail-safe mode (bits 8–7 of the third byte) has this value, 1 or 2, instead of "blocked" or "not available".
     FailSafeMode(u8),
-    /// The state is unknown.
+    /// The state is not in the manual.
     State(u8),
-    /// Extend or retract has a port flow command above [`MAX_FLOW`].
+    /// The port flow command of extend or retract is above [`MAX_FLOW`].
     Flow(u8),
 }
 
-/// Returns whether a fail-safe mode is accepted in a command (A): 00 "blocked", or 11 "not available".
+/// Returns whether a command may have this fail-safe mode (A): 0 "blocked", or 3 "not available".
 const fn is_fail_safe_mode(mode: u8) -> bool {
     matches!(mode, 0b00 | 0b11)
 }
@@ -90,7 +90,7 @@ impl Command {
     /// Decodes the data of an AVC.
     ///
     /// # Errors
-    /// The reason to ignore the command.
+    /// Returns the reason for ignoring the command.
     #[inline]
     pub fn parse(data: &[u8]) -> Result<Self, Ignored> {
         let &[flow, _, state, _, _, _, _, _] = data else { return Err(Ignored::Length) };
@@ -109,7 +109,7 @@ impl Command {
         }
     }
 
-    /// Encodes the data of an AVC, with flow 0 for a command without a flow.
+    /// Encodes the data of an AVC. A command without a flow gets the port flow command 0.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let flow = match self {
@@ -119,7 +119,7 @@ impl Command {
         [flow, FILL, RESERVED | self.state() as u8, FILL, FILL, FILL, FILL, FILL]
     }
 
-    /// Encodes the frame `0CFE3xyy`, where x is the low four bits of the valve's address.
+    /// Encodes the frame `0CFE3xyy`: x is the low four bits of the valve's address, yy the source.
     #[must_use]
     pub fn frame(self, valve: Address, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::CONTROL, Pgn::avc(valve.get()), source).id(), self.emit())
@@ -156,9 +156,9 @@ pub const MAX_PERCENT: u8 = 100;
 /// The data of an AVEF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EstimatedFlow {
-    /// Flow from the extend port, in percent; above [`MAX_PERCENT`] it counts as [`MAX_PERCENT`].
+    /// Flow from the extend port, in percent. Values above [`MAX_PERCENT`] are sent as [`MAX_PERCENT`].
     pub extend: u8,
-    /// Flow from the retract port, in percent; above [`MAX_PERCENT`] it counts as [`MAX_PERCENT`].
+    /// Flow from the retract port, in percent. Values above [`MAX_PERCENT`] are sent as [`MAX_PERCENT`].
     pub retract: u8,
     /// The state of the valve.
     pub state: State,
@@ -173,7 +173,7 @@ impl EstimatedFlow {
         Some(Self { extend: percent(extend)?, retract: percent(retract)?, state: State::from_bits(state)? })
     }
 
-    /// Encodes the data of an AVEF; the fail-safe mode, bits 8–7 of the third byte, is 00: blocked.
+    /// Encodes the data of an AVEF. The fail-safe mode, bits 8–7 of the third byte, is 0: blocked.
     #[inline]
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
@@ -181,7 +181,7 @@ impl EstimatedFlow {
         [flow(self.extend), flow(self.retract), state, FILL, FILL, FILL, FILL, FILL]
     }
 
-    /// Encodes the frame `0CFE1xyy`, where x is the low four bits of the valve's own address.
+    /// Encodes the frame `0CFE1xyy`: yy is the valve's address, x its low four bits.
     #[inline]
     #[must_use]
     pub fn frame(self, valve: Address) -> Frame {
@@ -189,7 +189,7 @@ impl EstimatedFlow {
     }
 }
 
-/// Encodes a flow in percent.
+/// Encodes a flow of 0–100 %; higher flows are limited to 100 %.
 const fn flow(percent: u8) -> u8 {
     FLOW_OFFSET.saturating_add(if percent > MAX_PERCENT { MAX_PERCENT } else { percent })
 }

@@ -1,5 +1,4 @@
-//! The progress of a valve in time: steps from deadline to deadline, each of which evaluates every monitor that may
-//! change.
+//! The timers and monitors of a valve. A step evaluates them at one time; a late call steps from deadline to deadline.
 
 use super::super::fault::Fault;
 use super::super::monitor::{Reading, tolerance};
@@ -9,14 +8,12 @@ use super::super::travel::{Band, Travel};
 use super::{Drive, SpoolMonitors, Valve};
 use crate::time::{Instant, NEVER};
 
-/// The band that monitor 1 allows in a shutdown, if the monitor runs then (A): the neutral band, because a shutdown can
-/// end only in neutral. With a wider band, a spool held just outside neutral would prolong the shutdown without a
-/// fault.
+/// The band that monitor 1 allows during a shutdown, on valves whose monitor runs then (A): the neutral band. A
+/// shutdown can end only in neutral, so a spool held outside it must raise a fault.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// The maximum number of deadlines that a late call handles separately. Between two fault changes there are fewer,
-/// because the spool moves and stops once by solenoids and once by springs, and crosses each band at most twice each
-/// way.
+/// The maximum number of deadlines that a late call handles separately. Fewer can lie between two fault changes: each
+/// of solenoids and springs moves the spool once, and each movement crosses a band at most twice.
 const CATCH_UP_STEPS: u32 = 16;
 
 impl Valve {
@@ -29,7 +26,8 @@ impl Valve {
         }
     }
 
-    /// Handles the timers due up to `now`, each at its due time where possible. Returns the effective time of the call.
+    /// Handles the timers due up to `now`, each at its due time where possible. Returns the time of the call, which is
+    /// never earlier than that of the previous call.
     #[inline]
     pub(super) fn catch_up(&mut self, now: Instant) -> Instant {
         self.now = self.now.max(now);
@@ -39,9 +37,9 @@ impl Valve {
         self.now
     }
 
-    /// Steps from deadline to deadline up to `now`. After a fault change, all remaining deadlines are handled at `now`,
+    /// Steps from deadline to deadline up to `now`. After a fault change it handles all remaining deadlines at `now`,
     /// because the protocol must handle the change first.
-    // −10 instructions on an SDO download and on an AVEF.
+    // `inline(never)` saves 10 instructions on an SDO download and on an AVEF.
     #[inline(never)]
     fn run(&mut self, now: Instant) {
         for _ in 0..CATCH_UP_STEPS {
@@ -60,7 +58,7 @@ impl Valve {
         self.step(now);
     }
 
-    /// Evaluates the entire valve at `now`, which must not be earlier than the previous step.
+    /// Evaluates all monitors at `now`, which must not be earlier than the previous step.
     pub(super) fn step(&mut self, now: Instant) {
         self.environment.observe(self.inputs.supply_mv, self.inputs.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);
@@ -68,7 +66,7 @@ impl Valve {
         self.schedule();
     }
 
-    /// Evaluates the spool only.
+    /// Evaluates power save and the spool monitors.
     pub(super) fn step_spool(&mut self, now: Instant) {
         let here = self.spool.at(now);
         let neutral = IN_NEUTRAL.contains(here);
@@ -88,7 +86,7 @@ impl Valve {
         }
     }
 
-    /// Updates power save and applies the solenoids to the spool at `here`.
+    /// Updates power save, and applies solenoids or springs to the spool, which is at `here`.
     fn energise(&mut self, here: Travel, neutral: bool, now: Instant) {
         let commanded = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
         self.power_save.update(commanded, neutral, self.spool.rests(), now);
