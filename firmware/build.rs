@@ -1,5 +1,5 @@
-//! Linker arguments of the image. They are set here rather than in `.cargo/config.toml`, where RUSTFLAGS would silently
-//! override them: the build would then yield an image of a few bytes.
+//! Sets the linker arguments of the image. In `.cargo/config.toml` RUSTFLAGS would silently override them, and the
+//! image would have a few bytes only.
 
 use std::env;
 use std::path::Path;

@@ -1,8 +1,8 @@
-//! A CANopen valve on the processor, without an operating system and without a driver: the cost of the core alone in
-//! flash, RAM, stack, and instructions for a frame. The controller is a mailbox in RAM.
+//! A CANopen valve on the processor, without operating system and driver. It measures the core alone: flash, RAM,
+//! stack, and instructions for a frame. The controller is a mailbox in RAM.
 //!
-//! `tests/firmware-in-the-loop/run --test firmware core_alone` counts, from the entry of a function `row_of_…` to that
-//! of `row_is_done`.
+//! `tests/firmware-in-the-loop/run --test firmware core_alone` counts the instructions from the entry of a function
+//! `row_of_…` to the entry of `row_is_done`.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -14,7 +14,7 @@ mod image {
     use core::panic::PanicInfo;
 
     use cortex_m_rt::entry;
-    // What copies memory.
+    // These functions copy memory.
     use firmware as _;
     use protocol_core::controller::{Controller, Filter, Filters};
     use protocol_core::device::pve::{Kind, PveCanopen, Setup};
@@ -24,7 +24,7 @@ mod image {
     use protocol_core::pump::{pump, receive};
     use protocol_core::time::{Duration, Instant};
     use static_cell::StaticCell;
-    // The table of interrupts, which the start-up code asks for.
+    // The start-up code needs the interrupt table.
     use stm32_metapac as _;
 
     #[panic_handler]
@@ -32,7 +32,7 @@ mod image {
         cortex_m::peripheral::SCB::sys_reset()
     }
 
-    /// A controller that has one frame to be read and takes every frame.
+    /// A controller that holds one received frame and accepts every frame to send.
     #[derive(Default)]
     struct Mailbox {
         received: Option<Frame>,
@@ -70,21 +70,21 @@ mod image {
         now: Instant,
     }
 
-    /// Returns a frame of the bus, of eight bytes at the most.
+    /// Returns a frame of at most eight bytes.
     fn frame(id: u16, data: &[u8]) -> Frame {
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(data).for_each(|(byte, given)| *byte = *given);
         Frame::with_len(standard(id).into(), bytes, data.len() as u8)
     }
 
-    /// Does what is counted: the whole way of a frame: in, everything due done, answers in the controller.
+    /// Runs the counted row of a frame for the valve: reception, due timers, and the answers into the controller.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_of_pump(node: &mut Node) -> Option<Effect> {
         pump(node.valve, &mut node.can, node.now)
     }
 
-    /// Does what is counted: the way of a frame that is for nobody.
+    /// Runs the counted row of a frame for another node.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_of_receive(node: &mut Node) -> Option<Effect> {
@@ -92,7 +92,7 @@ mod image {
         None
     }
 
-    /// Does what is counted: a millisecond in which nothing is due.
+    /// Runs the counted row of a poll without a due timer.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_of_poll(node: &mut Node) -> Option<Effect> {
@@ -100,7 +100,7 @@ mod image {
         None
     }
 
-    /// Ends what is counted.
+    /// Ends the counted row.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_is_done(node: &mut Node) {
@@ -108,7 +108,7 @@ mod image {
     }
 
     impl Node {
-        /// Lets the valve do all that it has to, and empties its controller.
+        /// Pumps until the valve has nothing more to do, and empties its controller.
         fn settle(&mut self, received: Option<Frame>) {
             self.can.received = received;
             for _ in 0..8 {
@@ -119,7 +119,7 @@ mod image {
             }
         }
 
-        /// Counts a row, with a frame that comes a millisecond after the last one.
+        /// Counts a row, whose frame comes a millisecond after the previous one.
         fn count(&mut self, row: fn(&mut Self) -> Option<Effect>, received: Option<Frame>) {
             self.now += Duration::from_millis(1);
             self.settle(None);
@@ -130,7 +130,7 @@ mod image {
         }
     }
 
-    // Both kept apart: what they take of the stack is free again afterwards.
+    // `inline(never)`, so that the stack of these functions is free again after their return.
 
     #[inline(never)]
     fn place() -> &'static mut PveCanopen {
@@ -151,7 +151,7 @@ mod image {
         node.valve.sense(&Inputs::default(), now);
         node.settle(None);
         node.now += Duration::from_millis(510);
-        // A heartbeat every second; operational; and ACTIVE with a set-point.
+        // The heartbeat time is one second, the node is operational, and the valve is ACTIVE with a set-point.
         node.settle(Some(frame(0x620, &[0x2B, 0x17, 0x10, 0, 0xE8, 3, 0, 0])));
         node.settle(Some(frame(0, &[1, 0])));
         node.count(row_of_pump, Some(frame(0x620, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0])));

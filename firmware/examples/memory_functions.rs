@@ -1,6 +1,8 @@
-//! Copies and fills on the processor, in all alignments and overlaps, each compared with what is to come of it.
+//! Copies and fills memory on the processor, in all alignments and overlaps, and compares each result with the expected
+//! one.
 //!
-//! `tests/firmware-in-the-loop/run --test firmware memory_functions` looks which of the last two functions is reached.
+//! `tests/firmware-in-the-loop/run --test firmware memory_functions` observes which of the last two functions is
+//! reached.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -12,14 +14,14 @@ mod image {
     use core::panic::PanicInfo;
 
     use cortex_m_rt::entry;
-    // What is tried.
+    // These functions are tested.
     use firmware as _;
-    // The table of interrupts, which the start-up code asks for.
+    // The start-up code needs the interrupt table.
     use stm32_metapac as _;
 
-    /// Every way to lie to a double word, and to overlap forwards and backwards.
+    /// The number of start positions: all alignments to a double word, and overlaps forwards and backwards.
     const PLACES: usize = 12;
-    /// The longest: two double words, a word, and one to three bytes.
+    /// The maximum length: two double words, a word, and one to three bytes.
     const LONGEST: usize = 23;
     const ROOM: usize = PLACES + LONGEST + 1;
     const FILLING: u8 = 0xA5;
@@ -33,7 +35,7 @@ mod image {
         place as u8
     }
 
-    /// Returns whether so many bytes at `to` are these, and all others untouched.
+    /// Returns whether `length` bytes at `to` are changed as expected, and all others untouched.
     fn is_right(bytes: &[u8], to: usize, length: usize, change: impl Fn(usize) -> u8) -> bool {
         let is_changed = |place: usize| (to..to + length).contains(&place);
         let expected = |place| if is_changed(place) { change(place - to) } else { untouched(place) };
@@ -47,7 +49,7 @@ mod image {
         Room(core::array::from_fn(untouched))
     }
 
-    /// Returns whether a copy to elsewhere, one to where it may overlap, and a filling are right.
+    /// Returns whether a copy, an overlapping copy and two fills yield the expected bytes.
     fn all_are_right(from: usize, to: usize, length: usize) -> bool {
         let (source, mut target) = (room(), room());
         target.0[to..to + length].copy_from_slice(&source.0[from..from + length]);

@@ -1,13 +1,15 @@
-//! The smallest firmware: one CANopen valve, pumped each millisecond. A port begins with this file.
+//! The smallest firmware: one CANopen valve, which is pumped each millisecond. A port begins with this file.
 //!
-//! A port puts its driver in the place of [`Controller`] and its flash in that of [`NoMemory`]. Here words in RAM stand
-//! for the controller's registers, and `tests/firmware-in-the-loop/run --test firmware minimal` plays the bus behind
+//! A port replaces [`Controller`] by its driver and [`NoMemory`] by its flash. Here words in RAM stand for the
+//! registers of the controller, and `tests/firmware-in-the-loop/run --test firmware minimal` simulates the bus behind
 //! them.
 //!
-//! A port also replaces [`TICK_CYCLES`], by its clock; `memory.x` at the top of the repository; and the package
-//! `firmware`, whose functions that copy memory are for a Cortex-M4. It tells the valve by `sense` when the controller is
-//! bus-off. The loop counts its periods: while one takes longer than [`TICK`], a flash that is erased for example, the
-//! valve's time stands, so a port with such a flash reads a timer.
+//! A port also replaces [`TICK_CYCLES`] by its clock, and `memory.x` at the top of the repository. It replaces the
+//! package `firmware`, whose functions that copy memory are for a Cortex-M4. When the controller is bus-off, it calls
+//! `sense`.
+//!
+//! The loop counts its periods. While a period lasts longer than [`TICK`], during an erase of the flash for example,
+//! the time of the valve stands still. A port with such a flash reads a timer instead.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -22,7 +24,7 @@ mod image {
 
     use cortex_m::peripheral::{SCB, syst::SystClkSource};
     use cortex_m_rt::{entry, exception};
-    // The functions that copy memory.
+    // These functions copy memory.
     use firmware as _;
     use protocol_core::controller::{BitRate, Filter, Filters};
     use protocol_core::device::pve::{Kind, PveCanopen, Setup};
@@ -36,13 +38,13 @@ mod image {
         fn DefaultHandler();
     }
 
-    /// The table of interrupts, which the start-up code asks for: the loop uses none, and the chip's whole table takes
-    /// 364 bytes. A port that uses interrupts has its PAC in this place.
+    /// The interrupt table, which the start-up code needs. The loop uses no interrupts, and the table of the entire
+    /// chip takes 364 bytes. A port with interrupts uses its PAC instead.
     #[unsafe(no_mangle)]
     #[unsafe(link_section = ".vector_table.interrupts")]
     static __INTERRUPTS: [unsafe extern "C" fn(); 1] = [DefaultHandler];
 
-    /// The period in which the loop runs, and the same in cycles of the processor, which starts at 16 MHz.
+    /// The period of the loop, and the same in cycles of the processor, which starts at 16 MHz.
     const TICK: Duration = Duration::from_millis(1);
     const TICK_CYCLES: u32 = 16_000;
 
@@ -54,11 +56,11 @@ mod image {
     struct Registers {
         received: Mailbox,
         to_send: Mailbox,
-        /// In bits per second.
+        /// The bit rate in bits per second.
         bit_rate: AtomicU32,
     }
 
-    /// A mailbox: its frame's identifier as a [`Frame::key`] with the bit `FULL`, length and data.
+    /// A mailbox: the identifier of its frame as a [`Frame::key`] with the bit `FULL`, length and data.
     #[repr(C)]
     struct Mailbox {
         key: AtomicU32,
@@ -97,7 +99,7 @@ mod image {
         }
     }
 
-    /// The driver of the CAN controller, which takes every frame and holds one to send.
+    /// The driver of the CAN controller. It receives every frame and holds one to send.
     struct Controller;
 
     impl Controller {
@@ -138,7 +140,7 @@ mod image {
         fn set_filters(&mut self, _: &Filters) {}
     }
 
-    /// The memory of a board that has none: it takes every record and keeps none, so each start is that of a new
+    /// The memory of a board without one. It accepts every record and keeps none, so that each start is that of a new
     /// device.
     struct NoMemory;
 
@@ -163,7 +165,7 @@ mod image {
     #[exception]
     fn SysTick() {}
 
-    // This and `run` are kept apart: each takes much of the stack.
+    // `inline(never)`, because this function and `run` take much of the stack.
     #[inline(never)]
     fn make(place: &mut MaybeUninit<PveCanopen>) -> &mut PveCanopen {
         place.write(PveCanopen::new(Setup::new(Kind::PveaCanopen)))
@@ -171,7 +173,7 @@ mod image {
 
     #[entry]
     fn main() -> ! {
-        // `entry` lends it to this function alone.
+        // `entry` makes the static a reference of this function.
         static mut VALVE: MaybeUninit<PveCanopen> = MaybeUninit::uninit();
         run(make(VALVE))
     }

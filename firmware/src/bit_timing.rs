@@ -1,23 +1,23 @@
-//! Bit timings of the CAN controller for a clock of 40 MHz, which yields every bit rate exactly.
+//! The bit timings of the CAN controller. A clock of 40 MHz yields every bit rate exactly.
 
 use protocol_core::controller::BitRate;
 
-/// The clock of the controller, APB1.
+/// The clock of the controller, APB1, in Hz.
 pub const CLOCK: u32 = 40_000_000;
 
-/// The timing of a bit: prescaler and time quanta.
+/// The timing of a bit, in time quanta.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
-    /// Clock cycles per time quantum.
+    /// The number of clock cycles of a time quantum.
     pub prescaler: u32,
-    /// Time quanta between the synchronisation segment and the sample point.
+    /// The number of time quanta between the synchronisation segment and the sample point.
     pub segment_1: u32,
-    /// Time quanta after the sample point.
+    /// The number of time quanta after the sample point.
     pub segment_2: u32,
 }
 
 impl BitTiming {
-    /// Returns the timing of a bit rate. The sample point is at 87.5 %, at 800 kbit/s at 90 %.
+    /// Returns the timing of a bit rate. The sample point is at 87.5 %; at 800 kbit/s it is at 90 %.
     #[must_use]
     pub const fn of(bit_rate: BitRate) -> Self {
         let (prescaler, segment_1, segment_2) = match bit_rate {
@@ -41,7 +41,8 @@ impl BitTiming {
 
     /// Returns the synchronisation jump width in time quanta: 2, limited to phase segment 2.
     ///
-    /// At 16 quanta per bit, a width of 2 tolerates a clock error of ±0.48 % per node, a width of 1 ±0.31 %.
+    /// With 16 quanta per bit, a width of 2 tolerates a clock error of ±0.48 % per node. A width of 1 tolerates ±0.31
+    /// %.
     #[must_use]
     pub const fn jump_width(self) -> u32 {
         if self.segment_2 < 2 { self.segment_2 } else { 2 }

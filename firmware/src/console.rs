@@ -1,17 +1,17 @@
-//! The command lines of the console.
+//! The commands of the console.
 
 use protocol_core::device::Kind;
 
 use crate::plant::{Change, Word, natural};
 
-/// The help for the commands of the board, one per line, printed after that for the words of the plant.
+/// The help for the commands of the board, a line each. The help for the plant words precedes it.
 pub const HELP: &str = "\
-status              what it is, and what acts on it\r\n\
-kind KIND [SERIAL]  becomes a new device: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000\r\n\
-blank [SERIAL]      becomes a new device without a node ID\r\n\
-power-cycle         restarts\r\n";
+status              prints kind, node ID, bit rate, bus, counters and plant\r\n\
+kind KIND [SERIAL]  makes the board a new device: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000\r\n\
+blank [SERIAL]      makes the board a new device without a node ID\r\n\
+power-cycle         restarts the board\r\n";
 
-/// Writes the help line of a plant word to `put` in parts, aligned with the columns of [`HELP`].
+/// Writes the help line of a plant word to `put` in parts, in the columns of [`HELP`].
 pub fn tell_help(word: &Word, put: &mut dyn FnMut(&str)) {
     const COLUMN: usize = "kind KIND [SERIAL]  ".len();
     word.tell(COLUMN, put);
@@ -19,33 +19,33 @@ pub fn tell_help(word: &Word, put: &mut dyn FnMut(&str)) {
 }
 
 /// The answer to an invalid line.
-pub const USAGE: &str = "not understood: help tells all words";
+pub const USAGE: &str = "invalid line: help lists all words";
 
 /// The answer to a line with lost or altered characters.
-pub const DAMAGED: &str = "damaged in transmission: send it again";
+pub const DAMAGED: &str = "damaged in transmission: send the line again";
 
-/// The answer to a word of another product.
-pub const OTHER_KIND: &str = "another kind of device has this word: help tells all words";
+/// The answer to a plant word of another product.
+pub const OTHER_KIND: &str = "not a word of this kind of device: help lists all words";
 
-/// A parsed line.
+/// A command of the console.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Change the plant of the device.
     Plant(Change),
     /// Print the status of the device.
     Status,
-    /// Become a new device of this kind, with an optional serial number.
+    /// Make the board a new device of this kind, with this serial number.
     Kind(Kind, Option<u32>),
-    /// Become a new device of the present kind without a node ID, with an optional serial number.
+    /// Make the board a new device of the present kind without a node ID, with this serial number.
     Blank(Option<u32>),
-    /// Restart as after power-up.
+    /// Restart the board as after power-up.
     PowerCycle,
     /// Print the help.
     Help,
 }
 
 impl Command {
-    /// Parses a line; `None` if it is invalid.
+    /// Parses a line; `None` for an invalid line.
     #[must_use]
     pub fn parse(line: &str) -> Option<Self> {
         let mut words = line.split_ascii_whitespace();
@@ -62,7 +62,7 @@ impl Command {
     }
 }
 
-/// Parses an optional serial number, decimal or with 0x; `None` if the text is invalid.
+/// Parses an optional serial number, decimal or with 0x; `None` for an invalid number.
 fn serial(word: Option<&str>) -> Option<Option<u32>> {
     let Some(word) = word else { return Some(None) };
     let (digits, radix) = word.strip_prefix("0x").map_or((word, 10), |digits| (digits, 16));

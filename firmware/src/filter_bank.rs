@@ -1,18 +1,18 @@
-//! Encoding of acceptance filters as bxCAN filter banks: 32-bit scale, mask mode (RM0090 32.7.4).
+//! The encoding of filters as filter banks of bxCAN: 32-bit scale, mask mode (RM0090 32.7.4).
 
 use protocol_core::controller::{FILTERS, Filter, Filters};
 use protocol_core::frame::{extended, key, standard};
 
-/// The number of filter banks of CAN 1 after a reset (RM0090, CAN2SB).
+/// The number of filter banks that CAN 1 has after a reset (RM0090, CAN2SB).
 pub const BANKS: usize = 14;
 
 const _: () = assert!(FILTERS <= BANKS);
 
-/// The lowest bit of a standard identifier in an identifier register.
+/// The lowest bit of an 11-bit identifier in an identifier register.
 const STID: u32 = 21;
-/// The lowest bit of an extended identifier in an identifier register.
+/// The lowest bit of a 29-bit identifier in an identifier register.
 const EXID: u32 = 3;
-/// The bit that marks an extended identifier.
+/// The bit that marks a 29-bit identifier.
 const IDE: u32 = 1 << 2;
 /// The bit that marks a remote frame.
 const RTR: u32 = 1 << 1;
@@ -20,9 +20,9 @@ const RTR: u32 = 1 << 1;
 /// The registers of a filter bank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bank {
-    /// The value to which the identifier register of a frame is compared.
+    /// The value with which the identifier register of a frame is compared.
     pub identifier: u32,
-    /// The bits of the identifier register that are compared.
+    /// The compared bits of the identifier register.
     pub mask: u32,
 }
 
@@ -42,20 +42,20 @@ impl Bank {
     }
 }
 
-/// Returns the next step towards the wanted filters: a bank number and its new contents, `None` for inactive.
+/// Returns the next change towards the wanted filters: the number of a bank and its new contents, `None` for inactive.
 ///
-/// A bank is inactive while it changes. Therefore a filter that stays keeps its bank, and new filters are activated
-/// before old ones are removed: an identifier wanted before and after is received throughout. A new filter replaces an
-/// old one only if no bank is free.
+/// A bank is inactive while it changes. A filter that stays therefore keeps its bank, and new filters precede the
+/// removal of old ones. An identifier that is wanted before and after is received throughout. Only without a free bank
+/// does a new filter replace an old one.
 #[must_use]
 pub fn next_change(held: &[Option<Bank>; BANKS], wanted: &Filters) -> Option<(usize, Option<Bank>)> {
     let is_held = |bank: &Bank| held.contains(&Some(*bank));
-    let is_old = |place: &Option<Bank>| place.is_some_and(|bank| wanted.iter().all(|filter| Bank::of(filter) != bank));
+    let is_old = |held: &Option<Bank>| held.is_some_and(|bank| wanted.iter().all(|filter| Bank::of(filter) != bank));
     let position = |is: &dyn Fn(&Option<Bank>) -> bool| held.iter().position(is);
     let old = position(&is_old);
     match wanted.iter().map(Bank::of).find(|bank| !is_held(bank)) {
-        Some(new) => position(&Option::is_none).or(old).map(|place| (place, Some(new))),
-        None => old.map(|place| (place, None)),
+        Some(new) => position(&Option::is_none).or(old).map(|number| (number, Some(new))),
+        None => old.map(|number| (number, None)),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The runner of `cargo flash-board` on the host: starts probe-rs, which flashes the image and shows its log.
+//! The host side of `cargo flash-board`. It starts probe-rs, which flashes the image and shows its log.
 
 use std::env::args_os;
 use std::io::ErrorKind;

@@ -1,12 +1,12 @@
 //! The hardware-independent parts of the firmware, tested on the host.
 //!
 //! ```text
-//! bit_timing    the bit rates          filter_bank  the filters of the CAN controller
-//! console       the commands           line         their reception
-//! settings      the settings of the board
+//! bit_timing    bit rates                  filter_bank  filters of the CAN controller
+//! console       commands of the console    line         lines of the console
+//! settings      settings of the board
 //! ```
 //!
-//! Additionally, for the target only, `memory_functions`: the functions that the compiler calls to copy memory.
+//! For the target only there is also `memory_functions`: the functions that the compiler calls to copy memory.
 #![no_std]
 #![deny(unsafe_code)]
 

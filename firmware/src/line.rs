@@ -1,4 +1,4 @@
-//! The reception of a console line, character by character.
+//! The reception of a line of the console, character by character.
 
 use heapless::String;
 
@@ -20,7 +20,7 @@ const BACKSPACE: u8 = 0x08;
 /// The character that many terminals send instead of backspace.
 const DELETE: u8 = 0x7F;
 
-/// A console line, terminated by CR, LF or both. The first character after the end starts a new line.
+/// A line of the console, which CR, LF or both end. The next character begins a new line.
 #[derive(Debug, Default)]
 pub struct Line {
     text: String<LONGEST>,
@@ -37,17 +37,17 @@ impl Line {
         Self { text: String::new(), is_too_long: false, is_damaged: false, has_ended: false, last: 0 }
     }
 
-    /// Returns the characters received so far, or the complete line after its end.
+    /// Returns the characters so far or, after its end, the complete line.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Adds a character; `is_damaged` states whether it or a neighbouring character was damaged. Returns the condition
-    /// of the line if the character ends it.
+    /// Adds a character. `is_damaged` says that this character or one received with it is damaged. Returns the
+    /// condition of a line that the character ends.
     ///
-    /// A line whose beginning was lost with the previous line is not [damaged](Arrival::Damaged), but cannot be parsed,
-    /// because no command ends with another command.
+    /// If the beginning of a line is lost together with the previous line, the rest is not [damaged](Arrival::Damaged).
+    /// It cannot be parsed, because no command ends with another one.
     pub fn push(&mut self, character: u8, is_damaged: bool) -> Option<Arrival> {
         let last = core::mem::replace(&mut self.last, character);
         if character == b'\n' && last == b'\r' {

@@ -1,16 +1,23 @@
-//! The simulated device on an STM32 board: a NUCLEO-F429ZI or, with the feature `nucleo-f446re`, a NUCLEO-F446RE, and
-//! any 3.3 V CAN transceiver.
+//! The simulated device on an STM32 board: a NUCLEO-F429ZI or, with the feature `nucleo-f446re`, a NUCLEO-F446RE. The
+//! board needs a 3.3 V CAN transceiver.
 //!
 //! ```text
-//! board            the peripherals and tasks
-//! board/nucleo_…   one per board: pins, watchdog, LEDs
-//! board/device     the device's task, highest priority      board/wake_up    the events that wake it
-//! board/link       joining and leaving the bus              board/can        the CAN controller
-//! board/local_controls  console and button, for that task   board/console    the console's task
-//! board/storage    the memory's task                        board/flash      the flash sectors of the memory
-//! board/led        the valve's LED                          board/serial     the console's serial port
-//! board/clock      the clock tree                           board/button     fault injection by the user button
-//! board/watchdog   the watchdog                             board/reset      the cause of a start, and panics
+//! board                 peripherals and tasks
+//! board/nucleo_…        pins, watchdog and LEDs of each board
+//! board/device          task of the device
+//! board/wake_up         events that wake this task
+//! board/link            joining and leaving the bus
+//! board/can             CAN controller
+//! board/local_controls  console and button, for the task of the device
+//! board/console         task of the console
+//! board/serial          serial port of the console
+//! board/button          task of the user button
+//! board/led             task of the LEDs
+//! board/storage         task of the memory
+//! board/flash           flash sectors of the memory
+//! board/clock           clock tree
+//! board/watchdog        watchdog
+//! board/reset           cause of a start, and panics
 //! ```
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -25,7 +32,7 @@ mod board;
 #[cfg(not(target_os = "none"))]
 mod flash_board;
 
-/// Flashes the image: the host program of this package, built with the entire workspace.
+/// Flashes the image. This is the program of the package on the host.
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     flash_board::run()

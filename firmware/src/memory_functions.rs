@@ -1,8 +1,8 @@
 //! The functions that the compiler calls to copy, move and fill memory, in 160 bytes of flash.
 //!
-//! The compiler's own functions are optimised for long copies on every processor and take 3.6 KiB; they are weak
-//! symbols, which these functions replace. Most copies here are of frames: these functions save 50 instructions per SDO
-//! upload, from interrupt to sleep. The processor reads and writes words at any address of its memory (ARMv7-M,
+//! The functions of the compiler are optimised for long copies on every processor, and take 3.6 KiB. They are weak
+//! symbols, which these functions replace. Most copies here are of frames: these functions save 50 instructions on an
+//! SDO upload, from interrupt to sleep. The processor reads and writes words at any address of its memory (ARMv7-M,
 //! A3.2.1).
 //!
 //! The functions conform to the run-time ABI of ARM (RTABI 4.3.4): they return nothing and change only r0–r3 and r12.

@@ -1,5 +1,5 @@
-//! A reader of the previous layout: items of `sequential-storage` 8 in sectors that end with erase announcements. An
-//! item consists of its checksum, its length, the checksum of the length, then its key and content.
+//! A reader of the previous layout: items of `sequential-storage` 8, in sectors whose last words announce erases. An
+//! item consists of its checksum, its length, the checksum of the length, its key and its content.
 
 use core::ops::Range;
 
@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::NorFlash;
 use crate::log::{HEADER as ENTRY_HEADER, Log, MARK};
 use crate::{ERASED, ITEM_MAX, is_key};
 
-/// CRC-32C with a different initial value.
+/// The checksum of an item: CRC-32C with another initial value.
 const DATA: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&Algorithm {
     width: 32,
     poly: 0x1EDC_6F41,
@@ -25,21 +25,21 @@ const DATA_CHECKSUM: Range<usize> = 0..4;
 const LENGTH: Range<usize> = 4..6;
 const LENGTH_CHECKSUM: Range<usize> = 6..8;
 
-/// The maximum number of announcements at the end of a sector. An announcement consists of two words and concerns the
-/// other sector.
+/// The maximum number of announcements at the end of a sector. An announcement has two words, and concerns the other
+/// sector.
 const ANNOUNCEMENTS: usize = 16;
-/// The byte that fills the first word of an announcement: an erase of the other sector has begun.
+/// The byte that fills the first word of an announcement. An erase of the other sector has begun.
 const ANNOUNCED: u8 = 0x5A;
 /// The byte that fills the word at the end of a full sector.
 const FULL: u8 = 0;
 
 impl<F: NorFlash> Log<'_, F> {
-    /// The bytes of a sector before its announcements.
+    /// The number of bytes of a sector before its announcements.
     const LEGACY_SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * 2 * F::WRITE_SIZE;
     const LEGACY_HEADER: usize = LENGTH_CHECKSUM.end.next_multiple_of(F::WRITE_SIZE);
 
-    /// Visits the items of a sector in this layout, from the oldest to the newest; skips a sector of the present
-    /// layout, or with an unfinished erase. `visit` receives address, key and content.
+    /// Visits the items of a sector in this layout, from the oldest to the newest. A sector of the present layout, or
+    /// with an unfinished erase, is skipped. `visit` receives address, key and content.
     pub(crate) fn legacy_items(
         &mut self,
         sector: usize,
@@ -65,8 +65,8 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(())
     }
 
-    /// Reads the content of an item into the buffer, after the space for an entry header. Returns whether the item is
-    /// still intact.
+    /// Reads the content of an item into the buffer, behind the space of an entry header. Returns whether the item is
+    /// intact.
     pub(crate) fn read_legacy(&mut self, at: usize, length: usize) -> Result<bool, F::Error> {
         let end = (at / F::ERASE_SIZE) * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE;
         let is_intact = self.legacy_item_at(at, end)? == Some(1 + length);
@@ -79,12 +79,12 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(self.is_legacy_full(1)? && !self.is_legacy_full(0)?)
     }
 
-    /// Returns whether a sector is marked as full; the other sector then has newer items.
+    /// Returns whether a sector is marked as full. The other sector then has newer items.
     fn is_legacy_full(&mut self, sector: usize) -> Result<bool, F::Error> {
         self.is_word_of(sector * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE, FULL)
     }
 
-    /// Reads the item at a word into the buffer. Returns its length; `None` if there is no intact item.
+    /// Reads the item at a word into the buffer. Returns its length; `None` unless an intact item begins there.
     fn legacy_item_at(&mut self, at: usize, end: usize) -> Result<Option<usize>, F::Error> {
         if at + Self::LEGACY_HEADER > end {
             return Ok(None);
@@ -103,7 +103,7 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(Some(length).filter(|length| checksum(&self.buffer[..*length]).to_le_bytes() == data))
     }
 
-    /// Returns whether an erase of the sector was announced but not completed.
+    /// Returns whether an erase of the sector was announced and not completed.
     pub(crate) fn is_being_erased(&mut self, sector: usize) -> Result<bool, F::Error> {
         let first = (1 - sector) * F::ERASE_SIZE + Self::LEGACY_SECTOR;
         for number in 0..ANNOUNCEMENTS {
@@ -121,7 +121,7 @@ impl<F: NorFlash> Log<'_, F> {
     }
 }
 
-/// Returns the checksum of an item. The first byte of the checksum is never 0 or the value of an erased byte.
+/// Returns the checksum of an item. Its first byte is never 0 or that of an erased word.
 fn checksum(data: &[u8]) -> u32 {
     match DATA.checksum(data) {
         0 => 1,
@@ -130,8 +130,7 @@ fn checksum(data: &[u8]) -> u32 {
     }
 }
 
-/// Returns the checksum of an item's length: CRC-16 with the reversed polynomial 0x1A2E, but never the value of an
-/// erased word.
+/// Returns the checksum of the length of an item: CRC-16 with the reversed polynomial 0x1A2E, but never an erased word.
 fn length_checksum(length: u16) -> u16 {
     let crc = length.to_le_bytes().iter().fold(u16::MAX, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })

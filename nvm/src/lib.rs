@@ -1,20 +1,20 @@
-//! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs it on a simulated flash
-//! and the board on its own, so a power cut that is harmless here is harmless there.
+//! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs this code on a
+//! simulated flash, and the board on its own flash.
 //!
 //! # Layers
 //!
 //! The log writes entries to one sector until it is full, then copies the newest ones to the other. Above the log, the
-//! store manages one record per key, an inventory of the keys ever stored, and one setting of the platform. Beside the
+//! store manages a record of each key, an inventory of the keys ever stored, and a setting of the platform. Beside the
 //! log, a reader of the previous layout takes over the records of older flashes.
 //!
 //! ```text
-//! store    records by key, and the inventory
-//! log      entries in the flash: the newest intact one of a key counts
-//! legacy   a reader of the previous layout
+//! store    records by key, inventory and setting
+//! log      entries in the flash
+//! legacy   reader of the previous layout
 //! ```
 //!
-//! Every call runs to completion, so no operation is abandoned half-way. A slow flash blocks the caller, which on the
-//! board is the task with the lowest priority.
+//! Every call runs to its end, so no operation stays half done. A slow flash blocks the caller. On the board this is
+//! the task with the lowest priority.
 //!
 //! # A record in a flash
 //!
@@ -73,25 +73,25 @@ pub use store::{Contents, Records, SETTING_MAX, Setting, Unreadable};
 /// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The number of sectors of a memory: one holds the contents, the other takes them over when the first is full.
+/// The number of sectors of a memory. One holds the contents; the other takes them over when the first is full.
 const SECTORS: usize = 2;
 
 /// The maximum word size of a flash, in bytes.
 const WORD_MAX: usize = 32;
 
-/// The maximum length of an entry's content, in bytes.
+/// The maximum length of the content of an entry, in bytes.
 const ITEM_MAX: usize = RECORD_MAX;
 
-/// The size of the working buffer of [`Records`]: the longest entry, in whole words of any size.
+/// The size of the working buffer of [`Records`]: the longest entry, in whole words of any flash.
 pub const BUFFER: usize = (log::HEADER + ITEM_MAX).next_multiple_of(WORD_MAX);
 
 /// The key of the inventory.
 const INVENTORY: u8 = 0;
 
-/// The key of the setting; it differs from the record keys in many bits.
+/// The key of the setting. It differs from the record keys in many bits.
 const SETTING: u8 = 0xFF;
 
-/// The number of keys: the inventory, the records and the setting.
+/// The number of keys: those of the inventory, the records and the setting.
 const KEYS: usize = RecordKey::ALL.len() + 2;
 
 fn record_key(key: u8) -> Option<RecordKey> {
@@ -102,8 +102,8 @@ fn is_key(key: u8) -> bool {
     matches!(key, INVENTORY | SETTING) || record_key(key).is_some()
 }
 
-/// Returns the index of a key among all keys.
-fn place_of(key: u8) -> usize {
+/// Returns the index of a key among all keys, 0 for the inventory.
+fn index_of(key: u8) -> usize {
     match key {
         INVENTORY => 0,
         SETTING => KEYS - 1,

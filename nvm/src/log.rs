@@ -1,15 +1,15 @@
-//! A log of entries in a NOR flash of two sectors: new entries are appended, and the newest intact entry of a key
+//! A log of entries in a NOR flash of two sectors. New entries are appended, and the newest intact entry of a key
 //! counts.
 //!
-//! An entry has a sequence number and a checksum, and begins at a word. Sectors are searched word by word, so that
-//! damage of any kind affects only the damaged entries.
+//! An entry has a sequence number and a checksum, and begins at a word. The log searches sectors word by word, so that
+//! damage affects only the damaged entries.
 //!
-//! When the sector in use is full, the log moves: it erases the other sector, copies the newest entry of each key
-//! there, and finally writes the new entry, which completes the move. The full sector stays unchanged until the next
-//! move. A sector with only copies belongs to an interrupted move, which restarts with the erase.
+//! When the sector in use is full, the log moves. It erases the other sector, copies the newest entry of each key
+//! there, and finally writes the new entry, which completes the move. The full sector does not change until the next
+//! move. A sector with copies only is that of an interrupted move, which begins again with the erase.
 //!
-//! No word is written twice between two erases. An unreadable word (partly written, in a flash with error correction)
-//! counts as damage.
+//! No word is written twice between two erases. An unreadable word counts as damage; a flash with error correction has
+//! one after an interrupted write.
 
 use core::ops::Range;
 
@@ -17,21 +17,22 @@ use crc::{CRC_32_ISCSI, Crc};
 use embedded_storage::nor_flash::NorFlash;
 use protocol_core::memory::StoreError;
 
-use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MAX, place_of};
+use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MAX, index_of};
 
-/// Must differ from the polynomial of the records: a CRC over data that ends in its own CRC is constant. The table
-/// costs 1.2 KiB of flash, but reduces a start with a full sector from 11.6 ms to 3.3 ms on the STM32F429.
+/// The CRC of entries. Its polynomial differs from that of the records, because a CRC over data that ends in its own
+/// CRC is constant. The table takes 1.2 KiB of flash. It shortens a start with a full sector from 11.6 ms to 3.3 ms on
+/// the STM32F429.
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// The length of an entry's header: mark, key, length, kind, sequence number, and the checksum of the entry.
+/// The length of the header of an entry: mark, key, length, kind, sequence number and checksum.
 pub(crate) const HEADER: usize = 12;
 
-/// The first byte of every entry, which distinguishes it from an erased word.
+/// The first byte of every entry. No erased word begins with it.
 pub(crate) const MARK: u8 = 0x4E;
 const CHECKSUM: Range<usize> = 8..HEADER;
 
-/// The maximum number of attempts to write an entry. An entry that does not read back, for example because of a flipped
-/// bit, is written again further on.
+/// The maximum number of attempts to write an entry. An entry that does not read back, because of a flipped bit for
+/// example, is written again further on.
 const ATTEMPTS: usize = 3;
 
 /// A log of entries in a flash.
@@ -43,11 +44,11 @@ pub(crate) struct Log<'buffer, F> {
 /// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A copy of an entry that is about to be erased, or that is the older version of a damaged one.
+    /// A copy of an older entry: of one that will be erased, or of the version before a damaged one.
     Copy = 0,
     /// New content.
     Stored = 1,
-    /// New content that invalidates all older entries but the setting.
+    /// New content, which invalidates all older entries but the setting.
     Beginning = 2,
 }
 
@@ -55,7 +56,7 @@ enum Kind {
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Found {
     at: usize,
-    /// The sequence number; 0 for an item of the previous layout, which is older than every entry.
+    /// The sequence number. An item of the previous layout, which is older than every entry, has 0.
     sequence: u32,
     key: u8,
     length: u8,
@@ -65,12 +66,12 @@ struct Found {
 /// The newest entry of each key.
 type Newest = [Option<Found>; KEYS];
 
-/// The result of scanning a sector.
+/// The result of a scan of a sector.
 #[derive(Clone, Copy)]
 struct Walk {
-    /// The sequence number of the last entry; 0 if there is none.
+    /// The sequence number of the last entry; 0 for none.
     last: u32,
-    /// The sequence number of the last entry that is not a copy; 0 if there is none.
+    /// The sequence number of the last entry that is not a copy; 0 for none.
     last_new: u32,
     /// The address of the next entry, and the end of the free space.
     room: (usize, usize),
@@ -84,22 +85,22 @@ struct Survey {
     walks: [Walk; SECTORS],
     /// The index of the sector in use.
     home: usize,
-    /// Whether the sector in use must not be appended to: a move from it was interrupted, or it has the previous
-    /// layout.
+    /// Whether no entry may be appended to the sector in use, because a move from it was interrupted or it has the
+    /// previous layout.
     is_move_due: bool,
 }
 
 impl Survey {
-    /// Returns the place for the next entry in a sector.
-    fn spot_in(&self, sector: usize) -> Spot {
+    /// Returns the slot of the next entry in a sector.
+    fn slot_in(&self, sector: usize) -> Slot {
         let (free, end) = self.walks[sector].room;
         let last = self.walks.iter().map(|walk| walk.last).max().unwrap_or(0);
-        Spot { free, end, next: last + 1 }
+        Slot { free, end, next: last + 1 }
     }
 }
 
-/// The place for the next entry, and its sequence number.
-struct Spot {
+/// The free space of a sector, and the sequence number of the next entry.
+struct Slot {
     free: usize,
     end: usize,
     next: u32,
@@ -119,9 +120,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Self { flash, buffer }
     }
 
-    /// Visits the items of the previous layout, then the valid entries, from the older sector to the newer, so that the
-    /// last entry of a key is the newest. `visit` receives the key, the content, and whether the entry is a beginning,
-    /// which invalidates all earlier entries except the setting.
+    /// Visits the items of the previous layout, then the intact entries, the older sector first: the last entry of a
+    /// key is its newest. `visit` receives the key, the content, and whether the entry is a beginning. A beginning
+    /// invalidates all earlier entries but the setting.
     pub(crate) fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8], bool)) -> Result<(), F::Error> {
         let order = self.order()?;
         for sector in order.into_iter().flatten() {
@@ -133,18 +134,17 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Appends an entry. The previous entry of its key remains valid until the new one is complete.
+    /// Appends an entry. The previous entry of its key stays valid until the new one is complete.
     pub(crate) fn append(&mut self, key: u8, bytes: &[u8]) -> Result<(), StoreError> {
         let source = Source::New(Kind::Stored, key, bytes);
         let survey = self.gather()?;
-        if !survey.is_move_due && self.put(&mut survey.spot_in(survey.home), source)? {
+        if !survey.is_move_due && self.put(&mut survey.slot_in(survey.home), source)? {
             return Ok(());
         }
         self.move_from(survey.home, &|found| found.key != key, source)
     }
 
-    /// Removes all entries but the setting. A power cut leaves either all entries, or only the setting and the
-    /// inventory.
+    /// Removes all entries but the setting. A power cut leaves all entries, or the setting and the inventory.
     pub(crate) fn begin_anew(&mut self, inventory: &[u8]) -> Result<(), StoreError> {
         let old = self.gather()?.home;
         let beginning = Source::New(Kind::Beginning, INVENTORY, inventory);
@@ -152,47 +152,45 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.erase(old)
     }
 
-    /// Copies newest valid entries that lie in the other sector into the sector in use, unless a move is due. Such
-    /// entries are older versions of damaged entries, or the rest of a move in the previous layout. If there is no
-    /// room, the next move loses them. Returns the resulting state of the flash.
+    /// Copies the newest entries that lie in the other sector into the sector in use, unless a move is due. They are
+    /// older versions of damaged entries, or the rest of a move in the previous layout. Without room for them, the next
+    /// move loses them. Returns the resulting state of the flash.
     fn gather(&mut self) -> Result<Survey, StoreError> {
         for _ in 0..KEYS {
             let survey = self.survey().map_err(|_| StoreError)?;
             let is_left = |found: &&Found| !survey.is_move_due && Self::sector_of(found.at) != survey.home;
             let Some(left) = survey.newest.iter().flatten().find(is_left) else { return Ok(survey) };
-            if !self.put(&mut survey.spot_in(survey.home), Source::Copy(*left))? {
+            if !self.put(&mut survey.slot_in(survey.home), Source::Copy(*left))? {
                 return Ok(survey);
             }
         }
         self.survey().map_err(|_| StoreError)
     }
 
-    /// Moves to the other sector: erases the other sector, copies the entries to keep, and writes the entry that
-    /// completes the move. The erase is never skipped, because a sector that reads as erased may result from an
-    /// interrupted erase.
+    /// Moves to the other sector: erases it, copies the entries to keep, and writes the entry that completes the move.
+    /// The erase is never skipped, because a sector that reads as erased can be that of an interrupted erase.
     fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
         self.erase(1 - home)?;
         let survey = self.survey().map_err(|_| StoreError)?;
-        // Includes the space after a word that does not read as erased: an entry that hits such a word is written again
-        // after the word.
-        let mut spot = Spot { end: (2 - home) * F::ERASE_SIZE, ..survey.spot_in(1 - home) };
+        // The slot extends over words that do not read as erased. An entry that meets one is written again behind it.
+        let mut slot = Slot { end: (2 - home) * F::ERASE_SIZE, ..survey.slot_in(1 - home) };
         let kept = survey.newest.iter().flatten().filter(|found| is_kept(found));
         for source in kept.copied().map(Source::Copy).chain([last]) {
-            if !self.put(&mut spot, source)? {
+            if !self.put(&mut slot, source)? {
                 return Err(StoreError);
             }
         }
         Ok(())
     }
 
-    /// Returns whether the flash holds more than the entries of one sector: data in the sector that is not in use, or
-    /// damage without any valid entry.
+    /// Returns whether the flash holds more than the entries of the sector in use: data in the other sector, or damage
+    /// without an intact entry.
     pub(crate) fn has_leftovers(&mut self) -> Result<bool, F::Error> {
         let Survey { newest, walks, home, .. } = self.survey()?;
         Ok(!walks[1 - home].is_blank || (newest.iter().all(Option::is_none) && !walks[home].is_blank))
     }
 
-    /// Returns the number of bytes in written words, excluding the remains of an interrupted erase.
+    /// Returns the number of bytes in written words. A sector whose erase was interrupted does not count.
     pub(crate) fn in_use(&mut self) -> Result<usize, F::Error> {
         let mut words = 0;
         for sector in 0..SECTORS {
@@ -208,9 +206,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(words * F::WRITE_SIZE)
     }
 
-    /// Writes an entry at `spot` and reads the entry back, in up to [`ATTEMPTS`] attempts; advances `spot`. Returns
-    /// `false` if there is no room for the entry.
-    fn put(&mut self, spot: &mut Spot, source: Source<'_>) -> Result<bool, StoreError> {
+    /// Writes an entry into the slot and reads it back, in up to [`ATTEMPTS`] attempts. The slot then begins behind the
+    /// entry. Returns `false` without room for the entry.
+    fn put(&mut self, slot: &mut Slot, source: Source<'_>) -> Result<bool, StoreError> {
         for _ in 0..ATTEMPTS {
             let (kind, key, length) = match source {
                 Source::New(kind, key, bytes) => {
@@ -226,28 +224,28 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 }
             };
             let size = (HEADER + length).next_multiple_of(F::WRITE_SIZE);
-            if spot.free + size > spot.end {
+            if slot.free + size > slot.end {
                 return Ok(false);
             }
             self.buffer[HEADER + length..size].fill(0);
             self.buffer[..4].copy_from_slice(&[MARK, key, length as u8, kind as u8]);
-            self.buffer[4..8].copy_from_slice(&spot.next.to_le_bytes());
+            self.buffer[4..8].copy_from_slice(&slot.next.to_le_bytes());
             let checksum = self.checksum(length);
             self.buffer[CHECKSUM].copy_from_slice(&checksum);
-            let at = spot.free;
+            let at = slot.free;
             self.flash.write(at as u32, &self.buffer[..size]).map_err(|_| StoreError)?;
-            if self.entry_at(at, spot.end).map_err(|_| StoreError)?.is_some_and(|found| found.sequence == spot.next) {
-                spot.free += size;
-                spot.next += 1;
+            if self.entry_at(at, slot.end).map_err(|_| StoreError)?.is_some_and(|found| found.sequence == slot.next) {
+                slot.free += size;
+                slot.next += 1;
                 return Ok(true);
             }
-            spot.free = at + BUFFER;
+            slot.free = at + BUFFER;
         }
         Err(StoreError)
     }
 
-    /// Reads the content of an entry, or of an item of the previous layout, into the buffer, after the space for a
-    /// header. Returns whether the content is still intact.
+    /// Reads the content of an entry, or of an item of the previous layout, into the buffer behind the space of a
+    /// header. Returns whether the content is intact.
     fn read_item(&mut self, found: &Found) -> Result<bool, F::Error> {
         if found.sequence == 0 {
             return self.read_legacy(found.at, usize::from(found.length));
@@ -292,8 +290,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(self.next_written(sector * F::ERASE_SIZE, end)?.map(|at| (at, end)))
     }
 
-    /// Returns the sequence number of the first intact entry at or after an address; `None` if there is no intact
-    /// entry.
+    /// Returns the sequence number of the first intact entry from an address on.
     fn first_entry(&mut self, mut at: usize, end: usize) -> Result<Option<u32>, F::Error> {
         while let Some(next) = self.next_written(at, end)? {
             if let Some(found) = self.entry_at(next, end)? {
@@ -316,7 +313,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         for sector in order.into_iter().flatten() {
             self.legacy_items(sector, &mut |at, key, bytes| {
                 let length = bytes.len() as u8;
-                newest[place_of(key)] = Some(Found { at, sequence: 0, key, length, kind: Kind::Copy });
+                newest[index_of(key)] = Some(Found { at, sequence: 0, key, length, kind: Kind::Copy });
             })?;
         }
         let has_legacy = [0, 1].map(|sector| newest.iter().flatten().any(|found| Self::sector_of(found.at) == sector));
@@ -325,16 +322,16 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 if found.kind == Kind::Beginning {
                     newest.iter_mut().for_each(|newest| *newest = newest.filter(|newest| newest.key == SETTING));
                 }
-                newest[place_of(found.key)] = Some(found);
+                newest[index_of(found.key)] = Some(found);
             })?;
         }
         let (lasts, last_news) = (walks.map(|walk| walk.last), walks.map(|walk| walk.last_new));
         let (home, is_move_due) = match (last_news, has_legacy) {
-            // An erase in the previous layout was interrupted: it is repeated before its announcement is erased.
+            // An erase in the previous layout was interrupted. It is repeated before its announcement is erased.
             ([0, 0], [false, false]) if lasts == [0, 0] && self.is_being_erased(0)? => (1, true),
             ([0, 0], [false, false]) if lasts == [0, 0] && self.is_being_erased(1)? => (0, true),
             ([0, 0], [false, false]) => (usize::from(lasts[1] > lasts[0]), false),
-            // A move in the previous layout was interrupted: the newer sector still has room.
+            // A move in the previous layout was interrupted. The newer sector still has room.
             ([0, 0], [true, true]) => (usize::from(!self.is_legacy_newer_in_front()?), false),
             ([0, 0], [_, second]) => (usize::from(second), true),
             ([first, second], _) => {
@@ -365,7 +362,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 if free + BUFFER <= next {
                     gap.get_or_insert((free, next));
                 }
-                // An interrupted entry may end in words that were written but read as erased.
+                // An interrupted entry can end in words that were written but read as erased.
                 at = next + F::WRITE_SIZE;
                 free = next + BUFFER;
             }
@@ -373,8 +370,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Walk { last, last_new, room: gap.unwrap_or((free, end)), is_blank })
     }
 
-    /// Reads the entry at a word into the buffer. Returns the address and header fields of the entry; `None` if there
-    /// is no intact entry.
+    /// Reads the entry at a word into the buffer. Returns its header fields; `None` unless an intact entry begins
+    /// there.
     fn entry_at(&mut self, at: usize, end: usize) -> Result<Option<Found>, F::Error> {
         let head = HEADER.next_multiple_of(F::WRITE_SIZE);
         if at + head > end {
@@ -393,11 +390,11 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         let is_intact = self.checksum(length) == self.buffer[CHECKSUM];
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
         let found = Found { at, sequence, key, length: length as u8, kind };
-        // No entry could follow the highest sequence number.
+        // No entry could follow one with the highest sequence number.
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
 
-    /// Returns the checksum of the entry in the buffer, given the length of its content.
+    /// Returns the checksum of the entry in the buffer, whose content has this length.
     fn checksum(&self, length: usize) -> [u8; 4] {
         let mut digest = CRC.digest();
         digest.update(&self.buffer[..CHECKSUM.start]);
@@ -405,7 +402,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         digest.finalize().to_le_bytes()
     }
 
-    /// Returns the first word at or after `at` that is not erased.
+    /// Returns the address of the first word from `at` on that is not erased.
     pub(crate) fn next_written(&mut self, mut at: usize, end: usize) -> Result<Option<usize>, F::Error> {
         let mut step = F::WRITE_SIZE;
         while at < end {
@@ -422,7 +419,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(None)
     }
 
-    /// Reads into the buffer, with zeros for unreadable words.
+    /// Reads words into the buffer. Unreadable words become zeros.
     pub(crate) fn read(&mut self, at: usize, len: usize) -> Result<(), F::Error> {
         let Err(error) = self.flash.read(at as u32, &mut self.buffer[..len]) else { return Ok(()) };
         let mut is_alive = false;
@@ -433,7 +430,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 Err(_) => word.fill(0),
             }
         }
-        // A flash from which nothing can be read has failed entirely.
+        // If no word of the flash can be read, the flash has failed entirely.
         let mut word = [0; WORD_MAX];
         let mut can_read = |at: usize| self.flash.read(at as u32, &mut word[..F::WRITE_SIZE]).is_ok();
         let ends = [0, F::ERASE_SIZE - F::WRITE_SIZE, F::ERASE_SIZE, 2 * F::ERASE_SIZE - F::WRITE_SIZE];
@@ -441,7 +438,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     }
 }
 
-/// Checks four bytes at a time, because each start of the board scans the entire memory.
+/// Returns whether all bytes are erased. Four bytes are checked at a time, because each start of the board scans the
+/// entire memory.
 fn is_blank(bytes: &[u8]) -> bool {
     let (words, rest) = bytes.as_chunks::<4>();
     words.iter().all(|word| *word == [ERASED; 4]) && rest.iter().all(|byte| *byte == ERASED)

@@ -1,12 +1,12 @@
-//! Records by key in a flash, stored in a [log](crate::log) of entries.
+//! The records by key, stored in a [log](crate::log) of entries.
 //!
-//! The store adds to the log an inventory of the keys ever stored, which distinguishes a lost record from one never
-//! written.
+//! The store adds to the log an inventory of the keys ever stored. The inventory tells a lost record from one that was
+//! never written.
 //!
-//! No state is kept between operations: each one scans the flash like a start does, once, from the oldest entry to the
-//! newest.
+//! The store keeps no state between operations. Each operation scans the flash as a start does, from the oldest entry
+//! to the newest.
 //!
-//! Besides the records of the device, the store holds one setting of the platform, such as its kind of device.
+//! Besides the records of the device, the store holds a setting of the platform, such as its kind of device.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -18,18 +18,19 @@ use crate::{BUFFER, INVENTORY, SETTING, record_key};
 /// The maximum length of a setting, in bytes.
 pub const SETTING_MAX: usize = 8;
 
-/// The inventory of a memory without records. It is a byte with one bit per record, set once the record was stored.
+/// The inventory of a memory without records. An inventory is a byte with a bit for each record, which is set once the
+/// record was stored.
 const NOTHING: u8 = 0;
 
-/// The version of the setting's encoding.
+/// The version of the encoding of the setting.
 const SETTING_VERSION: u8 = 1;
 
-/// Returns the maximum number of bytes that interrupted first stores can leave behind: the size of four inventories.
+/// Returns the maximum number of bytes that interrupted first stores leave behind: the size of four inventories.
 const fn first_stores<F: NorFlash>() -> usize {
     4 * (HEADER + 1).next_multiple_of(F::WRITE_SIZE)
 }
 
-/// The setting of a platform.
+/// The setting of a platform, any bytes.
 pub type Setting = Vec<u8, SETTING_MAX>;
 
 /// The contents of a memory.
@@ -49,23 +50,23 @@ impl Contents {
     }
 }
 
-/// The flash holds data, but no valid memory.
+/// The flash holds data, but none of this store.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Unreadable;
 
 /// A summary of the contents that a start would find.
 #[derive(Default)]
 struct Survey {
-    /// Whether there is any entry.
+    /// Whether the flash holds an entry.
     any: bool,
-    /// A bit mask of the records found.
+    /// The bits of the records found.
     stored: u8,
-    /// A bit mask of the records ever stored; `None` if the inventory is missing or damaged.
+    /// The bits of the records ever stored; `None` if the inventory is missing or damaged.
     inventory: Option<u8>,
 }
 
 impl Survey {
-    /// Adds a scanned entry, which replaces earlier ones with its key. A beginning invalidates all earlier records.
+    /// Adds a scanned entry, which replaces earlier ones of its key. A beginning invalidates all earlier records.
     fn note(&mut self, key: u8, bytes: &[u8], is_beginning: bool) {
         self.any = true;
         if is_beginning {
@@ -82,7 +83,7 @@ impl Survey {
         self.inventory.unwrap_or(NOTHING)
     }
 
-    /// Returns whether a record was stored once but is now missing.
+    /// Returns whether a record was stored once and is missing now.
     fn misses(&self, key: RecordKey) -> bool {
         self.inventory() & !self.stored & bit(key) != 0
     }
@@ -94,31 +95,32 @@ pub struct Records<'buffer, F> {
 }
 
 impl<'buffer, F: NorFlash> Records<'buffer, F> {
-    /// Wraps a flash; nothing is read or written yet.
+    /// Creates the records of a flash, without access to the flash.
     pub const fn new(flash: F, buffer: &'buffer mut [u8; BUFFER]) -> Self {
         Self { log: Log::new(flash, buffer) }
     }
 
-    /// Writes a record. The previous one stays valid until the new one is complete.
+    /// Writes a record. The previous version stays valid until the new one is complete.
     ///
     /// # Errors
-    /// [`StoreError`] if the flash fails or is full.
+    /// Returns [`StoreError`] if the flash fails or is full.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let found = self.put(key as u8, record)?;
         if found.inventory() & bit(key) == 0 {
-            // Includes the records just found, because the inventory itself may have been lost.
+            // The records just found are included, because the inventory may have been lost.
             let inventory = found.inventory() | found.stored;
-            // The record is stored in any case; its next store repeats a failed write of the inventory.
+            // The record is stored in any case. Its next store repeats a failed write of the inventory.
             let _ = self.write(INVENTORY, &[inventory], false);
         }
         Ok(())
     }
 
-    /// Reads all contents without changing the flash. In a damaged memory the newest intact version of a record counts
-    /// (A). A record that was stored once but cannot be found is marked unreadable in the image.
+    /// Reads all contents. The flash does not change. In a damaged memory the newest intact version of a record counts
+    /// (A). A record that was stored once and is missing now is unreadable in the image.
     ///
     /// # Errors
-    /// [`Unreadable`] if the flash holds data but no valid memory; the setting is then still valid, if present.
+    /// Returns [`Unreadable`] if the flash holds data, but none of this store. A setting that was found is valid
+    /// nevertheless.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         let Contents { image, setting } = contents;
         image.clear();
@@ -137,7 +139,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         });
         let lost = |key: &RecordKey| scanned.is_err() || found.misses(*key);
         RecordKey::ALL.into_iter().filter(lost).for_each(|key| image.put_unreadable(key));
-        // More data than first stores can leave behind, but no entry: the data are not from this store.
+        // Interrupted first stores leave less data without an entry: these data are not from this store.
         let is_noise =
             scanned.is_ok() && !found.any && self.log.in_use().is_ok_and(|bytes| bytes > first_stores::<F>());
         if is_noise { Err(Unreadable) } else { Ok(()) }
@@ -146,14 +148,14 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// Writes the setting of the platform. The previous one stays valid until the new one is complete.
     ///
     /// # Errors
-    /// [`StoreError`] if the setting is longer than [`SETTING_MAX`], or the flash fails.
+    /// Returns [`StoreError`] for a setting longer than [`SETTING_MAX`], and if the flash fails.
     pub fn store_setting(&mut self, setting: &[u8]) -> Result<(), StoreError> {
         let setting = Vec::<u8, SETTING_MAX>::from_slice(setting).map_err(|_| StoreError)?;
         self.put(SETTING, &seal(SETTING_VERSION, &setting)?).map(drop)
     }
 
-    /// Writes an entry; if the log is empty, writes an inventory first. The inventory is so short that interrupted
-    /// attempts leave little behind. Once it is written, the remains of later power cuts cannot be mistaken for noise.
+    /// Writes an entry. An empty log gets an inventory first. An inventory is so short that interrupted attempts leave
+    /// little behind; once it is written, the remains of later power cuts cannot be mistaken for foreign data.
     fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
         let before = self.survey(key, bytes)?;
         if !before.0.any {
@@ -162,11 +164,12 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         self.write(key, bytes, before.1)
     }
 
-    /// Writes an entry and scans the flash. Succeeds if the scan finds the content; after a failed write, only if the
-    /// content was not stored before (`held_before`). Returns a summary of the contents that a start would find.
+    /// Writes an entry and scans the flash. Succeeds if the scan finds the content. If the write itself failed, the
+    /// content must not have been stored before (`held_before`). Returns a summary of the contents that a start would
+    /// find.
     fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         let stored = self.log.append(key, bytes);
-        // The write may have failed after completing the entry, so the result of a scan decides.
+        // A write can fail after it has completed the entry, so the scan decides.
         match (stored, self.survey(key, bytes)?) {
             (Ok(()), (found, true)) => Ok(found),
             (Err(_), (found, true)) if !held_before => Ok(found),
@@ -174,8 +177,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         }
     }
 
-    /// Scans the flash. Returns a summary of the contents that a start would find, and whether the newest entry of the
-    /// key holds these bytes.
+    /// Scans the flash. Returns a summary of the contents that a start would find, and whether the newest entry of
+    /// `key` holds `bytes`.
     fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), StoreError> {
         let mut survey = Survey::default();
         let mut holds = false;
@@ -190,19 +193,19 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         scanned.map(|()| (survey, holds)).map_err(|_| StoreError)
     }
 
-    /// Removes all records, including old versions, so that no flipped bit can restore one. The setting stays.
+    /// Removes all records, old versions included, so that no flipped bit can bring one back. The setting stays.
     ///
-    /// A power cut leaves either all records or none; another call completes an interrupted clearing. If nothing needs
-    /// clearing, nothing is written.
+    /// A power cut leaves all records or none, and another call completes an interrupted removal. A memory without
+    /// records is not written.
     ///
     /// # Errors
-    /// [`StoreError`] if the flash fails.
+    /// Returns [`StoreError`] if the flash fails.
     pub fn clear(&mut self) -> Result<(), StoreError> {
         if self.is_clear()? {
             return Ok(());
         }
         self.log.begin_anew(&[NOTHING]).or_else(|error| {
-            // The operation may have failed after removing everything.
+            // The operation can fail after it has removed everything.
             if self.is_clear()? { Ok(()) } else { Err(error) }
         })
     }

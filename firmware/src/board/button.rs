@@ -1,4 +1,4 @@
-//! The user button: each press injects the next fault.
+//! The task of the user button. Each press injects the next fault.
 
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -13,7 +13,7 @@ pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
 
 /// The polling period of the button.
 const LOOK: Duration = Duration::from_millis(10);
-/// The number of consecutive polls with a new level after which a press or release takes effect.
+/// The number of consecutive polls with a new level that confirm a press or release.
 const STEADY: u8 = 3;
 
 #[embassy_executor::task]

@@ -1,5 +1,5 @@
-//! The clock tree (8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, which yields every bit rate exactly),
-//! the flash accelerator and the supply detector.
+//! The clock tree, the flash accelerator and the supply detector. The ST-LINK supplies 8 MHz; the core runs at 160 MHz.
+//! CAN runs at 40 MHz, which yields every bit rate exactly.
 
 use embassy_stm32::Config;
 use embassy_stm32::pac::{FLASH, PWR};
@@ -26,21 +26,21 @@ pub(super) fn config() -> Config {
     config
 }
 
-/// Configures the flash accelerator and supply detector, which `embassy_stm32::init` does not.
+/// Configures the flash accelerator and the supply detector, which `embassy_stm32::init` leaves alone.
 pub(super) fn finish() {
     FLASH.acr().modify(|acr| {
         acr.set_prften(true);
         acr.set_icen(true);
         acr.set_dcen(true);
     });
-    // Programming by words requires 2.7 V (DS9405, DS10693): nothing is written below 2.9 V.
+    // Programming by words requires 2.7 V (DS9405, DS10693). Below 2.9 V nothing is written.
     PWR.cr1().modify(|control| {
         control.set_pls(SUPPLY_LIMIT);
         control.set_pvde(true);
     });
 }
 
-/// Returns whether the supply is sufficient to write the flash.
+/// Returns whether the supply suffices to write the flash.
 pub(super) fn supply_is_good() -> bool {
     !PWR.csr1().read().pvdo()
 }

@@ -1,4 +1,4 @@
-//! The console on the ST-LINK's virtual COM port: one command per line.
+//! The console on the virtual COM port of the ST-LINK, with a command per line.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
@@ -21,8 +21,8 @@ const STATUS: usize = 352;
 /// The lines of `status`, or one line of `help`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A received line, with a buffer for the lines of `status`. There is only one exchange: the console's task hands it to
-/// the device's task, and gets it back with the answer.
+/// A received line, with a buffer for the lines of `status`. There is one exchange. The task of the console hands it to
+/// the task of the device, and gets it back with the answer.
 pub(super) struct Exchange {
     /// The received line.
     pub(super) line: Line,
@@ -30,26 +30,26 @@ pub(super) struct Exchange {
     pub(super) status: Text,
 }
 
-/// The signal that passes a line to the device's task.
+/// The signal that passes a line to the task of the device.
 pub(super) type Lines = Signal<CriticalSectionRawMutex, &'static mut Exchange>;
-/// The signal that returns an answer from the device's task.
+/// The signal that returns the answer of the task of the device.
 pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange, Answer)>;
 
-/// The answer of the device's task to a line.
+/// The answer to a line.
 pub(super) enum Answer {
     /// The command was executed.
     Done,
     /// The command was executed, and the processor must restart.
     Restart,
-    /// The status of the device, in the [`Exchange`].
+    /// The command was `status`. The lines are in the [`Exchange`].
     Status,
-    /// The help, with the plant words of this product.
+    /// The command was `help`. The answer includes the plant words of this product.
     Help(Product),
     /// The line is invalid.
     Usage,
     /// Characters of the line were lost or altered.
     Damaged,
-    /// The command is refused for the given reason.
+    /// The command was refused for this reason.
     Refused(&'static str),
 }
 

@@ -1,5 +1,5 @@
-//! The device's task, with the highest priority. Only this task feeds the watchdog, and only while the memory answers
-//! its requests.
+//! The task of the device, with the highest priority of all tasks. It alone feeds the watchdog, and only while the
+//! memory answers its requests.
 
 use embassy_time::{Duration, Instant};
 use firmware::console::{Command, OTHER_KIND};
@@ -22,8 +22,8 @@ use super::storage::{Client, Done, Request};
 use super::wake_up::{Event, Events, WakeUp, notify};
 use super::watchdog::{FEED, Watchdog};
 
-/// The polling period of the controller while it is not error-active or a frame is blocked, because no interrupt
-/// signals the recovery.
+/// The polling period of a controller that is not error-active or whose frame is blocked. No interrupt reports the end
+/// of either.
 const LOOK: Duration = Duration::from_millis(1);
 
 #[embassy_executor::task]
@@ -44,7 +44,7 @@ pub(super) async fn run(
         }
         wake_up.wait(now + FEED, now).await;
     };
-    // The waits above may have consumed the event of a line or a button press.
+    // The waits above may have consumed the event of a line or a press.
     notify(Event::Controls);
     defmt::info!("{}", settings.kind.name());
     let device = power_on(&settings, &contents.image, cause);
@@ -58,21 +58,20 @@ pub(super) async fn run(
 /// A device as a trait object that can move to another executor.
 type SendDevice = dyn Device + Send;
 
-/// Creates and starts the device.
 fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut SendDevice {
     let device = new_device(settings);
     device.start_up(image, cause, Instant::now());
     device.as_dyn_mut()
 }
 
-// Not inlined: the stack frame of this function holds an entire device, and is released before the device starts.
+// `inline(never)`, because the stack frame of this function holds a device. It is released before the device starts.
 #[inline(never)]
 fn new_device(settings: &Settings) -> &'static mut AnyDevice {
     static DEVICE: StaticCell<AnyDevice> = StaticCell::new();
     DEVICE.init_with(|| AnyDevice::new(settings.setup()))
 }
 
-/// The device's environment on the board.
+/// The environment of the device on the board.
 struct Board {
     settings: Settings,
     link: Link,
@@ -84,12 +83,11 @@ struct Board {
     controls: LocalControls,
     lights: &'static Lights,
     plant: Plant,
-    /// The restart for which the device awaits the contents of the memory.
+    /// The restart of the device, which waits for the contents of the memory.
     restarting: Option<Restart>,
 }
 
 impl Board {
-    /// Runs the device forever.
     async fn serve(mut self, device: &mut SendDevice) -> ! {
         device.sense(&self.plant.inputs, Instant::now());
         self.link.set_bit_rate(device.bit_rate());
@@ -98,14 +96,14 @@ impl Board {
             let events = self.wake_up.wait(due, now).await;
             now = Instant::now();
             self.watchdog.feed(&self.memory, now);
-            // Most frames that pass the filters are not for the device and need no pumping.
+            // Most frames that pass the filters are for other nodes, and need no pump.
             let only_received = events.are_only(Event::Received) && self.restarting.is_none() && now < due;
             if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
             let answer = self.look(events, device);
             if self.link.settle(&mut self.wake_up).await {
-                // Received frames take effect at the present time, because waiting took time.
+                // The wait took time, so received frames take effect at the present time.
                 now = Instant::now();
             }
             if let Some(answer) = answer {
@@ -125,8 +123,8 @@ impl Board {
         }
     }
 
-    /// Passes the error mode of the controller, memory results, and console and button inputs to the device. Returns
-    /// the answer to a console line, if already known.
+    /// Passes the error mode of the controller, the results of the memory, the lines of the console and the presses of
+    /// the button to the device. Returns the answer to a line, if it is known.
     fn look(&mut self, events: Events, device: &mut SendDevice) -> Option<Answer> {
         if events.include(Event::Errors) || self.plant.inputs.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);
@@ -153,7 +151,7 @@ impl Board {
         }
     }
 
-    /// Passes the results of memory requests to the device.
+    /// Passes the results of the memory to the device.
     fn look_at_memory(&mut self, device: &mut SendDevice) {
         while let Some(done) = self.memory.take() {
             match done {
@@ -172,7 +170,7 @@ impl Board {
         }
     }
 
-    /// Executes a button press and a console line. Returns the answer to the console line, if already known.
+    /// Executes a press of the button and a line of the console. Returns the answer to the line, if it is known.
     fn look_at_controls(&mut self, device: &mut SendDevice) -> Option<Answer> {
         if let Some(plant) = self.controls.pressed(&self.plant) {
             self.set_plant(plant, device);
@@ -190,8 +188,8 @@ impl Board {
         }
     }
 
-    /// Requests that the memory prepare the board to start as a new device; `settings` is `None` for an impossible
-    /// device. Returns an answer only for a refusal; otherwise the memory's result becomes the answer.
+    /// Requests the start as a new device from the memory; `settings` is `None` for an impossible device. Returns the
+    /// answer of a refusal. Otherwise the result of the memory becomes the answer.
     fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
         let Some(settings) = settings else {
             return Some(Answer::Refused("on ISOBUS a valve always has an address"));

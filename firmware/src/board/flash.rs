@@ -66,20 +66,20 @@ impl NorFlash for Sectors {
     }
 }
 
-/// Waits for a flash operation in thread mode: the processor sleeps until an interrupt, such as that of the flash.
+/// Waits for a flash operation in thread mode. The processor sleeps until an interrupt, such as that of the flash.
 fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
     let mut operation = pin!(operation);
     loop {
         if let Poll::Ready(result) = operation.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
             return result;
         }
-        // An interrupt since the poll has set the event, so `wfe` then returns immediately.
+        // An interrupt since the poll has set the event, so `wfe` returns at once.
         cortex_m::asm::wfe();
     }
 }
 
-/// Sets the erase width to words. The driver uses the present width and leaves it at bytes; with words a sector takes
-/// 250 ms instead of 400 ms.
+/// Sets the width of erases to words, because the driver uses the present width and leaves it at bytes. The erase of a
+/// sector then takes 250 ms instead of 400 ms.
 fn erase_by_words() {
     if FLASH.cr().read().lock() {
         KEYS.into_iter().for_each(|key| FLASH.keyr().write_value(key));
@@ -87,16 +87,16 @@ fn erase_by_words() {
     FLASH.cr().modify(|control| control.set_psize(Psize::PSIZE32));
 }
 
-/// Disables the data cache until dropped, and leaves it empty.
+/// The disabled data cache. Dropping the value enables the cache, which is then empty.
 ///
-/// Data cached before an erase or a write are outdated (RM0090 3.6.4, RM0390 3.5.4). With two banks, reading one while
-/// the other is written can also corrupt the cache (ES0206). The driver has a workaround, but treats the STM32F429 as a
-/// part with one bank.
+/// Cached data are outdated after an erase or a write (RM0090 3.6.4, RM0390 3.5.4). In a flash with two banks, a read
+/// of one during a write of the other can also corrupt the cache (ES0206). The driver has a workaround, but takes the
+/// STM32F429 for a part with one bank.
 struct Uncached;
 
 impl Uncached {
     /// # Errors
-    /// [`Error::Protected`] if the supply is too low to write.
+    /// Returns [`Error::Protected`] if the supply is too low for writing.
     fn new() -> Result<Self, Error> {
         if !supply_is_good() {
             return Err(Error::Protected);

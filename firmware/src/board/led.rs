@@ -1,4 +1,4 @@
-//! The valve's LED, shown on the LEDs of the board.
+//! The LED of the device, shown on the LEDs of the board.
 
 use core::cell::Cell;
 
@@ -11,14 +11,14 @@ use protocol_core::device::{Device, Inputs, ProductInputs};
 use super::nucleo::Leds;
 use super::wake_up::{Event, notify};
 
-/// A step of the LED pattern: a third of half a period of 1.5 Hz.
+/// The duration of a step of the LED pattern. Three steps are half a period of 1.5 Hz.
 const STEP: Duration = Duration::from_millis(111);
-/// The number of steps of half a period: 333 ms on, 333 ms off.
+/// The number of steps in half a period: 333 ms on, 333 ms off.
 const HALF_PERIOD: u8 = 3;
-/// The number of steps of the entire pattern.
+/// The number of steps in the entire pattern.
 pub(super) const STEPS: u8 = 18;
 
-/// Returns the LED state of a device. A sensor has no LED; a state is derived from its inputs.
+/// Returns the LED state of a device. A sensor has no LED, so its state is derived from its inputs.
 pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     if let Some(outputs) = device.outputs().valve() {
         return outputs.led;
@@ -35,16 +35,16 @@ pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     }
 }
 
-/// The state shown by the LEDs; initially `None`, with the LEDs off.
+/// The state that the LEDs show; `None` before the first one, with the LEDs off.
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {
-    /// Creates lights that are off.
+    /// Creates the state of LEDs that are off.
     pub(super) const fn new() -> Self {
         Self(Mutex::new(Cell::new(None)))
     }
 
-    /// Shows this state from the next step.
+    /// Shows a state from the next step on.
     pub(super) fn show(&self, led: Led) {
         critical_section::with(|cs| self.0.borrow(cs).set(Some(led)));
     }
@@ -54,7 +54,7 @@ impl Lights {
     }
 }
 
-/// Returns whether the valve's LED is on in a step.
+/// Returns whether an LED in this state is on in a step.
 pub(super) const fn is_on(led: Led, step: u8) -> bool {
     !led.flashing || (step / HALF_PERIOD).is_multiple_of(2)
 }
@@ -63,7 +63,7 @@ pub(super) const fn is_on(led: Led, step: u8) -> bool {
 pub(super) async fn run(mut leds: Leds, lights: &'static Lights) -> ! {
     let mut step = 0;
     loop {
-        // The device's task has a higher priority and has already updated the lights when this returns.
+        // The task of the device, which has a higher priority, has updated the lights when this call returns.
         notify(Event::Leds);
         if let Some(led) = lights.shown() {
             leds.show(led, step);

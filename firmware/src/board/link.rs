@@ -1,4 +1,4 @@
-//! Joining and leaving the bus: bit rates, and the bus-off of the plant.
+//! The link to the bus: joining and leaving, bit rates, and the bus-off of the plant.
 
 use embassy_time::{Duration, Instant};
 use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
@@ -6,10 +6,10 @@ use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
 use super::can::Can1;
 use super::wake_up::WakeUp;
 
-/// The polling period while the controller leaves the bus at the end of a frame.
+/// The polling period of a controller that leaves the bus at the end of a frame.
 const LEAVING: Duration = Duration::from_micros(50);
 
-/// The maximum duration of a frame: 160 bits at 10 kbit/s, and a following error frame.
+/// The maximum duration of a frame: 160 bits at 10 kbit/s, followed by an error frame.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
 /// The number of polls in [`LONGEST_FRAME`].
@@ -18,27 +18,27 @@ const POLLS: u64 = LONGEST_FRAME.as_micros() / LEAVING.as_micros();
 /// The maximum duration of [`Link::settle`].
 pub(super) const LONGEST_SETTLE: Duration = Duration::from_micros(2 * LONGEST_FRAME.as_micros());
 
-/// The bits of a bus-off recovery (ISO 11898-1): 128 sequences of 11.
+/// The number of bits of a bus-off recovery (ISO 11898-1): 128 sequences of 11.
 const RECOVERY_BITS: u32 = 128 * 11;
 
-/// The controller and the state of its connection to the bus.
+/// The controller and its connection to the bus.
 pub(super) struct Link {
     /// The controller.
     pub(super) can: Can1,
     bit_rate: BitRate,
     state: State,
     mode: BusErrorMode,
-    /// The number of polls since the controller was requested to leave the bus; `None` once the controller has left.
+    /// The number of polls of a controller that leaves the bus; `None` for a controller that does not leave.
     leaving: Option<u64>,
 }
 
-/// The connection of the controller as set by the plant.
+/// The connection of the controller, as the plant demands it.
 #[derive(Clone, Copy)]
 enum State {
     Up,
-    /// The plant keeps the controller off the bus.
+    /// The plant holds the controller off the bus.
     Cut,
-    /// The controller recovers until this time.
+    /// The controller recovers from the cut until this time.
     Recovering(Instant),
 }
 
@@ -61,8 +61,8 @@ impl Link {
         }
     }
 
-    /// Cuts or restores the link as the plant demands, and returns the resulting error mode. Drops the pending frames
-    /// when the error mode becomes bus-off.
+    /// Cuts or restores the link, as the plant demands. Returns the resulting error mode. A change to bus-off drops the
+    /// pending frames.
     pub(super) fn follow(&mut self, is_cut: bool) -> BusErrorMode {
         match self.state {
             State::Up if is_cut => {
@@ -91,22 +91,22 @@ impl Link {
         mode
     }
 
-    /// Leaves the bus after the current frame.
+    /// Makes the controller leave the bus after the current frame.
     fn leave(&mut self) {
         self.can.leave();
         self.leaving = Some(0);
     }
 
-    /// Waits until a leaving controller has left the bus, then lets the controller join again, unless the plant cuts
-    /// the link. Must be called before the controller is used again. Returns whether the controller was leaving: time
-    /// has passed in that case.
+    /// Waits until a leaving controller has left the bus. The controller then joins again, unless the plant cuts the
+    /// link. Every use of the controller must follow this call. Returns whether the controller was leaving, because
+    /// time has then passed.
     ///
-    /// While the bus is held dominant the controller cannot leave; each further call then polls the controller once.
+    /// A controller cannot leave a bus that is held dominant. Each further call then polls it once.
     pub(super) async fn settle(&mut self, wake_up: &mut WakeUp) -> bool {
         let Some(polls) = &mut self.leaving else { return false };
         while !self.can.has_left() {
             match *polls {
-                // On a stuck bus no frame ends.
+                // No frame ends on a stuck bus.
                 POLLS => self.can.reset(),
                 polls if polls >= 2 * POLLS => return true,
                 _ => {}

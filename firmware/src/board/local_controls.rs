@@ -1,4 +1,4 @@
-//! The controls of the board: console lines and button presses.
+//! The local controls of the board: console and button.
 
 use core::sync::atomic::Ordering;
 
@@ -15,19 +15,18 @@ use super::can::{ERROR_INTERRUPTS, OVERRUNS};
 use super::console::{Answer, Answers, Exchange, Lines, Text};
 use super::link::Link;
 
-/// Console and button, as used by the device's task.
+/// The console and the button, for the task of the device.
 pub(super) struct LocalControls {
     lines: &'static Lines,
     answers: &'static Answers,
     presses: &'static Presses,
-    /// The exchange of a line that is not answered yet.
+    /// The exchange of a line that has no answer yet.
     exchange: Option<&'static mut Exchange>,
-    /// The fault injected by the last press.
+    /// The fault that the last press injected.
     injection: Injection,
 }
 
 impl LocalControls {
-    /// Creates the controls of a board.
     pub(super) const fn new(lines: &'static Lines, answers: &'static Answers, presses: &'static Presses) -> Self {
         Self { lines, answers, presses, exchange: None, injection: Injection::None }
     }
@@ -39,7 +38,7 @@ impl LocalControls {
         Some(self.injection.applied_to(*plant))
     }
 
-    /// Returns the command of a console line; answers a line that cannot be parsed.
+    /// Returns the command of a line from the console. A line that cannot be parsed gets its answer here.
     pub(super) fn command(&mut self) -> Option<Command> {
         let exchange = self.exchange.insert(self.lines.try_take()?);
         let command = Command::parse(exchange.line.text());
@@ -49,15 +48,15 @@ impl LocalControls {
         command
     }
 
-    /// Answers the last console line.
+    /// Answers the last line.
     pub(super) fn answer(&mut self, answer: Answer) {
         if let Some(exchange) = self.exchange.take() {
             self.answers.signal((exchange, answer));
         }
     }
 
-    /// Writes the status of the device as the answer to the last console line, one line per value. Lines that do not
-    /// fit are left out.
+    /// Writes the status of the device as the answer to the last line, a value per line. Values that do not fit are
+    /// left out.
     pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
         let Some(Exchange { status, .. }) = &mut self.exchange else { return };
         let bus = match plant.inputs.bus {

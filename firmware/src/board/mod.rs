@@ -1,13 +1,13 @@
-//! The board: its peripherals and tasks.
+//! The peripherals and tasks of the board.
 //!
 //! | priority | task or interrupt |
 //! | --- | --- |
-//! | [`CAN_PRIORITY`] | the CAN interrupts: move received frames to a queue, load the next frame into a mailbox |
-//! | [`CLOCK_PRIORITY`] | the interrupt of the clock, for timers |
-//! | [`DEVICE_PRIORITY`] | the device's task, with its own executor |
-//! | [`SERIAL_PRIORITY`] | the UART interrupt of the console: detects damaged characters before they are used |
-//! | [`SERVICE_PRIORITY`] | console, LEDs, button, with their own executor; the interrupts of DMA and flash |
-//! | thread | the memory's task, which blocks while it waits for the flash |
+//! | [`CAN_PRIORITY`] | CAN interrupts, which move received frames to a queue and load the next frame into a mailbox |
+//! | [`CLOCK_PRIORITY`] | interrupt of the clock, for timers |
+//! | [`DEVICE_PRIORITY`] | task of the device, with its own executor |
+//! | [`SERIAL_PRIORITY`] | UART interrupt of the console, which detects damaged characters before their use |
+//! | [`SERVICE_PRIORITY`] | tasks of console, LEDs and button, with their own executor; interrupts of DMA and flash |
+//! | thread | task of the memory, which blocks while the flash is busy |
 
 mod button;
 mod can;
@@ -45,7 +45,7 @@ const DEVICE_PRIORITY: Priority = Priority::P8;
 const SERIAL_PRIORITY: Priority = Priority::P10;
 const SERVICE_PRIORITY: Priority = Priority::P12;
 
-/// Runs the device's task in the interrupt of an unused peripheral.
+/// The executor of the task of the device, in the interrupt of an unused peripheral.
 static DEVICE: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
@@ -54,8 +54,8 @@ fn UART5() {
     unsafe { DEVICE.on_interrupt() }
 }
 
-/// Runs the tasks of console, LEDs and button in the interrupt of an unused peripheral, above the memory's task, which
-/// blocks while the flash is busy.
+/// The executor of the tasks of console, LEDs and button, in the interrupt of an unused peripheral. It preempts the
+/// task of the memory, which blocks while the flash is busy.
 static SERVICES: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
@@ -64,7 +64,7 @@ fn UART4() {
     unsafe { SERVICES.on_interrupt() }
 }
 
-/// Peripherals common to all NUCLEO boards.
+/// The peripherals that all NUCLEO boards have.
 struct Nucleo {
     can: can::Can1,
     sectors: flash::Sectors,
@@ -75,7 +75,7 @@ struct Nucleo {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    // The channels and signals between the device's task and the memory, the console, the button and the LEDs.
+    // The channels and signals between the task of the device and those of memory, console, button and LEDs.
     static REQUESTS: storage::Requests = Channel::new();
     static RESULTS: storage::Results = Channel::new();
     static LINES: console::Lines = Signal::new();

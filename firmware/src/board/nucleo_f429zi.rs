@@ -1,4 +1,4 @@
-//! The NUCLEO-F429ZI (UM1974): two LEDs, and a second flash bank for the memory.
+//! The NUCLEO-F429ZI (UM1974), with two LEDs and a second flash bank for the memory.
 
 use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
@@ -21,13 +21,13 @@ pub(super) const SERIAL: Interrupt = Interrupt::USART3;
 pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM1;
 pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM3;
 
-/// The time, in microseconds, after which the watchdog resets the processor.
+/// The time after which the watchdog resets the processor, in microseconds.
 pub(super) const WATCHDOG_US: u32 = 500_000;
 
-/// The maximum time for which the processor stalls: none, because it executes from bank 1 while bank 2 is erased.
+/// The maximum time for which the processor stalls: none, because it runs from bank 1 while bank 2 is erased.
 pub(super) const STANDSTILL: Duration = Duration::MIN;
 
-/// The level of the button while it is pressed.
+/// The level of the pressed button.
 pub(super) const PRESSED: Level = Level::High;
 
 /// The start of the memory in the flash: bank 2.
@@ -62,14 +62,14 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     }
 }
 
-/// LD3 is red, LD1 green; both together are yellow.
+/// The LEDs LD3 (red) and LD1 (green). Both together are yellow.
 pub(super) struct Leds {
     red: Output<'static>,
     green: Output<'static>,
 }
 
 impl Leds {
-    /// Shows the valve's LED in a step of its pattern.
+    /// Shows an LED state in a step of its pattern.
     pub(super) fn show(&mut self, led: Led, step: u8) {
         let on = is_on(led, step);
         self.red.set_level(Level::from(on && led.color != Color::Green));

@@ -1,6 +1,6 @@
-//! The NUCLEO-F446RE (UM1724): one LED, and one flash bank for image and memory.
+//! The NUCLEO-F446RE (UM1724), with one LED and one flash bank for image and memory.
 //!
-//! While the memory is written or erased the processor stalls, because it cannot fetch instructions (RM0390 3.4). The
+//! During a write or erase of the memory the processor stalls, because it cannot fetch instructions (RM0390 3.4). The
 //! peripherals keep running: the CAN controller acknowledges frames and holds three.
 
 use embassy_stm32::flash::{Flash, InterruptHandler};
@@ -23,17 +23,17 @@ pub(super) const SERIAL: Interrupt = Interrupt::USART2;
 pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM5;
 pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM6;
 
-/// The time, in microseconds, after which the watchdog resets the processor.
+/// The time after which the watchdog resets the processor, in microseconds.
 pub(super) const WATCHDOG_US: u32 = 1_000_000;
 
 /// The maximum time for which the processor stalls: the erase of a sector.
 pub(super) const STANDSTILL: Duration = LONGEST_ERASE;
 
-/// The ticks between two interrupts of the 16-bit clock. If two occurred during one erase, the clock would lose time.
+/// The ticks between two interrupts of the 16-bit clock. The clock would lose time if two came during one erase.
 const CLOCK_HALF: u64 = 0x8000;
 const _: () = assert!(CLOCK_HALF * 1000 > STANDSTILL.as_millis() * TICK_HZ);
 
-/// The level of the button while it is pressed.
+/// The level of the pressed button.
 pub(super) const PRESSED: Level = Level::Low;
 
 /// The start of the memory in the flash: sector 1. Sector 0 holds the vectors.
@@ -61,18 +61,18 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     }
 }
 
-/// LD2, which is green and indicates the colours by rhythm.
+/// The LED LD2, which is green. A rhythm stands for each colour.
 pub(super) struct Leds(Output<'static>);
 
-/// The rhythm with a pair of short flashes per second.
+/// The rhythm of two short flashes per second.
 const PAIRS: u32 = 0b000000101_000000101;
 /// The rhythm that is alternately dark and lit.
 const FLICKER: u32 = 0b010101010_101010101;
 const _: () = assert!(STEPS == 18);
 
 impl Leds {
-    /// Shows the valve's LED in a step of its pattern: green unchanged, yellow as one short flash every two seconds,
-    /// flashing red as pairs of short flashes, red as a flicker.
+    /// Shows an LED state in a step of its pattern: green as it is, yellow as a short flash every two seconds, flashing
+    /// red as pairs of short flashes, red as a flicker.
     pub(super) fn show(&mut self, led: Led, step: u8) {
         let on = match led.color {
             Color::Green => is_on(led, step),

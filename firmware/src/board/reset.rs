@@ -1,4 +1,4 @@
-//! The cause of a start, and the handling of panics: a panic resets the processor, and the next start raises the
+//! The cause of a start, and the handling of panics. A panic resets the processor, and the next start raises the
 //! internal error.
 
 use core::arch::asm;
@@ -11,15 +11,15 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_stm32::pac::RCC;
 use protocol_core::device::StartCause;
 
-/// The marker by which the next start recognises a panic. Any other software reset, by the console or a debugger,
-/// counts as power-up.
+/// The value of the marker after a panic. Without it, a software reset (by the console or a debugger) counts as
+/// power-up.
 const PANIC: u32 = 0x5041_4E49;
 
-/// The marker, which survives a reset and is undefined after power-up.
+/// The marker, which a reset does not change. After power-up its value is undefined.
 #[unsafe(link_section = ".uninit.MARKER")]
 static mut MARKER: MaybeUninit<u32> = MaybeUninit::uninit();
 
-/// Returns the cause of the start. Must be called only once.
+/// Returns the cause of the start. It can be called once.
 pub(super) fn cause() -> StartCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -32,13 +32,13 @@ pub(super) fn cause() -> StartCause {
     if panicked || flags.wdgrstf() { StartCause::Watchdog } else { StartCause::PowerOn }
 }
 
-/// Restarts as after power-up.
+/// Restarts the processor as after power-up.
 pub(super) fn power_cycle() -> ! {
     SCB::sys_reset()
 }
 
-/// Logs that a panic occurred, but neither the message nor the location, because those of all panics would take 10 KiB
-/// of flash. A debugger that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
+/// Logs that a panic occurred. Message and location are not logged, because those of all panics take 10 KiB of flash. A
+/// debugger that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     fail(|| defmt::error!("panic"))
@@ -49,7 +49,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     fail(|| defmt::error!("hard fault at {:#x}", frame.pc()))
 }
 
-/// Resets the processor. If logging fails, the panic handler calls this function again, which then does not log.
+/// Resets the processor. If `log` panics, the panic handler calls this function again, which then does not log.
 fn fail(log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
     if mark(PANIC) != PANIC {
@@ -58,7 +58,7 @@ fn fail(log: impl FnOnce()) -> ! {
     SCB::sys_reset()
 }
 
-/// Replaces the marker and returns the previous one, which is arbitrary after power-up.
+/// Replaces the marker. Returns the previous value, which is arbitrary after power-up.
 fn mark(value: u32) -> u32 {
     let marker = addr_of_mut!(MARKER);
     let last;

@@ -1,10 +1,9 @@
-//! The serial port of the console: 115200 baud, with DMA in both directions, so that characters are received while the
-//! processor stalls during an erase.
+//! The serial port of the console: 115200 baud, with DMA in both directions. The DMA receives characters even while an
+//! erase stalls the processor.
 //!
-//! The drivers of embassy-stm32 0.6 do not report all damage: `BufferedUart` drops the error flags of the receiver.
-//! `RingBufferedUartRx` continues after an error with old positions, and mistakes two rounds of its ring during an
-//! erase for one. Here the DMA fills a buffer once and stops; further characters cause an overrun, which the receiver
-//! reports.
+//! The drivers of embassy-stm32 0.6 do not report all damage. `BufferedUart` drops the error flags of the receiver.
+//! `RingBufferedUartRx` continues after an error with old positions, and takes two rounds of its ring during an erase
+//! for one. Here the DMA fills a buffer once and stops. More characters cause an overrun, which the receiver reports.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -20,18 +19,19 @@ use embassy_sync::signal::Signal;
 
 use super::nucleo::UART;
 
-/// The number of bytes per DMA transfer: a line and the beginning of the next one.
+/// The number of bytes of a DMA transfer: a line and the beginning of the next one.
 pub(super) const BUFFER: usize = 64;
 
-/// Signals that the line is idle after a character, or that a character was damaged.
+/// The signal that the line is idle after a character, or that a character is damaged.
 static ARRIVED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 /// Whether characters were damaged or lost.
 static DAMAGED: AtomicBool = AtomicBool::new(false);
 
-/// Handles the UART interrupt. It must preempt the console's task, which checks for damage after taking the characters.
+/// Handles the UART interrupt, which must preempt the task of the console. This task takes the characters and then
+/// checks for damage.
 pub(super) fn on_interrupt() {
     let status = UART.sr().read();
-    // The second step of clearing the flags. It consumes a character not yet transferred by the DMA.
+    // Reading the data clears the flags. It also consumes a character that the DMA has not transferred yet.
     UART.dr().read();
     if status.ore() || status.fe() || status.ne() || status.rxne() {
         DAMAGED.store(true, Ordering::Relaxed);
@@ -82,7 +82,7 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    /// Starts filling a buffer.
+    /// Starts a transfer that fills a buffer.
     pub(super) fn fill<'a>(&'a mut self, buffer: &'a mut [u8; BUFFER]) -> Transfer<'a> {
         let data = UART.dr().as_ptr().cast::<u8>();
         // SAFETY: only the interrupt handler also reads the data register, and counts a character that it takes as
@@ -91,14 +91,14 @@ impl Receiver {
     }
 }
 
-/// Waits for characters or damage, and stops the transfer. Returns the number of characters, and whether any characters
-/// were damaged or lost. Damage without received characters is reported with the next characters.
+/// Waits for characters or damage, and stops the transfer. Returns the number of characters, and whether any were
+/// damaged or lost. Damage without characters is reported with the next ones.
 pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     select(&mut transfer, ARRIVED.wait()).await;
     transfer.request_pause();
     while transfer.is_running() {}
     let left = transfer.get_remaining_transfers() as usize;
-    // Until the next transfer, the receiver can hold one character.
+    // Until the next transfer, the receiver holds one character.
     drop(transfer);
     let count = BUFFER - left;
     (count, count > 0 && DAMAGED.swap(false, Ordering::Relaxed))
@@ -108,13 +108,13 @@ pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
 pub(super) struct Transmitter {
     channel: Channel<'static>,
     request: Request,
-    /// A copy in RAM of the bytes to send. If the DMA read the bytes from the flash, an erase would also block the
+    /// The copy in RAM of the bytes to send. If the DMA read them from the flash, an erase would also block the
     /// reception.
     buffer: &'static mut [u8; BUFFER],
 }
 
 impl Transmitter {
-    /// Sends bytes. Returns while the last two bytes are still in the transmitter.
+    /// Sends bytes. The call returns while the transmitter still holds the last two.
     pub(super) async fn send(&mut self, bytes: &[u8]) {
         let data = UART.dr().as_ptr().cast::<u8>();
         for chunk in bytes.chunks(BUFFER) {

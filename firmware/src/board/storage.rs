@@ -1,4 +1,4 @@
-//! The memory's task: writes the records of the device while the bus keeps running.
+//! The task of the memory, which writes the records of the device while the bus keeps running.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::{Channel, Receiver, Sender};
@@ -11,52 +11,52 @@ use static_cell::ConstStaticCell;
 use super::flash::{LONGEST_ERASE, Sectors};
 use super::wake_up::{Event, notify};
 
-/// The capacity of the queue: one request of each kind.
+/// The capacity of the queues: a request of each kind.
 const REQUESTS: usize = 3;
 
 /// The maximum duration of a request: four erases, and the words written in between.
 const LONGEST: Duration = Duration::from_secs(3);
 const _: () = assert!(LONGEST.as_millis() > 4 * LONGEST_ERASE.as_millis());
 
-/// A request of the device's task.
+/// A request of the task of the device.
 pub(super) enum Request {
-    /// Write a record.
+    /// Write this record.
     Store(RecordKey, Record),
-    /// Read all contents into this place.
+    /// Read all contents of the memory into this value.
     Read(&'static mut Contents),
-    /// Make the board a different device at the next start.
+    /// Make the board another device at the next start.
     Become(Settings),
 }
 
 /// The result of a [`Request`].
 pub(super) enum Done {
-    /// The first result, sent without a request: the settings of the board and all contents of the memory.
+    /// The settings of the board and all contents of the memory. This first result needs no request.
     Started(Settings, &'static mut Contents),
-    /// The result of writing a record.
+    /// The result of [`Request::Store`].
     Stored(RecordKey, Result<(), StoreError>),
-    /// The result of reading all contents.
+    /// The result of [`Request::Read`].
     Read(&'static mut Contents),
-    /// The result of making the board a different device.
+    /// The result of [`Request::Become`].
     Became(Result<(), StoreError>),
 }
 
-/// The channel from the device's task to the memory's task.
+/// The channel from the task of the device to the task of the memory.
 pub(super) type Requests = Channel<CriticalSectionRawMutex, Request, REQUESTS>;
-/// The channel from the memory's task to the device's task.
+/// The channel from the task of the memory to the task of the device.
 pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
 
-/// The memory as seen by the device's task.
+/// The memory, for the task of the device.
 pub(super) struct Client {
     requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
-    /// The number of results still expected.
+    /// The number of results that are still to come.
     awaited: u8,
     /// The time at which the next result is overdue.
     overdue: Instant,
 }
 
 impl Client {
-    /// Creates the client at a start, when [`Done::Started`] is expected.
+    /// Creates the client at a start, which waits for [`Done::Started`].
     pub(super) fn new(
         requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
         results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
@@ -67,7 +67,7 @@ impl Client {
     /// Queues a request. [`take`](Self::take) returns its result.
     ///
     /// # Errors
-    /// If the queue of requests is full.
+    /// Returns an error if the queue of requests is full.
     pub(super) fn ask(&mut self, request: Request) -> Result<(), StoreError> {
         self.requests.try_send(request).map_err(|_| StoreError)?;
         self.overdue = if self.awaited == 0 { Instant::now() + LONGEST } else { self.overdue };
@@ -75,7 +75,7 @@ impl Client {
         Ok(())
     }
 
-    /// Returns the next result, if any.
+    /// Returns the next result, if there is one.
     pub(super) fn take(&mut self) -> Option<Done> {
         let done = self.results.try_receive().ok()?;
         self.awaited -= 1;
@@ -95,7 +95,7 @@ pub(super) async fn run(
     requests: Receiver<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Sender<'static, CriticalSectionRawMutex, Done, REQUESTS>,
 ) -> ! {
-    // Static, because it is too large for the stack.
+    // A static, because it is too large for the stack.
     static CONTENTS: ConstStaticCell<Contents> = ConstStaticCell::new(Contents::empty());
     let contents = CONTENTS.take();
     let mut memory = Memory { sectors, buffer: [0; BUFFER] };
@@ -120,12 +120,12 @@ struct Memory {
 }
 
 impl Memory {
-    /// Reads all contents after power-up. The records of a previous device are cleared first.
+    /// Reads all contents after power-up. The records of a previous device are removed first.
     fn start(&mut self, contents: &mut Contents) -> Settings {
         let stored = self.read(contents);
         let mut settings = Settings::at_start(stored);
         if settings.fresh {
-            // A failed clear is repeated at the next start.
+            // A failed removal is repeated at the next start.
             settings.fresh = self.clear().is_err();
             contents.image.clear();
         }
@@ -136,7 +136,7 @@ impl Memory {
         settings
     }
 
-    /// Reads all contents. Returns the stored settings, if any.
+    /// Reads all contents. Returns the stored settings, if there are any.
     fn read(&mut self, contents: &mut Contents) -> Option<Settings> {
         if let Err(Unreadable) = self.records().read(contents) {
             self.begin_anew(contents);
@@ -149,7 +149,7 @@ impl Memory {
         let erased = self.sectors.erase_all().is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);
         if let Some(setting) = &contents.setting {
-            // Without the settings the board would revert to the kind for which the image was built.
+            // Without the settings the board would become the kind of the image.
             let _ = self.records().store_setting(setting);
         }
         contents.image.clear();

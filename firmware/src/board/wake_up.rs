@@ -1,7 +1,7 @@
-//! The events and the timer that wake the device's task.
+//! The events and the timer that wake the task of the device.
 //!
-//! An `AtomicWaker` with `with_deadline` is equivalent, but costs more from interrupt to sleep: 74 instructions for a
-//! frame not for the device, 229 for an SDO upload.
+//! An `AtomicWaker` with `with_deadline` would do the same, but costs more from interrupt to sleep: 74 instructions on
+//! a frame for another node, 229 on an SDO upload.
 
 use core::cell::Cell;
 use core::future::{Future as _, poll_fn};
@@ -13,29 +13,29 @@ use critical_section::Mutex;
 use embassy_executor::raw::{TaskRef, task_from_waker, wake_task};
 use embassy_time::{Duration, Instant, Timer};
 
-/// An event that wakes the device's task.
+/// An event that wakes the task of the device.
 #[derive(Clone, Copy)]
 #[repr(u8)]
 pub(super) enum Event {
-    /// CAN controller: a frame was received.
+    /// The CAN controller has received a frame.
     Received = 1 << 0,
-    /// CAN controller: a frame was sent or aborted.
+    /// The CAN controller has sent or aborted a frame.
     Sent = 1 << 1,
-    /// CAN controller: the error mode has changed.
+    /// The error mode of the CAN controller has changed.
     Errors = 1 << 2,
-    /// The result of a request to the memory is available.
+    /// The memory has the result of a request.
     Memory = 1 << 3,
-    /// A line was received, or the button was pressed.
+    /// A line of the console or a press of the button has come.
     Controls = 1 << 4,
-    /// The LEDs need an update.
+    /// The LEDs need the present state.
     Leds = 1 << 5,
 }
 
 static PENDING: AtomicU8 = AtomicU8::new(0);
-/// The device's task, woken directly: a waker would cost twice as much.
+/// The task of the device. A waker in its place would cost twice as much.
 static TASK: Mutex<Cell<Option<TaskRef>>> = Mutex::new(Cell::new(None));
 
-/// Wakes the device's task with an event.
+/// Wakes the task of the device with an event.
 pub(super) fn notify(event: Event) {
     PENDING.fetch_or(event as u8, Ordering::Release);
     if let Some(task) = critical_section::with(|cs| TASK.borrow(cs).get()) {
@@ -43,7 +43,7 @@ pub(super) fn notify(event: Event) {
     }
 }
 
-/// The events since the last [`WakeUp::wait`].
+/// The events since the previous [`WakeUp::wait`].
 #[derive(Clone, Copy, Default)]
 pub(super) struct Events(u8);
 
@@ -58,14 +58,14 @@ impl Events {
     }
 }
 
-/// The wake-up of the device's task by events and by its only timer.
+/// The wake-up of the task of the device, by events and by its only timer.
 pub(super) struct WakeUp {
-    /// The time to which the timer was last set.
+    /// The time to which the timer was set last.
     armed: Instant,
 }
 
 impl WakeUp {
-    /// Creates the wake-up of the calling task, the device's task.
+    /// Creates the wake-up. The calling task must be that of the device.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
             let task = task_from_waker(context.waker());
@@ -76,8 +76,8 @@ impl WakeUp {
         Self { armed: Instant::MIN }
     }
 
-    /// Waits for an event, at most until `due`; may return earlier without an event. `now` must be close to the present
-    /// time.
+    /// Waits for an event, at most until `due`. It can return earlier without an event. `now` must be close to the
+    /// present time.
     pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Events {
         let mut waited = false;
         poll_fn(|context| {
@@ -92,7 +92,7 @@ impl WakeUp {
         .await
     }
 
-    /// Waits for a duration; events are kept for the next [`wait`](Self::wait).
+    /// Waits for a duration. The next [`wait`](Self::wait) returns the events of this time.
     pub(super) async fn pause(&mut self, time: Duration) {
         let end = Instant::now() + time;
         poll_fn(|context| {
@@ -106,8 +106,8 @@ impl WakeUp {
         .await;
     }
 
-    /// Sets the timer to `due`, unless the timer expires earlier: an unneeded wake-up costs less than setting the timer
-    /// for every frame.
+    /// Sets the timer to `due`, unless it ends earlier. An unneeded wake-up costs less than setting the timer for every
+    /// frame.
     fn arm(&mut self, due: Instant, now: Instant, context: &mut Context<'_>) {
         if self.armed <= now || due < self.armed {
             self.armed = due;

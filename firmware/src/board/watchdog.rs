@@ -1,4 +1,4 @@
-//! The watchdog: resets the processor if the device's task does not run or a request to the memory is overdue.
+//! The watchdog, which resets the processor if the task of the device does not run or the memory does not answer.
 
 use embassy_stm32::pac::DBGMCU;
 use embassy_stm32::peripherals::IWDG;
@@ -9,26 +9,26 @@ use super::link::LONGEST_SETTLE;
 use super::nucleo::{STANDSTILL, WATCHDOG_US};
 use super::storage::Client;
 
-/// The maximum time between two feedings by an idle device's task.
+/// The maximum time between two feedings by an idle task of the device.
 pub(super) const FEED: Duration = Duration::from_millis(100);
 
-/// The frequencies of the watchdog's oscillator (LSI), in kHz: the nominal one, from which the watchdog's time is
-/// calculated, and the highest one (DS9405, DS10693).
+/// The frequencies of the oscillator of the watchdog (LSI), in kHz: the nominal one, which defines the time of the
+/// watchdog, and the highest one (DS9405, DS10693).
 const TYPICAL_LSI_KHZ: u64 = 32;
 const FASTEST_LSI_KHZ: u64 = 47;
 
-/// The watchdog's time with the fastest oscillator.
+/// The time of the watchdog with the fastest oscillator.
 const SHORTEST: Duration = Duration::from_micros(WATCHDOG_US as u64 * TYPICAL_LSI_KHZ / FASTEST_LSI_KHZ);
 const _: () = assert!(SHORTEST.as_micros() > FEED.as_micros() + LONGEST_SETTLE.as_micros() + STANDSTILL.as_micros());
 
-/// The watchdog, already running.
+/// The running watchdog.
 pub(super) struct Watchdog(IndependentWatchdog<'static, IWDG>);
 
 impl Watchdog {
-    /// Starts the watchdog. Must be called once, before any code that can wait indefinitely for the clock or the CAN
+    /// Starts the watchdog. It is started once, before any code that can wait forever for the clock or the CAN
     /// controller.
     pub(super) fn start() -> Self {
-        // Otherwise the watchdog would reset the processor at a breakpoint.
+        // Without this bit the watchdog would reset the processor at a breakpoint.
         DBGMCU.apb1fzr().modify(|frozen| frozen.set_iwdg(true));
         // SAFETY: there is no other user of the peripheral, now or later.
         let mut watchdog = IndependentWatchdog::new(unsafe { IWDG::steal() }, WATCHDOG_US);
@@ -36,7 +36,7 @@ impl Watchdog {
         Self(watchdog)
     }
 
-    /// Restarts the watchdog's time, unless a request to the memory is overdue.
+    /// Restarts the time of the watchdog, unless an answer of the memory is overdue.
     pub(super) fn feed(&mut self, memory: &Client, now: Instant) {
         if !memory.hangs(now) {
             self.0.pet();

@@ -1,18 +1,18 @@
-//! Conversion between frames of the core and of `bxcan`.
+//! The conversion between frames of the core and of `bxcan`.
 
 use embassy_stm32::pac::CAN1;
 use protocol_core::frame::{Frame, Id, extended, standard};
 
-/// Converts a frame between the core and `bxcan`. Never returns `None`, because frames of `bxcan` here were converted
-/// from the core.
+/// Converts a frame of the core to one of `bxcan`, or back. Returns `None` only for more than eight bytes, which
+/// neither type holds.
 pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame: &From) -> Option<To> {
     if frame.is_remote_frame() { To::new_remote(frame.id(), frame.dlc()) } else { To::new(frame.id(), frame.data()) }
 }
 
-/// The data length code and data at the output of a receive FIFO.
+/// The data length code and the data at the output of a receive FIFO.
 ///
-/// CAN permits length codes of 9–15, which mean 8. `bxcan` keeps such a code as received, and panics on access to the
-/// length or data of the frame. Therefore the output is read here, before `bxcan` releases the frame.
+/// CAN permits length codes of 9–15, which mean 8 bytes. `bxcan` keeps such a code, and panics on access to the length
+/// or data of the frame. Therefore the output is read before `bxcan` releases the frame.
 pub(super) struct Payload {
     len: u8,
     data: [u8; 8],
@@ -28,7 +28,7 @@ impl Payload {
         Self { len, data: [a, b, c, d, e, f, g, h] }
     }
 
-    /// Combines a frame taken by `bxcan` with this payload.
+    /// Combines this payload with the frame that `bxcan` has taken.
     pub(super) fn of(self, frame: &bxcan::Frame) -> Frame {
         let id = embedded_can::Frame::id(frame);
         if frame.is_remote_frame() { Frame::remote(id, self.len) } else { Frame::with_len(id, self.data, self.len) }

@@ -1,12 +1,12 @@
 //! The CAN controller, bxCAN 1 (RM0090 chapter 32), with the driver crate `bxcan`.
 //!
-//! The registers are accessed directly only for features that `bxcan` 0.8 lacks: error modes and their interrupts,
-//! filter changes during operation, initialisation without busy-waiting, and those noted in the child modules.
+//! The registers are accessed directly only for what `bxcan` 0.8 lacks: error modes and their interrupts, changes of
+//! filters during operation, initialisation without busy-waiting, and the cases that the child modules name.
 //!
 //! ```text
 //! mod       joining and leaving the bus, error modes, filters
-//! receive   by interrupt into a queue
-//! transmit  in the order of arbitration, back to back
+//! receive   reception by interrupt into a queue
+//! transmit  transmission in the order of arbitration
 //! frames    conversion between frames of the core and of `bxcan`
 //! ```
 
@@ -37,7 +37,7 @@ pub(super) use transmit::retry;
 /// The alternate function of the pins for CAN 1.
 const AF_CAN: u8 = 9;
 
-/// The number of error interrupts that occurred.
+/// The number of error interrupts so far.
 pub(super) static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
 /// The registers of CAN 1, for `bxcan`.
@@ -69,8 +69,8 @@ fn CAN1_SCE() {
     notify(Event::Errors);
 }
 
-/// Enables the interrupts of the error modes not yet reached, and disables those of reached modes, because they could
-/// occur again at every further error. The device's task polls for recovery.
+/// Enables the interrupts of the error modes that are not reached, and disables the others, which would occur again at
+/// every error. The task of the device polls for recovery.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
     CAN1.ier().modify(|ier| {
@@ -86,12 +86,12 @@ pub(super) struct Can1 {
 }
 
 impl Can1 {
-    /// Connects two pins to CAN 1 and sets the priority of its interrupts. The controller stays off the bus until
+    /// Connects two pins to CAN 1 and sets the priority of its interrupts. The controller does not join the bus before
     /// [`join`](Self::join).
     pub(super) fn new(rx: Peri<'static, impl Pin>, tx: Peri<'static, impl Pin>, priority: Priority) -> Self {
         let (mut rx, mut tx) = (Flex::new(rx), Flex::new(tx));
         rx.set_as_af_unchecked(AF_CAN, AfType::input(Pull::Up));
-        // Edges of 10 ns (DS9405, DS10693): 1 % of the shortest bit, with less noise than faster ones.
+        // Edges of 10 ns (DS9405, DS10693) are 1 % of the shortest bit, with less noise than faster ones.
         tx.set_as_af_unchecked(AF_CAN, AfType::output(OutputType::PushPull, Speed::Medium));
         // Dropping the pins would disconnect them.
         core::mem::forget((rx, tx));
@@ -99,7 +99,7 @@ impl Can1 {
         let mut config = bxcan::Can::builder(Registers).leave_disabled();
         let mut filters = config.modify_filters();
         for bank in 0..Registers::NUM_FILTER_BANKS {
-            // One 32-bit filter with a mask, for FIFO 0 only: received frames keep their order.
+            // A bank is a 32-bit filter with a mask, for FIFO 0 only, so that received frames keep their order.
             filters.enable_bank(bank, Fifo::Fifo0, Mask32::accept_all()).disable_bank(bank);
         }
         drop(filters);
@@ -110,7 +110,7 @@ impl Can1 {
                 | Interrupts::ERROR,
         );
         interrupt_unless_reached();
-        // A `Can` cannot be configured after splitting, so there are two.
+        // A split `Can` cannot be configured, so there are two.
         let (tx, rx0, rx1) = bxcan::Can::builder(Registers).leave_disabled().split();
         transmit::start(tx);
         let received = receive::start(rx0, rx1);
@@ -122,7 +122,7 @@ impl Can1 {
         Self { config, received }
     }
 
-    /// Drops the pending transmit frames and requests initialisation mode, which the controller enters after the
+    /// Drops the pending transmit frames and requests the initialisation mode. The controller enters it after the
     /// current frame.
     pub(super) fn leave(&mut self) {
         self.abort(Filter::ALL);
@@ -138,24 +138,24 @@ impl Can1 {
         CAN1.msr().read().inak()
     }
 
-    /// Resets the controller, to take it off a bus on which no frame ends.
+    /// Resets the controller, for a bus on which no frame ends. The controller then leaves the bus.
     pub(super) fn reset(&mut self) {
         CAN1.mcr().write(|mcr| mcr.set_reset(true));
         self.leave();
     }
 
-    /// Joins the bus at a bit rate, after 11 recessive bits; recovery from bus-off is automatic. The controller must
-    /// [have left](Self::has_left) the bus.
+    /// Joins the bus at a bit rate, after 11 recessive bits. Recovery from bus-off is automatic. The controller must
+    /// [have left](Self::has_left) the bus before.
     pub(super) fn join(&mut self, bit_rate: BitRate) {
         self.config.modify_config().set_bit_timing(BitTiming::of(bit_rate).register()).leave_disabled();
-        // The controller starts in the background.
+        // The controller joins in the background.
         let _ = self.config.enable_non_blocking();
     }
 
     /// Returns the error mode, and enables the interrupts of worse modes.
     pub(super) fn mode(&mut self) -> BusErrorMode {
         critical_section::with(|_| interrupt_unless_reached());
-        // Read after enabling the interrupts: a mode reached in between is detected by the read or by the interrupt.
+        // The read follows the enabling of the interrupts, so that no mode is missed in between.
         match CAN1.esr().read() {
             errors if errors.boff() => BusErrorMode::BusOff,
             errors if errors.epvf() => BusErrorMode::ErrorPassive,
@@ -186,7 +186,7 @@ impl Controller for Can1 {
         transmit::with(|transmission| transmission.abort(which));
     }
 
-    /// Changes the banks one by one without `bxcan`, because `bxcan` would stop all reception during the change.
+    /// Changes the banks one by one, without `bxcan`, which would stop the reception during the change.
     fn set_filters(&mut self, filters: &Filters) {
         while let Some((number, wanted)) = next_change(&core::array::from_fn(bank), filters) {
             CAN1.fa1r().modify(|active| active.set_fact(number, false));
@@ -199,7 +199,7 @@ impl Controller for Can1 {
     }
 }
 
-/// Returns the contents of a filter bank; `None` if the bank is inactive.
+/// Returns the contents of a filter bank; `None` for an inactive one.
 fn bank(number: usize) -> Option<Bank> {
     let registers = CAN1.fb(number);
     let is_active = CAN1.fa1r().read().fact(number);

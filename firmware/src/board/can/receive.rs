@@ -1,4 +1,4 @@
-//! Reception: by interrupt into a queue (RM0090 32.7.3).
+//! The reception by interrupt into a queue (RM0090 32.7.3).
 
 use core::mem::MaybeUninit;
 use core::ptr::addr_of_mut;
@@ -15,11 +15,11 @@ use super::Registers;
 use super::frames::Payload;
 use crate::board::wake_up::{Event, notify};
 
-/// The capacity of the queue: 12 ms of a full bus at 1 Mbit/s.
+/// The capacity of the queue: the frames of 12 ms on a full bus at 1 Mbit/s.
 const QUEUE: usize = 256;
 
-/// The number of received frames lost in the controller or because the queue was full. An overrun of the controller
-/// counts as one frame.
+/// The number of received frames that were lost, in the controller or in front of a full queue. An overrun of the
+/// controller counts as one frame.
 pub(in crate::board) static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 
 /// The state of the receive interrupts.
@@ -31,10 +31,10 @@ struct Reception {
 
 static mut RECEPTION: MaybeUninit<Reception> = MaybeUninit::uninit();
 
-/// Hands the receive halves of the controller to the interrupts and returns the consumer of their queue. Must be called
+/// Hands the receive halves of the controller to the interrupts. Returns the consumer of their queue. It is called
 /// once, before the interrupts are enabled.
 pub(super) fn start(rx0: Rx0<Registers>, rx1: Rx1<Registers>) -> Consumer<'static, Frame> {
-    // The queue holds one frame less than its length.
+    // A queue holds one frame less than its length.
     static STORAGE: ConstStaticCell<Queue<Frame, { QUEUE + 1 }>> = ConstStaticCell::new(Queue::new());
     let (received, waiting) = STORAGE.take().split();
     // SAFETY: no interrupt accesses it yet, and the storage is handed out once.
@@ -52,7 +52,7 @@ fn CAN1_RX1() {
     empty(1, |reception| reception.rx1.receive());
 }
 
-/// Moves the frames of a FIFO to the queue. For the receive interrupts only.
+/// Moves the frames of a FIFO to the queue. Only the receive interrupts call this function.
 fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Frame, OverrunError>) {
     // SAFETY: written before the interrupts were enabled; they have equal priority, so neither preempts the other.
     let reception = unsafe { (*addr_of_mut!(RECEPTION)).assume_init_mut() };
@@ -64,7 +64,7 @@ fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Fram
             Err(nb::Error::Other(_)) => lost += 1,
             Err(nb::Error::WouldBlock) => {}
         }
-        // `bxcan` does not wait for the release of the FIFO output, which until then still holds the frame taken.
+        // `bxcan` does not wait for the release of the FIFO output, which holds the taken frame until then.
         while CAN1.rfr(fifo).read().rfom() {}
     }
     if lost != 0 {

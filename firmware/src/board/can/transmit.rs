@@ -1,7 +1,7 @@
-//! Transmission: the most urgent frame first, frames back to back (RM0090 32.7.1).
+//! The transmission: the most urgent frame first, and frames back to back (RM0090 32.7.1).
 //!
-//! `bxcan` holds up to three frames. While frames are pending, it accepts only a strictly more urgent one; a fourth
-//! frame replaces the least urgent, which is returned. The next frame in the order of arbitration is *staged* here, and
+//! `bxcan` holds up to three frames. While frames are pending, it accepts only a more urgent one. A fourth frame
+//! replaces the least urgent one, which `bxcan` returns. The next frame in the order of arbitration is *staged* here;
 //! the transmit interrupt loads it within the intermission.
 
 use core::cell::RefCell;
@@ -22,8 +22,8 @@ use crate::board::wake_up::{Event, notify};
 /// The three flags of the transmit status register that mark a mailbox as empty.
 const ALL_EMPTY: u32 = 0b111 << 26;
 
-/// The transmit half, shared by the transmit interrupt and the device's task. [`Tx::transmit`] aborts a mailbox by
-/// reading flags that the interrupt clears; without a critical section, a frame could be sent twice.
+/// The transmit half, which the transmit interrupt and the task of the device share. [`Tx::transmit`] reads flags that
+/// the interrupt clears, in order to abort a mailbox. Without a critical section a frame could be sent twice.
 static TRANSMISSION: Mutex<RefCell<Option<Transmission>>> = Mutex::new(RefCell::new(None));
 
 /// Whether the staged frame waits for a mailbox whose release may cause no interrupt.
@@ -32,7 +32,7 @@ static BLOCKED: AtomicBool = AtomicBool::new(false);
 /// The transmit half of the controller.
 pub(super) struct Transmission {
     tx: Tx<Registers>,
-    /// The next frame to load. The staged frame waits while a frame in a mailbox is at least as urgent.
+    /// The next frame to load. It waits while a frame in a mailbox is at least as urgent.
     staged: Option<Frame>,
 }
 
@@ -55,8 +55,8 @@ pub(super) fn with<R>(act: impl FnOnce(&mut Transmission) -> R) -> Option<R> {
     critical_section::with(|cs| TRANSMISSION.borrow_ref_mut(cs).as_mut().map(act))
 }
 
-/// Tries to load a blocked frame, because no interrupt may signal that its mailbox is free. Returns whether the frame
-/// is still blocked, so that another retry is needed.
+/// Tries to load a blocked frame, because no interrupt may report that its mailbox is free. Returns whether the frame
+/// is still blocked.
 pub(in crate::board) fn retry() -> bool {
     if BLOCKED.load(Ordering::Relaxed) {
         with(Transmission::load);
@@ -70,21 +70,21 @@ impl Transmission {
         self.tx.is_idle() && self.staged.is_none()
     }
 
-    /// Accepts a frame for transmission. Returns the less urgent frame that the new frame displaces, if any.
+    /// Accepts a frame for transmission. Returns a less urgent frame that it displaces.
     ///
     /// # Errors
-    /// [`nb::Error::WouldBlock`] if the staged frame is at least as urgent.
+    /// Returns [`nb::Error::WouldBlock`] if the staged frame is at least as urgent.
     pub(super) fn put(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        // A mailbox that has just become free takes the staged frame first, because that is older than an equally
-        // urgent one.
+        // A mailbox that has just become free takes the staged frame first, which is older than an equally urgent new
+        // one.
         self.load();
         if self.staged.is_some_and(|staged| staged.arbitration() <= frame.arbitration()) {
             return Err(nb::Error::WouldBlock);
         }
         match self.offer(frame) {
             Ok(None) => Ok(None),
-            // The more urgent of the displaced and the staged frame stays staged; if equal, the displaced one, which is
-            // older.
+            // The more urgent of the displaced and the staged frame becomes the staged one. Of equally urgent frames it
+            // is the displaced one, which is older.
             Ok(Some(displaced)) => match self.staged {
                 Some(staged) if staged.arbitration() < displaced.arbitration() => Ok(Some(displaced)),
                 _ => Ok(self.staged.replace(displaced)),
@@ -93,19 +93,19 @@ impl Transmission {
         }
     }
 
-    /// Drops the frames that a filter passes. A frame on the wire is not retransmitted if the present attempt fails.
+    /// Drops the frames that pass a filter. A frame on the wire is not repeated after an error.
     pub(super) fn abort(&mut self, which: Filter) {
         self.staged.take_if(|frame| which.passes(frame));
         let status = CAN1.tsr().read();
         for mailbox in (0..3).filter(|mailbox| !status.tme(*mailbox)) {
             if which.passes(&Frame::remote(identifier(mailbox), 0)) {
-                // Not with `bxcan`, which busy-waits for the end of a frame on the wire.
+                // `bxcan` would busy-wait for the end of a frame on the wire.
                 CAN1.tsr().write(|tsr| tsr.set_abrq(mailbox, true));
             }
         }
     }
 
-    /// Loads the staged frame if the controller accepts it. A displaced frame is staged instead.
+    /// Loads the staged frame if the controller accepts it. A displaced frame becomes the staged one.
     fn load(&mut self) {
         if let Some(staged) = self.staged
             && let Ok(displaced) = self.offer(&staged)
@@ -114,11 +114,10 @@ impl Transmission {
         }
     }
 
-    /// Loads a frame into a mailbox through `bxcan`. Returns the frame displaced from the mailbox, if any;
-    /// [`nb::Error::WouldBlock`] if the controller does not accept the frame yet.
+    /// Loads a frame into a mailbox through `bxcan`. Returns a frame that it displaces from the mailbox.
     fn offer(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        // With all mailboxes full `bxcan` aborts one, and would busy-wait for the end of a frame on the wire. There is
-        // no interrupt when that frame loses arbitration.
+        // With all mailboxes full, `bxcan` aborts one, and would busy-wait for the end of a frame on the wire. No
+        // interrupt reports that this frame has lost arbitration.
         let blocked = CAN1.tsr().read().0 & ALL_EMPTY == 0 && CAN1.msr().read().txm();
         BLOCKED.store(blocked, Ordering::Relaxed);
         if blocked {

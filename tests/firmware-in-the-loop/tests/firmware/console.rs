@@ -62,7 +62,7 @@ fn a_word_of_another_kind_is_refused() {
         let before = client.status();
         for line in lines {
             let refusal = client.console(line).expect_err(line);
-            assert_eq!(refusal, "another kind of device has this word: help tells all words");
+            assert_eq!(refusal, "not a word of this kind of device: help lists all words");
             assert_eq!(client.status(), before, "{line:?}");
         }
         client.end_without_reset();
@@ -130,7 +130,7 @@ fn what_it_does_not_know_changes_nothing() {
         &longest("240001"),
     ] {
         let answer = client.console(line).expect_err(line);
-        assert_eq!(answer, "not understood: help tells all words");
+        assert_eq!(answer, "invalid line: help lists all words");
         assert_eq!(client.status(), before, "{line:?}");
     }
     assert_eq!(client.read(0x1018, 1), 0x0100_0019);

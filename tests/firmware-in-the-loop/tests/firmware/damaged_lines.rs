@@ -7,7 +7,7 @@ use firmware_in_the_loop::part::{Damage, Flag};
 use super::client::ImageClient;
 use super::f446re::{about_to_erase, begin_erase};
 
-const DAMAGED: &str = "damaged in transmission: send it again";
+const DAMAGED: &str = "damaged in transmission: send the line again";
 const SUPPLY: &str = "supply_mv 24000\n";
 /// Turns a `4` into a `5`, of which no text tells that it is wrong.
 const ONE_BIT: u8 = 1;

@@ -46,7 +46,7 @@ impl ImageClient {
             let mut lines: Vec<String> = complete.split("\r\n").map(str::to_owned).collect();
             match lines.pop() {
                 Some(last) if last == "ok" => return Ok(lines),
-                Some(last) if last.ends_with("help tells all words") => return Err(last),
+                Some(last) if last.ends_with("help lists all words") => return Err(last),
                 _ => {}
             }
         }
