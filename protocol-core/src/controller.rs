@@ -1,48 +1,48 @@
-//! The CAN controller of a device: its trait, its filters and its error mode.
+//! The CAN controller of a device: trait, filters, error mode and bit rates.
 //!
-//! The simulated controller and the controller of the board share these types, so that host tests run the flashed code.
+//! Simulator and board share these types, so that host tests run the code of the image.
 
 use heapless::Vec;
 
 use crate::frame::Frame;
 
-/// A CAN controller, for use with [`pump`](crate::pump::pump).
+/// A CAN controller for the [`pump`](crate::pump::pump).
 pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
-    /// Returns whether no mailbox is pending: the controller has sent all frames handed to it.
+    /// Returns whether the controller has sent all its frames.
     fn is_idle(&self) -> bool;
 
-    /// Drops the pending transmit frames that match `which`. A frame already on the wire continues, but is not
-    /// retransmitted if the present attempt fails.
+    /// Drops the pending transmit frames that pass `which`. A frame on the wire is not dropped, but not repeated after
+    /// an error either.
     fn abort(&mut self, which: Filter);
 
-    /// Sets the receive filters. From now on the controller accepts data frames that pass at least one filter, and may
-    /// reject all others. Frames already received stay.
+    /// Sets the receive filters. From now on the controller must accept data frames that pass a filter, and may reject
+    /// all other frames. Received frames stay.
     fn set_filters(&mut self, filters: &Filters);
 }
 
-/// The maximum number of transmit frames that a controller holds at once.
+/// The maximum number of transmit frames in a controller.
 pub const MAILBOXES: usize = 3;
 
-/// An identifier filter: passes frames whose key equals `key` in the bits of `mask`.
+/// A filter of identifiers. It passes frames whose key equals `key` in the bits of `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filter {
     /// The key of an identifier, see [`frame::key`](crate::frame::key).
     pub key: u32,
-    /// The compared bits. Receive filters always compare bit 29, which marks an extended identifier.
+    /// The compared bits. Receive filters always compare bit 29, which marks a 29-bit identifier.
     pub mask: u32,
 }
 
 impl Filter {
-    /// Passes every identifier.
+    /// The filter that passes every frame.
     pub const ALL: Self = Self { key: 0, mask: 0 };
 
-    /// Passes one identifier.
+    /// Creates a filter that passes one identifier.
     #[must_use]
     pub const fn exactly(key: u32) -> Self {
         Self { key, mask: u32::MAX }
     }
 
-    /// Returns whether a frame passes.
+    /// Returns whether a frame passes the filter.
     #[inline]
     #[must_use]
     pub const fn passes(&self, frame: &Frame) -> bool {
@@ -50,27 +50,26 @@ impl Filter {
     }
 }
 
-/// The maximum number of filters of a device: one for each service with its own identifier.
+/// The maximum number of filters of a device. The largest number is that of a valve on CANopen.
 pub const FILTERS: usize = 8;
 
 /// The filters of a device.
 pub type Filters = Vec<Filter, FILTERS>;
 
-/// The error mode of a controller, by its error counters (ISO 11898-1, fault confinement).
+/// The error mode of a controller (ISO 11898-1, fault confinement).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusErrorMode {
-    /// Normal operation, with active error flags.
+    /// The controller communicates with active error flags.
     #[default]
     ErrorActive,
-    /// An error counter is above 127: normal operation, but with passive error flags.
+    /// An error counter is above 127. The controller communicates with passive error flags.
     ErrorPassive,
-    /// The transmit error counter is above 255: no communication until recovery. The platform must drop the
-    /// controller's pending frames before it reports bus-off to the device, because those frames would be outdated
-    /// after recovery.
+    /// The transmit error counter is above 255. The controller does not communicate until recovery. The platform drops
+    /// its pending frames, which would be outdated then, before it reports bus-off to the device.
     BusOff,
 }
 
-/// The bit rates of CiA 301. The discriminants are the indices in LSS bit timing table 0 (CiA 305).
+/// The bit rates of CiA 301. The numbers are the indices in LSS bit timing table 0 (CiA 305).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum BitRate {
@@ -93,7 +92,7 @@ pub enum BitRate {
 }
 
 impl BitRate {
-    /// All bit rates, fastest first.
+    /// All bit rates, the fastest first.
     pub const ALL: [Self; 8] = [
         Self::Kbit1000,
         Self::Kbit800,
@@ -126,13 +125,13 @@ impl BitRate {
         self as u8
     }
 
-    /// Returns the bit rate with this index in LSS bit timing table 0; `None` for 5 (reserved) and above 8.
+    /// Returns the bit rate of an index in LSS bit timing table 0; `None` for the reserved index 5 and above 8.
     #[must_use]
     pub fn from_table_index(index: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.table_index() == index)
     }
 
-    /// Returns the bit rate with this number of bits per second; `None` if CiA 301 does not define it.
+    /// Returns the bit rate of this number of bits per second; `None` for a rate that CiA 301 does not define.
     #[must_use]
     pub fn from_bits_per_second(bits: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.bits_per_second() == bits)

@@ -1,43 +1,42 @@
-//! The protocol-independent single-turn encoder: the shaft as a function of time, exact at any speed, and the preset
-//! (SPEC 9).
+//! The protocol-independent single-turn encoder (SPEC 9): the shaft as an exact function of time, and the preset.
 
 use crate::time::{Instant, since};
 
 /// One turn, in 1/100 degree.
 pub const TURN_CDEG: u32 = 36_000;
 
-/// The steps per turn (A): 14 bits.
+/// The number of position steps in a turn (A): 14 bits.
 pub const STEPS: u32 = 16_384;
 
-/// The shaft of the encoder: its angle at a reference time, and its constant speed since then.
+/// The shaft of the encoder, which turns at constant speed from a reference time on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
-    /// The angle at `since`, in 1/100 degree; a whole turn counts as 0.
+    /// The angle at `since`, in 1/100 degree. Whole turns do not count.
     pub angle_cdeg: u32,
     /// The speed in turns per minute, positive clockwise. The position increases clockwise.
     pub speed_rpm: i32,
-    /// The reference time of `angle_cdeg`; the shaft is at rest before.
+    /// The reference time of `angle_cdeg`. Before it the shaft is at rest.
     pub since: Instant,
-    /// Whether the sensor unit detects a measuring error. The position still follows the shaft.
+    /// Whether the sensor reports a measuring error. The position follows the shaft nevertheless.
     pub measuring_error: bool,
 }
 
-/// Microseconds per minute: at one turn per minute the shaft covers 1/60 000 000 turn, a *part*, in each microsecond.
+/// The microseconds in a minute. At one turn per minute the shaft covers 1/60 000 000 turn in each: a *part*.
 const MINUTE_US: u64 = 60_000_000;
 
-/// The number of whole turns per microsecond added to a negative speed: enough to make every speed positive.
+/// The number of turns per microsecond that is added to a negative speed. It makes every speed positive, and whole
+/// turns do not change the angle.
 const TURNS_FORWARDS: u64 = 36;
 const _: () = assert!(TURNS_FORWARDS * MINUTE_US > i32::MIN.unsigned_abs() as u64);
 
-/// The number of angle units per turn: the least common multiple of 36 000 (1/100 degrees) and 60 000 000 (*parts*), so
-/// that both are integer numbers of units.
+/// The number of angle units in a turn: the least common multiple of 36 000 (1/100 degrees) and 60 000 000 (*parts*).
 const TURN: u64 = 180_000_000;
 
 const UNITS_PER_CDEG: u32 = 5_000;
 const UNITS_PER_PART: u64 = 3;
 const _: () = assert!(UNITS_PER_CDEG as u64 * TURN_CDEG as u64 == TURN && UNITS_PER_PART * MINUTE_US == TURN);
 
-/// The position steps per angle unit, as a fraction in lowest terms: 64 steps cover 703 125 units.
+/// The position steps in an angle unit, as a fraction in lowest terms: 64 steps cover 703 125 units.
 const STEPS_IN_UNITS: u64 = 64;
 const UNITS_IN_STEPS: u64 = 703_125;
 const _: () = assert!(STEPS_IN_UNITS * TURN == UNITS_IN_STEPS * STEPS as u64);
@@ -50,19 +49,19 @@ const MINUTES: Ratio = Ratio::new(1, MINUTE_US, u64::MAX);
 const TURNS: Ratio = Ratio::new(1, TURN, UNITS_MAX);
 const STEPS_OF_UNITS: Ratio = Ratio::new(STEPS_IN_UNITS, UNITS_IN_STEPS, UNITS_MAX);
 
-/// A constant ratio below 1, applied to 64-bit numbers by multiplication, because the Cortex-M4 has no 64-bit division.
-/// Saves 115 instructions per position.
+/// A constant ratio below 1 for 64-bit numbers. It multiplies by a scaled reciprocal, because the Cortex-M4 has no
+/// 64-bit division: this saves 115 instructions per position.
 struct Ratio {
-    /// The exponent of the denominator's power of two: the multiplicand is first shifted right by this many bits.
+    /// The number of factors 2 in the denominator. The multiplicand is first shifted right by as many bits.
     twos: u32,
-    /// The numerator over the odd part of the denominator, times 2^(64 + `shift`), rounded up.
+    /// The numerator divided by the odd part of the denominator, times 2^(64 + `shift`), rounded up.
     scaled: u64,
     shift: u32,
 }
 
 impl Ratio {
-    /// Creates the ratio of two numbers in lowest terms, for multiplicands up to `max`. For constants only: assertions
-    /// check that the rounding of `scaled` never affects a product.
+    /// Creates the ratio of two constants in lowest terms, for multiplicands up to `max`. Assertions check that the
+    /// rounding of `scaled` never changes a product.
     #[expect(clippy::arithmetic_side_effects, reason = "of constants: the compiler tells of an overflow")]
     const fn new(numerator: u64, denominator: u64, max: u64) -> Self {
         let twos = denominator.trailing_zeros();
@@ -71,14 +70,14 @@ impl Ratio {
         let exact = (numerator as u128) << (64 + shift);
         let scaled = exact / odd + 1;
         assert!(scaled <= u64::MAX as u128);
-        // The exact product is at least 1/odd below the next integer, and the computed product exceeds the exact one by
-        // less than 1/odd: both have the same integer part.
+        // The fractional part of the exact product is at most 1 − 1/odd, and the computed product exceeds the exact one
+        // by less than 1/odd. Both have the same integer part.
         let excess = scaled * odd - exact;
         assert!((max >> twos) as u128 * excess < 1 << (64 + shift));
         Self { twos, scaled: scaled as u64, shift }
     }
 
-    /// Multiplies a number by the ratio, rounding down.
+    /// Returns the product of the ratio and a number, rounded down.
     #[inline]
     const fn of(&self, number: u64) -> u64 {
         let product = ((number >> self.twos) as u128).wrapping_mul(self.scaled as u128);
@@ -108,12 +107,11 @@ impl Shaft {
         STEPS_OF_UNITS.of(self.units_at(now)) as u32 & POSITION_MAX
     }
 
-    /// Returns the absolute angle, in units of 1/[`TURN`] turn, not reduced to one turn.
+    /// Returns the angle at `now` in units of 1/[`TURN`] turn. It may exceed one turn.
     #[inline]
     const fn units_at(&self, now: Instant) -> u64 {
         let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG as u64);
-        // At an integer number of turns per minute the shaft returns to its angle after each minute. A negative speed
-        // becomes positive by adding whole turns per microsecond, which do not change the angle.
+        // At an integer number of turns per minute the shaft returns to its angle after each minute.
         let elapsed = since(now, self.since).as_micros();
         let within_minute = elapsed.wrapping_sub(MINUTES.of(elapsed).wrapping_mul(MINUTE_US));
         let turns = if self.speed_rpm < 0 { TURNS_FORWARDS * MINUTE_US } else { 0 };
@@ -123,31 +121,31 @@ impl Shaft {
 }
 
 impl Default for Shaft {
-    /// A shaft at rest at 0.
+    /// Returns a shaft at rest at 0.
     fn default() -> Self {
         Self::at(0)
     }
 }
 
-/// A preset: an offset between the raw position and the reported position.
+/// A preset, which is an offset between the raw and the reported position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preset {
     value: u32,
-    /// The offset of the reported position from the raw position, below one turn.
+    /// The offset, below one turn.
     offset: u32,
 }
 
-/// The maximum position and preset.
+/// The maximum position, and the maximum preset value.
 pub const POSITION_MAX: u32 = STEPS - 1;
-// A position modulo one turn is the low bits of a number.
+// The low bits of a number are then its position within the turn.
 const _: () = assert!(STEPS.is_power_of_two());
 
 impl Preset {
     /// No preset: the reported position is the raw position.
     pub const NONE: Self = Self { value: 0, offset: 0 };
 
-    /// Returns the preset that changes the reported position from `position` to `value`; `None` for a `value` above
-    /// [`POSITION_MAX`].
+    /// Returns the preset that changes the reported position from `position` to `value`. Returns `None` for a `value`
+    /// above [`POSITION_MAX`].
     #[must_use]
     pub const fn moved(self, position: u32, value: u32) -> Option<Self> {
         if value > POSITION_MAX {
@@ -168,7 +166,7 @@ impl Preset {
         raw.wrapping_add(self.offset) & POSITION_MAX
     }
 
-    /// Returns the offset as −8192…8191, in the bits of an INTEGER32.
+    /// Returns the offset as −8192 … 8191, in the bits of an INTEGER32.
     #[must_use]
     pub const fn offset(self) -> u32 {
         if self.offset < STEPS / 2 { self.offset } else { self.offset.wrapping_sub(STEPS) }

@@ -1,4 +1,4 @@
-//! A classic CAN frame, the same on the host and on the board.
+//! The classic CAN frame that the core, the simulator and the board share.
 
 use core::fmt;
 
@@ -7,14 +7,14 @@ pub use embedded_can::{ExtendedId, Id, StandardId};
 /// The maximum number of data bytes of a classic CAN frame.
 pub const MAX_LEN: usize = 8;
 
-/// The bit that marks an extended identifier in a key, as in a COB-ID object.
+/// The bit of a key that marks a 29-bit identifier, as in a COB-ID object.
 const EXTENDED: u32 = 1 << 29;
 
-/// The masks of the first n bytes, tabulated because a 64-bit shift is a function call on the board.
+/// The masks of the first 0 to 7 bytes. A table, because a 64-bit shift is a function call on the board.
 const KEPT: [u64; MAX_LEN] =
     [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
 
-/// Returns the key of an identifier: its bits, plus bit 29 for an extended identifier, as in a COB-ID object.
+/// Returns the key of an identifier: its 11 or 29 bits, plus bit 29 for a 29-bit identifier.
 #[inline]
 #[must_use]
 pub fn key(id: Id) -> u32 {
@@ -24,17 +24,17 @@ pub fn key(id: Id) -> u32 {
     }
 }
 
-/// Returns the arbitration value of a data frame with this [`key`]; the lower value wins the bus.
+/// Returns the arbitration value of a data frame with this [`key`]. The lower value wins the bus.
 ///
-/// A standard frame wins against an extended frame with the same leading eleven bits (ISO 11898-1).
+/// An 11-bit identifier wins against a 29-bit identifier with the same first eleven bits (ISO 11898-1).
 #[inline]
 #[must_use]
 pub const fn arbitration(key: u32) -> u32 {
     if key & EXTENDED == 0 {
-        // 11 bits, RTR, IDE = 0; later bits never decide.
+        // 11 bits, RTR and IDE = 0. Later bits never decide.
         key << 21
     } else {
-        // 11 bits, SRR = 1, IDE = 1, 18 bits, RTR
+        // 11 bits, SRR = 1, IDE = 1, 18 bits, RTR = 0.
         let raw = key & !EXTENDED;
         (raw >> 18) << 21 | 1 << 20 | 1 << 19 | (raw & 0x3_FFFF) << 1
     }
@@ -42,8 +42,7 @@ pub const fn arbitration(key: u32) -> u32 {
 
 /// A classic CAN data or remote frame.
 ///
-/// The length is 0–8 by construction. CAN also permits a raw DLC of 9–15, which means 8 bytes; such a DLC cannot be
-/// represented here.
+/// The length is always 0–8. A raw DLC of 9–15, which means 8 bytes on CAN, cannot be represented.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
     key: u32,
@@ -53,10 +52,10 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A data frame without data, with identifier 0.
+    /// A data frame of length 0 with identifier 0.
     pub(crate) const EMPTY: Self = Self { key: 0, remote: false, len: 0, data: [0; MAX_LEN] };
 
-    /// Creates a data frame with the first `len` bytes of `data`; a length above 8 counts as 8, like a DLC.
+    /// Creates a data frame with the first `len` bytes of `data`. A length above 8 counts as 8, as a DLC does.
     #[inline]
     #[must_use]
     pub fn with_len(id: Id, data: [u8; MAX_LEN], len: u8) -> Self {
@@ -73,7 +72,7 @@ impl Frame {
         Self { key: key(id), remote: false, len: 8, data }
     }
 
-    /// Creates a data frame with the bytes of `data`; `None` if there are more than eight.
+    /// Creates a data frame with the bytes of `data`; `None` for more than eight.
     #[must_use]
     pub fn of(id: Id, data: &[u8]) -> Option<Self> {
         let mut bytes = [0; MAX_LEN];
@@ -81,7 +80,7 @@ impl Frame {
         Some(Self { key: key(id), remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
     }
 
-    /// Returns a data frame with the same identifier and length but other data; bytes beyond the length are dropped.
+    /// Returns a data frame with the same identifier and length, but other data. Bytes beyond the length are dropped.
     #[must_use]
     pub fn refilled(&self, data: [u8; MAX_LEN]) -> Self {
         let mut frame = Self { key: self.key, remote: false, len: self.len, data };
@@ -89,7 +88,8 @@ impl Frame {
         frame
     }
 
-    /// Like [`refilled`](Self::refilled), for data that are zero beyond the length.
+    /// Returns a data frame with other data, as [`refilled`](Self::refilled) does. The data must be zero beyond the
+    /// length.
     #[inline]
     #[must_use]
     pub(crate) fn carrying(&self, data: [u8; MAX_LEN]) -> Self {
@@ -97,7 +97,7 @@ impl Frame {
         Self { key: self.key, remote: false, len: self.len, data }
     }
 
-    /// Creates a remote frame that requests `len` bytes; a length above 8 counts as 8.
+    /// Creates a remote frame that requests `len` bytes. A length above 8 counts as 8.
     #[must_use]
     pub fn remote(id: Id, len: u8) -> Self {
         let len = if len > 8 { 8 } else { len };
@@ -115,21 +115,21 @@ impl Frame {
         }
     }
 
-    /// Returns the [`key`] of the identifier, for comparisons.
+    /// Returns the [`key`] of the identifier.
     #[inline]
     #[must_use]
     pub const fn key(&self) -> u32 {
         self.key
     }
 
-    /// Returns whether the identifier is extended.
+    /// Returns whether the identifier has 29 bits.
     #[inline]
     #[must_use]
     pub const fn is_extended(&self) -> bool {
         self.key & EXTENDED != 0
     }
 
-    /// Returns whether this is a remote frame.
+    /// Returns whether the frame is a remote frame.
     #[inline]
     #[must_use]
     pub const fn is_remote(&self) -> bool {
@@ -150,7 +150,7 @@ impl Frame {
         self.len == 0
     }
 
-    /// Returns the data bytes; none for a remote frame.
+    /// Returns the data bytes. A remote frame has none.
     #[inline]
     #[must_use]
     pub fn data(&self) -> &[u8] {
@@ -158,23 +158,23 @@ impl Frame {
         self.data.get(..len).unwrap_or(&[])
     }
 
-    /// Returns all eight bytes of the buffer; bytes beyond the length are zero.
+    /// Returns all eight bytes of the buffer. The bytes beyond the length are zero.
     #[inline]
     #[must_use]
     pub const fn bytes(&self) -> &[u8; MAX_LEN] {
         &self.data
     }
 
-    /// Returns the data bytes if there are exactly eight; `None` otherwise, and for a remote frame.
+    /// Returns the data bytes of a data frame with exactly eight.
     #[inline]
     #[must_use]
     pub const fn eight(&self) -> Option<&[u8; MAX_LEN]> {
         if self.len == 8 && !self.remote { Some(&self.data) } else { None }
     }
 
-    /// Returns the arbitration value; the lower value wins the bus.
+    /// Returns the arbitration value. The lower value wins the bus.
     ///
-    /// A data frame wins against a remote frame with the same identifier (ISO 11898-1); otherwise see [`arbitration`].
+    /// A data frame wins against a remote frame with the same identifier (ISO 11898-1). See also [`arbitration`].
     #[inline]
     #[must_use]
     pub const fn arbitration(&self) -> u32 {
@@ -220,8 +220,8 @@ impl embedded_can::Frame for Frame {
     }
 }
 
-/// Formats a frame as in the manuals: `5A0: 43 18 10 01 19 00 00 01`. A 29-bit identifier has eight digits; a remote
-/// frame shows `R` and its length instead of data.
+/// Formats a frame as the manuals do: `5A0: 43 18 10 01 19 00 00 01`. A 29-bit identifier has eight digits. A remote
+/// frame shows `R` and its length in place of data.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.id() {
@@ -235,7 +235,7 @@ impl fmt::Display for Frame {
     }
 }
 
-/// Parses the output of [`Display`](fmt::Display); identifiers have three or eight digits, bytes one or two.
+/// Parses the format of [`Display`](fmt::Display). Identifiers have three or eight digits, bytes one or two.
 impl core::str::FromStr for Frame {
     type Err = ParseFrameError;
 
@@ -261,7 +261,7 @@ impl core::str::FromStr for Frame {
     }
 }
 
-/// The text is not a frame in the manuals' notation.
+/// The text is not a frame in the notation of the manuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ParseFrameError;
 
@@ -279,7 +279,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// Creates the standard identifier with the low eleven bits of `raw`.
+/// Creates an 11-bit identifier from the low eleven bits of `raw`.
 #[inline]
 #[must_use]
 pub const fn standard(raw: u16) -> StandardId {
@@ -289,7 +289,7 @@ pub const fn standard(raw: u16) -> StandardId {
     }
 }
 
-/// Creates the extended identifier with the low 29 bits of `raw`.
+/// Creates a 29-bit identifier from the low 29 bits of `raw`.
 #[inline]
 #[must_use]
 pub const fn extended(raw: u32) -> ExtendedId {

@@ -1,9 +1,9 @@
-//! The outcome of a request: the result of a service, or a demand on the device.
+//! The outcome of a request to a service.
 
 /// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome<R, D> {
-    /// No effect, at least in this state or on this device.
+    /// The request has no effect.
     Nothing,
     /// The service has executed the request, with this result.
     Done(R),

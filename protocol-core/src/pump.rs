@@ -1,18 +1,18 @@
-//! The pump, which moves frames between a controller and a device, on the board and in the simulator.
+//! The pump, which moves frames between a controller and a device. Board and simulator share it.
 
 use crate::controller::Controller;
 use crate::device::{Device, Effect};
 use crate::time::Instant;
 
-/// Passes the received frames to the device. Returns whether any of them belongs to the device; otherwise [pump] need
-/// not be called.
+/// Passes the received frames to the device. Returns whether the device took any of them; otherwise [pump] need not be
+/// called.
 pub fn receive<D, C>(device: &mut D, can: &mut C, now: Instant) -> bool
 where
     D: Device + ?Sized,
     C: Controller,
 {
     let mut any = false;
-    // The controller counts overruns; later frames can still be read.
+    // An error ends the loop, too. The next call reads the frames that are left.
     while let Ok(frame) = can.receive() {
         any |= device.handle(&frame, now);
     }
@@ -21,10 +21,10 @@ where
 
 /// Passes the received frames and the time to the device, and the frames of the device to the controller.
 ///
-/// Returns an effect that the platform must carry out. Must be called when a frame was received or sent, at
-/// [`Device::deadline`], and again after every effect until it returns `None`.
+/// Returns an effect that the platform must carry out. The platform calls the pump when a frame was received or sent,
+/// and at [`Device::deadline`]. After every effect it calls the pump again, until that returns `None`.
 ///
-/// A frame that the controller cannot take returns to the device and is offered again, after any more urgent frame.
+/// A frame that the controller does not take returns to the device, which offers it again.
 pub fn pump<D, C>(device: &mut D, can: &mut C, now: Instant) -> Option<Effect>
 where
     D: Device + ?Sized,
@@ -32,8 +32,7 @@ where
 {
     receive(device, can, now);
     device.poll(now);
-    // Set before any answer is sent, so that a client that receives the answer to its change can rely on the new
-    // filters.
+    // The filters precede the answers, so that a client that has its answer can rely on them.
     if let Some(filters) = device.take_filters() {
         can.set_filters(&filters);
     }

@@ -1,42 +1,42 @@
-//! Time in the core: always a parameter, never read from a clock.
+//! Time, which is always a parameter of the core.
 //!
-//! [`Instant`] and [`Duration`] are embassy-time's, at a tick of 1 MHz, used as types only. Their operators panic on
-//! overflow; the helpers here do not, so no time makes a device panic. Clocks stay below 2^63 ticks (292,000 years).
-//! Later times, up to [`NEVER`], occur only as timer deadlines.
+//! [`Instant`] and [`Duration`] are those of embassy-time, in ticks of 1 µs, without its clock. Their operators panic
+//! on overflow; the functions here do not. Clocks stay below 2^63 ticks (292,000 years). Later times, up to [`NEVER`],
+//! are deadlines only.
 
 pub use embassy_time::{Duration, Instant};
 
-/// A time that is never reached: the deadline of a stopped timer.
+/// The time that no clock reaches: the deadline of a stopped timer.
 pub const NEVER: Instant = Instant::MAX;
 
-/// Adds a duration; saturates at [`NEVER`].
+/// Returns `instant` plus `duration`, at most [`NEVER`].
 #[inline]
 #[must_use]
 pub const fn after(instant: Instant, duration: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().saturating_add(duration.as_ticks()))
 }
 
-/// Adds a protocol or product delay of at most a few minutes.
+/// Returns `instant` plus the delay of a protocol or a product, at most a few minutes.
 ///
-/// The sum wraps instead of saturating: the tick counter lasts half a million years, and a check would double the code
-/// size. For user-chosen durations, see [`after`].
+/// The sum may wrap, because no clock comes near the overflow and a check would double the code. For durations that a
+/// user chooses, see [`after`].
 #[inline]
 #[must_use]
 pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().wrapping_add(delay.as_ticks()))
 }
 
-/// Returns `now`, or `last` if `now` is earlier, so that the device time never runs backwards. Also returns `last` for
-/// a `now` of 2^63 ticks or more, which no clock reaches: [`NEVER`] must not make stopped timers due, and adding a
-/// [delay](delayed) must not wrap.
+/// Returns `now`, or `last` if `now` is earlier, so that the time of a device never runs backwards. A `now` of 2^63
+/// ticks or more also yields `last`: [`NEVER`] must not make stopped timers due, nor must the addition of a
+/// [delay](delayed) wrap.
 #[inline]
 #[must_use]
 pub(crate) const fn latest(last: Instant, now: Instant) -> Instant {
-    // As signed numbers, times of 2^63 ticks or more are negative, so one comparison suffices.
+    // As signed numbers, times of 2^63 ticks or more are negative.
     if now.as_ticks().cast_signed() < last.as_ticks().cast_signed() { last } else { now }
 }
 
-/// Returns the time elapsed from `earlier` to `later`; zero if `later` is before `earlier`.
+/// Returns the time from `earlier` to `later`, zero if `later` is before `earlier`.
 #[inline]
 #[must_use]
 pub const fn since(later: Instant, earlier: Instant) -> Duration {

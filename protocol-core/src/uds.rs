@@ -1,22 +1,21 @@
-//! UDS lite: the identifier server of the CANopen and ISOBUS valves (SPEC 7). The product defines all identifiers
-//! except the node ID.
+//! The UDS lite server of the CANopen and ISOBUS valves (SPEC 7). The product defines all identifiers but the node ID.
 
 use heapless::Vec;
 
 use crate::frame::{Frame, Id, extended};
 use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, id, single_frame};
 
-/// The identifier of the node ID, the only writable identifier.
+/// The identifier of the node ID, the only writable one.
 pub const NODE_ID: Identifier = 0x1001;
 
-/// The CAN identifier of every answer to a write of the node ID, independent of the node (R: the manual says so three
-/// times, contradicting its own table of identifiers).
+/// The CAN identifier of every answer to a write of the node ID (R). It does not depend on the node: the manual says so
+/// three times, although its own table of identifiers disagrees.
 pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
 
-/// The maximum length of an identifier's data: the rest of a single frame.
+/// The maximum length of the data of an identifier: the rest of a single frame.
 pub const DATA_MAX: usize = 4;
 
-/// The data behind the identifiers.
+/// The data of the identifiers.
 pub trait Identifiers {
     /// Returns the data of an identifier; `None` if the identifier does not exist.
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;
@@ -24,7 +23,7 @@ pub trait Identifiers {
     /// Returns whether the product permits a node ID or address.
     fn accepts_node_id(&self, node_id: u8) -> bool;
 
-    /// Returns whether a client's write of the node ID is in progress.
+    /// Returns whether the write of a node ID is in progress.
     fn is_busy(&self) -> bool;
 }
 
@@ -39,7 +38,7 @@ pub enum Reaction {
     StoreNodeId(u8),
 }
 
-/// Handles a request from `source` to this node, `own`.
+/// Handles a request from `source` to the node `own`.
 #[must_use]
 pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Identifiers) -> Reaction {
     let Some((request, length_agrees)) = single_frame(data) else { return Reaction::Nothing };
@@ -56,7 +55,7 @@ pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Iden
     }
 }
 
-/// Encodes the answer to a write of the node ID, once its result is known.
+/// Encodes the answer to a write of the node ID. `stored` is the result of the write.
 #[must_use]
 pub fn node_id_written(stored: bool) -> Frame {
     let answer =
@@ -91,7 +90,8 @@ fn act(request: &[u8], identifiers: &impl Identifiers) -> Result<Action, Negativ
                 }
                 _ if identifier == NODE_ID => Err(NegativeCode::IncorrectLength),
                 _ if identifiers.read(identifier).is_none() => Err(NegativeCode::RequestOutOfRange),
-                // (A) In every device state, because no service unlocks the factory data.
+                // (A) The answer does not depend on the state of the device, because no service unlocks the factory
+                // data.
                 _ => Err(NegativeCode::SecurityAccessDenied),
             }
         }

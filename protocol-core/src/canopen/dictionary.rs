@@ -1,13 +1,13 @@
-//! The object dictionary (CiA 301 7.4): one const table per product, the single source of truth.
+//! The object dictionary (CiA 301 7.4): a const table of each product.
 //!
-//! The table drives look-up, access checks with their abort codes, PDO mapping, "save" and the default values. It is
-//! split at compile time: the [`Entries`] are independent of the product, so the services that need only them are
-//! compiled once for all products of an image. The tag `behind` at the same position selects the code that serves an
+//! The table decides about look-up, access with its abort codes, PDO mapping, "save" and the default values. The
+//! compiler splits the table. Its [`Entries`] do not depend on the product, so services that need only them are
+//! compiled once for all products of an image. At the same position, the tag `behind` selects the code that serves the
 //! object.
 
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
-/// The maximum length of a text object: a manufacturer software version has 47 characters.
+/// The maximum length of a text object. The longest one, the manufacturer software version, has 47 characters.
 pub const TEXT_MAX: usize = 64;
 
 /// The type of an object.
@@ -29,7 +29,7 @@ pub enum DataType {
     Text(u8),
 }
 
-/// The access to an object over SDO.
+/// The access that SDO has to an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Read only.
@@ -38,10 +38,10 @@ pub enum Access {
     Rw,
 }
 
-/// The PDO direction that an object can be mapped into.
+/// The kind of PDO that an object can be mapped into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mappable {
-    /// Not mappable.
+    /// None.
     No,
     /// RPDO.
     Rpdo,
@@ -52,9 +52,9 @@ pub enum Mappable {
 /// The default of a stored object, in force while the memory holds no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DefaultValue {
-    /// A number, in the raw bits of its type.
+    /// A number, as the raw bits of its type.
     Number(u32),
-    /// A number plus the node ID, `$NODEID+…` of an EDS.
+    /// A number plus the node ID, `$NODEID+…` in an EDS.
     NodeIdPlus(u32),
     /// A text that the product supplies.
     Product,
@@ -66,13 +66,13 @@ pub enum DefaultValue {
 pub enum Initial<'a> {
     /// The same value in every device of the product.
     Fixed(Value<'a>),
-    /// A number plus the node ID, `$NODEID+…` of an EDS.
+    /// A number plus the node ID, `$NODEID+…` in an EDS.
     NodeIdPlus(u32),
-    /// No common value: different in each new device (a serial number), or not existing yet (an error entry).
+    /// No common value: that of a serial number differs in each device, that of an error entry does not exist yet.
     Individual,
 }
 
-/// A group of objects that "save" stores together (CiA 301 7.5.2.13).
+/// A group of objects that a sub-index of 0x1010 stores together (CiA 301 7.5.2.13).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// All stored objects.
@@ -93,18 +93,18 @@ impl Group {
     }
 }
 
-/// The description of one object, in eight bytes: a product has about 80 objects.
+/// The description of an object, packed into eight bytes, because a product has about 80 objects.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// Index and sub-index in the upper 24 bits, the sort key of the entries; the [`flags`] in the lowest byte.
+    /// Index and sub-index, the sort key of the entries, in the upper 24 bits; the [`flags`] in the lowest byte.
     packed: u32,
     /// The maximum length of a text, the default of a stored object, or the value of a constant.
     number: u32,
-    /// The name in an EDS. For sub-index 0 of an object with sub-indices: the object's name, a colon, and the name of
-    /// the sub-index ("Identity object: highest sub-index").
+    /// The name in an EDS. Sub-index 0 of an object with sub-indices also carries the name of the object, before a
+    /// colon ("Identity object: highest sub-index").
     #[cfg(feature = "names")]
     pub name: &'static str,
-    /// The minimum and maximum; `None` for the full range of the type, or if a range does not apply.
+    /// The minimum and maximum; `None` for the full range of the type, and for a text.
     #[cfg(feature = "names")]
     pub limits: Option<(i32, i32)>,
 }
@@ -112,7 +112,7 @@ pub struct Entry {
 /// The flags in the lowest byte of an entry.
 mod flags {
     pub(super) const ALL: u32 = 0xFF;
-    /// The data type. For a number, the lower two bits are the binary logarithm of its size in bytes.
+    /// The data type. The lower two bits of a number are the binary logarithm of its size in bytes.
     pub(super) const TYPE: u32 = 0b111;
     pub(super) const U8: u32 = 0b000;
     pub(super) const U16: u32 = 0b001;
@@ -123,11 +123,11 @@ mod flags {
     pub(super) const TEXT: u32 = 0b111;
     /// Set for an object that SDO can write.
     pub(super) const WRITABLE: u32 = 1 << 3;
-    /// The PDO direction that the object can be mapped into.
+    /// The kind of PDO that the object can be mapped into.
     pub(super) const MAPPABLE: u32 = 0b11 << 4;
     pub(super) const RPDO: u32 = 0b01 << 4;
     pub(super) const TPDO: u32 = 0b10 << 4;
-    /// The kind of default of a stored object; zero if "save" does not store the object.
+    /// The kind of default of a stored object; 0 for an object that "save" does not store.
     pub(super) const DEFAULT: u32 = 0b11 << 6;
     pub(super) const NUMBER: u32 = 0b01 << 6;
     pub(super) const NODE_ID_PLUS: u32 = 0b10 << 6;
@@ -135,7 +135,7 @@ mod flags {
 }
 
 impl Entry {
-    /// Creates an entry. Without the feature `names` the name is dropped.
+    /// Creates an entry, without its name unless the feature `names` is on.
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     const fn new(object: Multiplexer, data_type: DataType, access: Access, name: &'static str) -> Self {
         let (data_type, number) = match data_type {
@@ -203,10 +203,10 @@ impl Entry {
         if self.is_text() { self.number as u8 } else { 1_u8.wrapping_shl(self.packed & 0b11) }
     }
 
-    /// Checks whether a value of the object can have this length.
+    /// Checks the length of a value for the object.
     ///
     /// # Errors
-    /// [`AbortCode::TOO_LONG`] or [`AbortCode::TOO_SHORT`].
+    /// Returns [`AbortCode::TOO_LONG`] or, for numbers only, [`AbortCode::TOO_SHORT`].
     pub(super) fn check_length(&self, len: usize) -> Result<(), AbortCode> {
         let size = usize::from(self.size());
         if len > size {
@@ -218,21 +218,21 @@ impl Entry {
         }
     }
 
-    /// Decodes little-endian bytes; missing bytes of a number are zero.
+    /// Decodes a value of the object from its bytes. Missing bytes of a number are 0.
     #[inline]
     #[must_use]
     pub fn value<'a>(&self, bytes: &'a [u8]) -> Value<'a> {
         if self.is_text() { Value::Text(bytes) } else { Value::Number(number(bytes)) }
     }
 
-    /// Returns the access over SDO.
+    /// Returns the access that SDO has.
     #[inline]
     #[must_use]
     pub const fn access(&self) -> Access {
         if self.packed & flags::WRITABLE == 0 { Access::Ro } else { Access::Rw }
     }
 
-    /// Returns the PDO direction that the object can be mapped into.
+    /// Returns the kind of PDO that the object can be mapped into.
     #[must_use]
     pub const fn mappable(&self) -> Mappable {
         match self.packed & flags::MAPPABLE {
@@ -249,7 +249,7 @@ impl Entry {
         self.packed & flags::DEFAULT != 0
     }
 
-    /// Returns the default; `None` if "save" does not store the object.
+    /// Returns the default; `None` for an object that "save" does not store.
     #[must_use]
     pub const fn default(&self) -> Option<DefaultValue> {
         match self.packed & flags::DEFAULT {
@@ -260,17 +260,16 @@ impl Entry {
         }
     }
 
-    /// Returns the number set by [`with`](Row::with), such as the value of a constant.
+    /// Returns the number that [`with`](Row::with) has set, such as the value of a constant.
     #[inline]
     pub(super) const fn number(&self) -> u32 {
         self.number
     }
 }
 
-/// One row of the dictionary table: the description of an object, and the tag `behind` that selects the code serving
-/// it.
+/// A row of the dictionary: the description of an object, and the tag `behind` that selects the code that serves it.
 ///
-/// Services match on `behind`, never on an index: a row without code does not compile, nor does code without a row.
+/// Services match on the tag, not on the index, so that the compiler refuses a tag without code.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<B> {
     entry: Entry,
@@ -278,19 +277,19 @@ pub struct Row<B> {
 }
 
 impl<B: Copy> Row<B> {
-    /// Creates a read-only row, not mappable and not stored.
+    /// Creates the row of a read-only object, not mappable and not stored.
     #[must_use]
     pub const fn ro(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
         Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Ro, name), behind }
     }
 
-    /// Creates a read-write row, otherwise like [`ro`](Self::ro).
+    /// Creates the row of a read-write object, not mappable and not stored.
     #[must_use]
     pub const fn rw(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
         Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Rw, name), behind }
     }
 
-    /// Makes the row mappable.
+    /// Makes the object mappable.
     #[must_use]
     pub const fn mappable(self, mappable: Mappable) -> Self {
         self.flagged(match mappable {
@@ -300,8 +299,8 @@ impl<B: Copy> Row<B> {
         })
     }
 
-    /// Sets the minimum and maximum for the EDS; the code behind the row enforces the limits. Without the feature
-    /// `names` the limits are dropped.
+    /// Sets the minimum and maximum for the EDS. Only the code that serves the object enforces them. Without effect
+    /// unless the feature `names` is on.
     #[must_use]
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     pub const fn within(self, low: i32, high: i32) -> Self {
@@ -314,7 +313,7 @@ impl<B: Copy> Row<B> {
     /// Makes "save" store the object, with this default.
     ///
     /// # Panics
-    /// If a text has a numeric default; in a const this is a compile error.
+    /// A numeric default of a text panics; in a const this is a compile error.
     #[must_use]
     pub const fn stored(self, default: DefaultValue) -> Self {
         match default {
@@ -327,7 +326,7 @@ impl<B: Copy> Row<B> {
     /// Sets the number of the entry, such as the value of a constant.
     ///
     /// # Panics
-    /// If the object is a text; in a const this is a compile error.
+    /// A text panics; in a const this is a compile error.
     #[must_use]
     pub(super) const fn with(self, number: u32) -> Self {
         assert!(!self.entry.is_text(), "the number of a text is its length");
@@ -343,7 +342,7 @@ const fn key(object: Multiplexer) -> u32 {
     (object.index as u32) << 8 | object.sub as u32
 }
 
-/// The rows of an object dictionary, split into the product-independent entries and the product's tags.
+/// The rows of an object dictionary, split into entries and tags.
 #[derive(Clone, Copy, Debug)]
 pub struct Table<B, const N: usize> {
     entries: [Entry; N],
@@ -354,7 +353,7 @@ impl<B: Copy, const N: usize> Table<B, N> {
     /// Splits rows sorted by index and sub-index.
     ///
     /// # Panics
-    /// If the rows are not strictly ascending or more than 255; in a const this is a compile error.
+    /// Rows that are not strictly ascending, and more than 255 rows, panic; in a const this is a compile error.
     #[must_use]
     #[allow(
         clippy::indexing_slicing,
@@ -380,10 +379,10 @@ impl<B: Copy, const N: usize> Table<B, N> {
     }
 }
 
-/// An object's entry and its position in the dictionary.
+/// An object in the dictionary.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
-    /// The entry.
+    /// The description of the object.
     pub entry: &'static Entry,
     /// The position of the object in the dictionary.
     pub position: u8,
@@ -394,12 +393,12 @@ pub struct Place {
 pub struct Entries(&'static [Entry]);
 
 impl Entries {
-    /// Iterates over all objects in order.
+    /// Returns all objects in order.
     pub fn iter(self) -> impl Iterator<Item = Place> {
         self.0.iter().zip(0..).map(|(entry, position)| Place { entry, position })
     }
 
-    /// Iterates over the objects that "save" stores for a group.
+    /// Returns the stored objects of a group in order.
     pub fn stored(self, group: Group) -> impl Iterator<Item = Place> {
         self.iter().filter(move |place| place.entry.is_stored() && group.has(place.entry.object().index))
     }
@@ -412,7 +411,8 @@ impl Entries {
     /// Finds an object.
     ///
     /// # Errors
-    /// [`AbortCode::NO_OBJECT`] if the index does not exist, [`AbortCode::NO_SUB`] if the sub-index does not.
+    /// Returns [`AbortCode::NO_OBJECT`] if no object has the index, and [`AbortCode::NO_SUB`] if none of those has the
+    /// sub-index.
     pub fn find(self, object: Multiplexer) -> Result<Place, AbortCode> {
         let least = key(object) << 8;
         let position = self.0.partition_point(|entry| entry.packed < least);
@@ -424,7 +424,7 @@ impl Entries {
     }
 }
 
-/// An object dictionary: the entries, and the tag of each.
+/// An object dictionary: the entries and their tags.
 #[derive(Clone, Copy, Debug)]
 pub struct Dictionary<B: 'static> {
     entries: &'static [Entry],
@@ -455,7 +455,7 @@ impl<B: Copy> Dictionary<B> {
 /// The value of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value<'a> {
-    /// The raw bits of a number; bits beyond the size of its type are zero.
+    /// The raw bits of a number. The bits beyond its type are 0.
     Number(u32),
     /// A text.
     Text(&'a [u8]),
@@ -472,7 +472,7 @@ impl Value<'_> {
     }
 }
 
-/// Decodes a little-endian number; missing bytes are zero.
+/// Decodes a little-endian number. Missing bytes are 0.
 #[inline]
 pub(super) fn number(bytes: &[u8]) -> u32 {
     let mut number = [0; 4];

@@ -1,5 +1,5 @@
-//! EMCY: the error history (0x1003), the queue of pending messages, the producer (0x1014) and the consumer (0x1028)
-//! (CiA 301 7.2.7).
+//! EMCY (CiA 301 7.2.7): the error history (0x1003), the queue of unsent messages, the producer (0x1014) and the
+//! consumer (0x1028).
 
 use heapless::Vec;
 
@@ -9,10 +9,10 @@ use crate::wire::cob_id::CobId;
 use crate::wire::emcy::{Emcy, NO_ERROR};
 use crate::wire::sdo::AbortCode;
 
-/// The number of errors in the history (SPEC 4.1).
+/// The maximum number of errors in the history (SPEC 4.1).
 pub(crate) const HISTORY: usize = 8;
 
-/// The capacity of the queue (A): the beginning and the end of every fault of a device.
+/// The capacity of the queue (A). It holds the beginning and the end of every fault of a device.
 const QUEUE: usize = 16;
 
 /// The error history, object 0x1003. It is volatile (A).
@@ -24,13 +24,13 @@ pub(crate) struct ErrorHistory {
 }
 
 impl ErrorHistory {
-    /// Returns an empty history.
+    /// Creates an empty history.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { fields: [0; HISTORY], count: 0 }
     }
 
-    /// Returns the number of errors (sub-index 0).
+    /// Returns the number of errors, sub-index 0.
     #[must_use]
     pub(crate) const fn count(&self) -> u8 {
         self.count
@@ -41,8 +41,8 @@ impl ErrorHistory {
         *self = Self::new();
     }
 
-    /// Adds an error to the history: the EMCY code, with the manufacturer-specific number in the upper 16 bits. A ninth
-    /// error displaces the oldest.
+    /// Adds an error: the EMCY code, with the manufacturer-specific number in the upper 16 bits. A ninth error
+    /// displaces the oldest.
     pub(crate) fn enter(&mut self, code: u16, manufacturer: u16) {
         let newest = u32::from(manufacturer) << 16 | u32::from(code);
         let [a, b, c, d, e, f, g, _] = self.fields;
@@ -50,7 +50,7 @@ impl ErrorHistory {
         self.count = self.count.saturating_add(1).min(HISTORY as u8);
     }
 
-    /// Removes the newest error with this code from the history.
+    /// Removes the newest error with this code.
     pub(crate) fn withdraw(&mut self, code: u16) {
         let entered = self.fields.iter().take(self.count.into());
         let Some(position) = entered.map(|field| *field as u16).position(|entered| entered == code) else { return };
@@ -60,7 +60,7 @@ impl ErrorHistory {
         self.count = self.count.saturating_sub(1);
     }
 
-    /// Returns the number of history entries with this code and manufacturer-specific number.
+    /// Returns the number of errors with this code and manufacturer-specific number.
     #[must_use]
     pub(crate) fn times(&self, code: u16, manufacturer: u16) -> u8 {
         let field = u32::from(manufacturer) << 16 | u32::from(code);
@@ -68,19 +68,19 @@ impl ErrorHistory {
         entered.filter(|entered| **entered == field).fold(0, |times, _| times.saturating_add(1))
     }
 
-    /// Returns an error of the history; sub-index 1 is the newest.
+    /// Returns the error of a sub-index; 1 is the newest.
     ///
     /// # Errors
-    /// [`AbortCode::NO_DATA`] beyond the number of errors.
+    /// Returns [`AbortCode::NO_DATA`] beyond the number of errors.
     pub(crate) fn field(&self, sub: u8) -> Result<u32, AbortCode> {
         let age = sub.checked_sub(1).filter(|age| *age < self.count).ok_or(AbortCode::NO_DATA)?;
         self.fields.get(usize::from(age)).copied().ok_or(AbortCode::NO_DATA)
     }
 
-    /// Writes sub-index 0 of the history.
+    /// Writes sub-index 0. The value 0 clears the history.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for any value but 0, which clears the history.
+    /// Returns [`AbortCode::INVALID_VALUE`] for any other value.
     pub(crate) fn write_count(&mut self, count: u8) -> Result<(), AbortCode> {
         if count != 0 {
             return Err(AbortCode::INVALID_VALUE);
@@ -90,33 +90,33 @@ impl ErrorHistory {
     }
 }
 
-/// A pending EMCY.
+/// An unsent EMCY.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     message: Emcy,
-    /// Whether the error history has an entry for the message. An EMCY repeated after reset communication has no entry.
+    /// Whether the error history has an entry for the message.
     entered: bool,
 }
 
-/// The pending EMCYs in order. A full queue drops its oldest message, so that the newest message is always sent.
+/// The unsent EMCYs in order. A full queue drops its oldest message, so that the newest one is always sent.
 ///
-/// A message handed to the controller stays queued until it is known to be sent.
+/// A message in the controller stays in the queue until it is known to be sent.
 #[derive(Clone, Debug)]
 pub(crate) struct EmcyQueue {
     messages: Vec<Waiting, QUEUE>,
-    /// The number of messages, from the front, that the controller holds.
+    /// The number of messages in the controller. They are the first of the queue.
     taken: usize,
 }
 
 impl EmcyQueue {
-    /// Returns an empty queue.
+    /// Creates an empty queue.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { messages: Vec::new(), taken: 0 }
     }
 
-    /// Appends a message; `entered` states whether the error history has an entry for it. Returns `false` if a full
-    /// queue dropped its oldest message unsent.
+    /// Appends a message. `entered` says whether the error history has an entry for it. Returns `false` if a full queue
+    /// has dropped its oldest message unsent.
     #[must_use]
     pub(crate) fn push(&mut self, message: Emcy, entered: bool) -> bool {
         let mut kept = true;
@@ -130,7 +130,7 @@ impl EmcyQueue {
         kept
     }
 
-    /// Returns whether a message is waiting for the controller.
+    /// Returns whether a message waits for the controller.
     #[inline]
     #[must_use]
     pub(crate) fn is_pending(&self) -> bool {
@@ -149,7 +149,7 @@ impl EmcyQueue {
         self.messages.is_empty()
     }
 
-    /// Hands the oldest pending message to the controller.
+    /// Returns the oldest message that waits for the controller, and marks it as taken.
     pub(crate) fn hand_out(&mut self) -> Option<Emcy> {
         let Waiting { message, .. } = *self.messages.get(self.taken)?;
         if self.taken == MAILBOXES {
@@ -160,8 +160,8 @@ impl EmcyQueue {
         Some(message)
     }
 
-    /// Requeues a message that the controller returned, ahead of the messages not yet handed out. Returns `false` if
-    /// newer messages have displaced the message from the queue.
+    /// Requeues a message that the controller returned, ahead of the messages that wait. Returns `false` if newer
+    /// messages have displaced it from the queue.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
         let is_it = |position: &usize| self.messages.get(*position).is_some_and(|waiting| waiting.message == message);
@@ -174,12 +174,11 @@ impl EmcyQueue {
         true
     }
 
-    /// Removes the messages of an error that are not known to be sent; the controller must not hold any of them.
-    /// Returns the number of their history entries.
+    /// Removes the unsent messages of an error. The controller must not hold messages. Returns the number of their
+    /// history entries.
     ///
-    /// The message for the end of an error is removed together with the message for its beginning. The end of an error
-    /// is the first later message with code 0000 whose error register lacks a bit of `register`. If the beginning was
-    /// displaced from the queue, the end stays, because its error register is correct.
+    /// The messages of an error are that of its beginning and that of its end. The latter is the first later message
+    /// with code 0000 whose error register lacks a bit of `register`. An end whose beginning is not in the queue stays.
     pub(crate) fn withdraw(&mut self, code: u16, register: u8) -> u8 {
         let mut entries: u8 = 0;
         let mut lasts = false;
@@ -193,12 +192,12 @@ impl EmcyQueue {
         entries
     }
 
-    /// Requeues all messages that the controller held, after the controller has dropped its frames.
+    /// Requeues all messages of a controller that has dropped its frames.
     pub(crate) const fn take_back(&mut self) {
         self.taken = 0;
     }
 
-    /// Removes the messages that the controller held, all of which have been sent.
+    /// Removes the messages of a controller that has sent all frames.
     pub(crate) fn sent(&mut self) {
         if self.taken > 0 {
             self.drop_taken();
@@ -206,7 +205,7 @@ impl EmcyQueue {
     }
 
     fn drop_taken(&mut self) {
-        // At most three messages: removing them by rotation would take 200 bytes more.
+        // There are at most three. A rotation instead of the loop would take 200 bytes more.
         for _ in 0..core::mem::take(&mut self.taken) {
             self.messages.remove(0);
         }
@@ -219,14 +218,14 @@ impl EmcyQueue {
     }
 }
 
-/// The COB-ID of the node's own EMCYs, object 0x1014.
+/// The EMCY producer, which holds the COB-ID of the node's EMCYs, object 0x1014.
 #[derive(Clone, Debug)]
 pub(crate) struct EmcyProducer {
     cob_id: CobId,
 }
 
 impl EmcyProducer {
-    /// Returns a producer that is off.
+    /// Creates a producer that is off.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(CobId::OFF) }
@@ -238,12 +237,13 @@ impl EmcyProducer {
         self.cob_id
     }
 
-    /// Writes object 0x1014, in force at once. Bit 31 switches EMCYs off, whatever the identifier. While EMCYs are on,
-    /// the identifier cannot change.
+    /// Writes object 0x1014, in force at once. Bit 31 switches EMCYs off, whatever the identifier. The identifier
+    /// changes only while EMCYs are off.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] with bit 30 set, for a restricted identifier, or for a 29-bit identifier without
-    /// `extended_ids`; [`AbortCode::DEVICE_STATE`] for a different identifier while EMCYs are on.
+    /// - [`AbortCode::INVALID_VALUE`] for bit 30, for a restricted identifier, and for a 29-bit identifier without
+    ///   `extended_ids`.
+    /// - [`AbortCode::DEVICE_STATE`] for another identifier while EMCYs are on.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id.has_bit_30() {
@@ -261,7 +261,7 @@ impl EmcyProducer {
         Ok(())
     }
 
-    /// Loads a stored or default COB-ID without checks.
+    /// Loads a stored or default COB-ID.
     pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
@@ -279,7 +279,7 @@ impl EmcyProducer {
     }
 }
 
-/// The consumer of another node's EMCYs, object 0x1028:1.
+/// The EMCY consumer, which holds the COB-ID of another node's EMCYs, object 0x1028:1.
 #[derive(Clone, Debug)]
 pub(crate) struct EmcyConsumer {
     cob_id: CobId,
@@ -289,7 +289,7 @@ impl EmcyConsumer {
     /// The default of object 0x1028:1: off.
     pub(crate) const DEFAULT: u32 = CobId::OFF;
 
-    /// Returns a consumer that is off.
+    /// Creates a consumer that is off.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(Self::DEFAULT) }
@@ -301,11 +301,12 @@ impl EmcyConsumer {
         self.cob_id
     }
 
-    /// Writes object 0x1028:1, in force at once. Bit 31 switches the consumer off; the other bits are then stored
-    /// unchecked and read back as written (A).
+    /// Writes object 0x1028:1, in force at once. With bit 31, which switches the consumer off, the other bits are not
+    /// checked, and read back as written (A).
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for a restricted identifier, or for a 29-bit identifier without `extended_ids`.
+    /// Returns [`AbortCode::INVALID_VALUE`] for a restricted identifier, and for a 29-bit identifier without
+    /// `extended_ids`.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if !cob_id.is_off() && cob_id != self.cob_id && !cob_id.is_usable(extended_ids) {
@@ -315,12 +316,12 @@ impl EmcyConsumer {
         Ok(())
     }
 
-    /// Loads a stored COB-ID without checks.
+    /// Loads a stored or default COB-ID.
     pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Returns the [key](crate::frame::key) of the consumed EMCYs; `None` while the consumer is off.
+    /// Returns the [key](crate::frame::key) of the EMCYs to consume; `None` while the consumer is off.
     #[must_use]
     pub(crate) fn key(&self) -> Option<u32> {
         (!self.cob_id.is_off()).then(|| self.cob_id.key())

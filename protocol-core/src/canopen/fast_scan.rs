@@ -2,27 +2,26 @@
 
 use crate::wire::lss::{Address, FastScan, Part};
 
-/// The bit-check value that starts a scan; every unconfigured slave answers it.
-const WHO_IS_THERE: u8 = 0x80;
+/// The bit-check value that starts a scan. Every slave without a node ID answers it.
+const START_SCAN: u8 = 0x80;
 
-/// The progress of a scan: the part of the LSS address expected next.
+/// The progress of a scan: the part of the LSS address that the next request must compare.
 ///
-/// After the serial number a standard master sends 0 as the next part; the sequence in the manual sends 4, which is not
-/// a valid part. In both cases the next scan begins with part 0.
+/// With the serial number, the last part, a standard master announces part 0 next; the manual's sequence announces part
+/// 4. After either, a new scan can begin with part 0.
 #[derive(Clone, Debug)]
 pub(super) struct ScanPosition {
     part: Part,
 }
 
 impl ScanPosition {
-    /// Returns the position at the start of a scan.
     pub(super) const fn new() -> Self {
         Self { part: 0 }
     }
 
-    /// Updates the position for a request. Returns whether the slave with this LSS address answers the request.
+    /// Updates the position for a request. Returns whether the slave with this LSS address answers it.
     pub(super) fn answers(&mut self, scan: FastScan, address: &Address) -> bool {
-        if scan.bit_check == WHO_IS_THERE {
+        if scan.bit_check == START_SCAN {
             self.part = 0;
             return true;
         }

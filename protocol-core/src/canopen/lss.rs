@@ -1,4 +1,4 @@
-//! LSS slave (CiA 305; SPEC 4.4).
+//! The LSS slave (CiA 305; SPEC 4.4).
 
 use super::fast_scan::ScanPosition;
 use crate::controller::BitRate;
@@ -7,16 +7,16 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::cob_id::NodeId;
 use crate::wire::lss::{Address, Answer, Bound, FastScan, LssNodeId, Part, Request, SUCCESS};
 
-/// The bit timing table of CiA 305, the only supported table.
+/// The bit timing table of CiA 305. Other tables are not supported.
 const CIA_TABLE: u8 = 0;
 
 /// The LSS state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum State {
-    /// Waiting for selection.
+    /// The slave waits for its selection.
     #[default]
     Waiting,
-    /// Selected: can be configured.
+    /// The slave is selected and can be configured.
     Configuration,
 }
 
@@ -25,8 +25,8 @@ pub(crate) enum State {
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// A device without node ID boots with the pending node ID if that node ID is stored (CiA 305). In any other case
-    /// the pending node ID takes effect on reset communication.
+    /// A device without a node ID boots with the pending one, once that is stored (CiA 305). Otherwise reset
+    /// communication puts the pending node ID in force.
     Boot,
 }
 
@@ -37,14 +37,14 @@ pub(crate) struct Rules {
     pub(crate) bit_rates: &'static [BitRate],
     /// The states in which the slave answers identify remote slave.
     pub(crate) remote_in: &'static [State],
-    /// The states in which a slave without node ID answers identify non-configured remote slave.
+    /// The states in which a slave without a node ID answers identify non-configured remote slave.
     pub(crate) non_configured_in: &'static [State],
-    /// The states in which a slave without node ID answers fast scan.
+    /// The states in which a slave without a node ID answers fast scan.
     pub(crate) fast_scan_in: &'static [State],
-    /// Whether the slave found by a fast scan enters configuration.
+    /// Whether a slave that a fast scan has found enters configuration.
     pub(crate) fast_scan_selects: bool,
-    /// Whether configuring node ID 255 removes the node ID.
-    pub(crate) takes_node_id_away: bool,
+    /// Whether the node ID 255 can be configured, which removes the node ID.
+    pub(crate) can_remove_node_id: bool,
     /// The effect of a switch to LSS waiting on a pending node ID.
     pub(crate) on_waiting: OnWaiting,
     /// Whether NMT start drops the pending configuration.
@@ -71,7 +71,7 @@ pub(crate) struct Identity<'a> {
 /// An action that a request demands of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand {
-    /// Store [`LssSlave::unstored`] as it is now, then send [`Answer::Stored`].
+    /// Store the present value of [`LssSlave::unstored`], then send [`Answer::Stored`].
     Store,
     /// Restart as after reset application, with this node ID.
     Restart(LssNodeId),
@@ -79,7 +79,7 @@ pub(crate) enum Demand {
     Boot,
 }
 
-/// The node ID and bit rate configured by LSS; `None` for a value not configured.
+/// The node ID and the bit rate that LSS has configured; `None` for a value that LSS left alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Configuration {
     /// The node ID.
@@ -92,14 +92,14 @@ impl Configuration {
     /// Nothing configured.
     pub(crate) const NONE: Self = Self { node_id: None, bit_rate: None };
 
-    /// Fills missing values from another configuration.
+    /// Returns the configuration with its missing values taken from `other`.
     #[must_use]
     pub(crate) fn or(self, other: Self) -> Self {
         Self { node_id: self.node_id.or(other.node_id), bit_rate: self.bit_rate.or(other.bit_rate) }
     }
 }
 
-/// A complete pair of node ID and bit rate, as stored or in force.
+/// A node ID and a bit rate, stored or in force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Layer {
     /// The node ID.
@@ -109,7 +109,7 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
-    /// Returns the layer after a change.
+    /// Returns the layer with the values of `change`.
     #[must_use]
     pub(crate) fn with(self, change: Configuration) -> Self {
         Self { node_id: change.node_id.unwrap_or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
@@ -121,13 +121,13 @@ impl Layer {
         Configuration { node_id: Some(self.node_id), bit_rate: Some(self.bit_rate) }
     }
 
-    /// Encodes the node ID (255 for none) and the table index of the bit rate.
+    /// Encodes the node ID, 255 for none, and the table index of the bit rate.
     #[must_use]
     pub(crate) fn encode(self) -> [u8; 2] {
         [self.node_id.get(), self.bit_rate.table_index()]
     }
 
-    /// Decodes a layer; `None` if malformed.
+    /// Decodes a layer. Returns `None` for a wrong length, a reserved node ID or an unknown bit rate.
     #[must_use]
     pub(crate) fn decode(payload: &[u8]) -> Option<Self> {
         let &[node_id, bit_rate] = payload else { return None };
@@ -135,12 +135,12 @@ impl Layer {
     }
 }
 
-/// The activation of a bit rate: one delay before the switch, and the same delay after the switch.
+/// The activation of a bit rate, with the same delay before and after the switch.
 #[derive(Clone, Copy, Debug)]
 struct Activation {
     switch_at: Instant,
     end_at: Instant,
-    /// The switch still to be made; `None` once made or cancelled.
+    /// The pending switch; `None` after the switch, and after reset application.
     switch_to: Option<Switch>,
 }
 
@@ -149,8 +149,7 @@ struct Activation {
 pub(crate) struct Switch {
     /// The bit rate.
     pub(crate) bit_rate: BitRate,
-    /// Whether the bit rate was configured by LSS but is not stored. `false` if no bit rate was configured: the present
-    /// bit rate then stays.
+    /// Whether LSS has configured the bit rate without storing it.
     pub(crate) unstored: bool,
 }
 
@@ -158,9 +157,9 @@ pub(crate) struct Switch {
 #[derive(Clone, Debug)]
 pub(crate) struct LssSlave {
     state: State,
-    /// The number of switch-selective numbers matched so far; 0 on entering waiting.
+    /// The number of numbers of switch state selective that match so far.
     matched: Part,
-    /// The number of identify-remote-slave bounds satisfied so far.
+    /// The number of bounds of identify remote slave that hold so far.
     bounds: u8,
     scan: ScanPosition,
     /// The configuration that is not yet in force.
@@ -185,7 +184,7 @@ impl LssSlave {
         }
     }
 
-    /// Handles a request. The caller checks that the NMT state allows LSS.
+    /// Handles a request. The NMT state must permit LSS.
     pub(crate) fn handle(
         &mut self,
         request: Request,
@@ -217,7 +216,7 @@ impl LssSlave {
         }
     }
 
-    /// Enters LSS waiting on NMT start, and drops the pending configuration if [`Rules::start_drops_pending`] is set.
+    /// Handles NMT start: enters waiting and, with [`Rules::start_drops_pending`], drops the configuration.
     pub(crate) fn start(&mut self, rules: &Rules) {
         if rules.start_drops_pending {
             self.end_configuration();
@@ -228,14 +227,14 @@ impl LssSlave {
         }
     }
 
-    /// Enters LSS waiting and drops the configuration, on reset communication. A bit-rate activation continues.
+    /// Enters waiting and drops the configuration. A bit-rate activation continues.
     pub(crate) fn end_configuration(&mut self) {
         let activation = self.activation;
         *self = Self { activation, ..Self::new() };
     }
 
-    /// Resets the slave on reset application. A bit-rate activation in progress still keeps the node silent, but no
-    /// longer changes the bit rate.
+    /// Resets the slave, for reset application. A running bit-rate activation keeps the node silent, but no longer
+    /// changes the bit rate.
     pub(crate) fn restart(&mut self) {
         self.end_configuration();
         if let Some(activation) = &mut self.activation {
@@ -255,8 +254,8 @@ impl LssSlave {
         self.unstored
     }
 
-    /// Records the configuration that the memory now holds. A pending value that another service has overwritten in the
-    /// memory counts as unstored again.
+    /// Records the configuration that the memory now holds. A pending value that another service has overwritten there
+    /// counts as unstored again.
     pub(crate) fn stored(&mut self, stored: Configuration) {
         let Self { pending, unstored, .. } = self;
         if let Some(stored) = stored.node_id {
@@ -267,16 +266,16 @@ impl LssSlave {
         }
     }
 
-    /// Returns whether the device must boot (CiA 305, transition 4): the slave is in waiting, has no node ID in force,
-    /// and its pending node ID is stored.
+    /// Returns whether the device must boot (CiA 305, transition 4). This is so in waiting, without a node ID in force,
+    /// once the pending node ID is stored.
     #[must_use]
-    pub(crate) fn boots(&self, node_id: Option<NodeId>) -> bool {
+    pub(crate) fn must_boot(&self, node_id: Option<NodeId>) -> bool {
         let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
         let has_new = node_id.is_none() && stored.is_some_and(|stored| stored.0.is_some());
         has_new && self.state == State::Waiting
     }
 
-    /// Handles the delays of a bit-rate activation. Returns the bit rate to apply, once the first delay has passed.
+    /// Handles the delays of a bit-rate activation. Returns the new bit rate at the end of the first delay.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Switch> {
         let activation = self.activation.as_mut()?;
         let switched = if now >= activation.switch_at { activation.switch_to.take() } else { None };
@@ -313,13 +312,13 @@ impl LssSlave {
                 Some(pending) => Outcome::Demand(Demand::Restart(pending)),
                 None => Outcome::Nothing,
             },
-            OnWaiting::Boot if self.boots(identity.node_id) => Outcome::Demand(Demand::Boot),
+            OnWaiting::Boot if self.must_boot(identity.node_id) => Outcome::Demand(Demand::Boot),
             OnWaiting::Boot => Outcome::Nothing,
         }
     }
 
-    /// Handles one of the four numbers of LSS switch state selective. The numbers must arrive in order; a mismatched or
-    /// out-of-order number resets the sequence.
+    /// Handles one of the four numbers of switch state selective. A number that does not match, or is out of order,
+    /// resets the sequence.
     fn select(&mut self, part: Part, number: u32, address: &Address) -> Outcome<Answer, Demand> {
         let expected = part == 0 || part == self.matched;
         self.matched = if expected && address.part(part) == Some(number) { part.saturating_add(1) } else { 0 };
@@ -330,8 +329,8 @@ impl LssSlave {
         Outcome::Done(Answer::Selected)
     }
 
-    /// Handles one of the six bounds of LSS identify remote slave. The bounds must arrive in order; an unsatisfied or
-    /// out-of-order bound resets the sequence.
+    /// Handles one of the six bounds of identify remote slave. A bound that does not hold, or is out of order, resets
+    /// the sequence.
     fn identify_remote(&mut self, bound: Bound, limit: u32, address: &Address) -> Outcome<Answer, Demand> {
         let [first, .., last] = Bound::ALL;
         let expected = bound == first || Bound::ALL.get(usize::from(self.bounds)) == Some(&bound);
@@ -344,7 +343,7 @@ impl LssSlave {
         if held && bound == last { Outcome::Done(Answer::Identified) } else { Outcome::Nothing }
     }
 
-    /// Handles a fast scan request, which addresses slaves without node ID.
+    /// Handles a fast scan request. Slaves with a node ID ignore it.
     fn scan(&mut self, scan: FastScan, identity: Identity<'_>, selects: bool) -> Outcome<Answer, Demand> {
         if self.is_configured(identity) || !self.scan.answers(scan, identity.address) {
             return Outcome::Nothing;
@@ -369,7 +368,7 @@ impl LssSlave {
     ) -> Outcome<Answer, Demand> {
         Outcome::Done(match request {
             Request::ConfigureNodeId(raw) => {
-                match LssNodeId::new(raw).filter(|node_id| node_id.0.is_some() || rules.takes_node_id_away) {
+                match LssNodeId::new(raw).filter(|node_id| node_id.0.is_some() || rules.can_remove_node_id) {
                     Some(node_id) => {
                         self.pending.node_id = Some(node_id);
                         self.unstored.node_id = Some(node_id);

@@ -1,14 +1,14 @@
-//! NMT slave (CiA 301 7.3.2): the communication state, and the effect of commands on it.
+//! The NMT slave (CiA 301 7.3.2): the NMT state, and the effect of commands on it.
 
 use crate::outcome::Outcome;
 use crate::wire::nmt::{Command, State};
 
-/// A product's rules for entering an NMT state without a command.
+/// A product's rules for the automatic start, object 0x1F80.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
     /// The valid values of 0x1F80.
     pub(crate) startup: &'static [u32],
-    /// The value of 0x1F80 that starts the node after boot-up; `None` if no value does.
+    /// The value of 0x1F80 with which the node starts by itself after boot-up.
     pub(crate) starts_itself: Option<u32>,
 }
 
@@ -17,16 +17,16 @@ impl Rules {
     pub(crate) const NONE: Self = Self { startup: &[], starts_itself: None };
 }
 
-/// The effect of an error on the NMT state: object 0x1029.
+/// The effect of an error on the NMT state, object 0x1029.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ErrorBehaviour {
-    /// A node in operational enters pre-operational.
+    /// Operational changes to pre-operational.
     #[default]
     PreOperational = 0,
     /// The NMT state does not change.
     NoChange = 1,
-    /// A node in operational enters stopped.
+    /// Operational changes to stopped.
     Stopped = 2,
 }
 
@@ -42,7 +42,7 @@ impl ErrorBehaviour {
         }
     }
 
-    /// Returns the state that a node in operational enters on an error; `None` for no change.
+    /// Returns the state that follows operational after an error; `None` for no change.
     #[must_use]
     pub(crate) const fn state(self) -> Option<State> {
         match self {
@@ -56,9 +56,9 @@ impl ErrorBehaviour {
 /// The scope of a reset requested by an NMT master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reset {
-    /// Reset communication.
+    /// Reset communication: the communication objects.
     Communication,
-    /// Reset application.
+    /// Reset application: the entire device.
     Application,
 }
 
@@ -74,20 +74,20 @@ impl Reset {
     }
 }
 
-/// The NMT slave: the NMT state of a node.
+/// The NMT slave, which holds the NMT state of a node.
 #[derive(Clone, Debug)]
 pub(crate) struct NmtSlave {
     state: State,
 }
 
 impl NmtSlave {
-    /// Creates a node in initialisation.
+    /// Creates a slave in initialisation.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { state: State::Initialising }
     }
 
-    /// Returns the state.
+    /// Returns the NMT state.
     #[inline]
     #[must_use]
     pub(crate) const fn state(&self) -> State {
@@ -104,8 +104,7 @@ impl NmtSlave {
         core::mem::replace(&mut self.state, state) != state
     }
 
-    /// Executes a command. Returns the state entered, or the reset requested. A node in initialisation ignores
-    /// commands.
+    /// Executes a command. Returns the new state or the requested reset. Initialisation ignores all commands.
     pub(crate) fn execute(&mut self, command: Command) -> Outcome<State, Reset> {
         let entered = match command {
             _ if self.state == State::Initialising => return Outcome::Nothing,
@@ -118,14 +117,14 @@ impl NmtSlave {
         if self.enter(entered) { Outcome::Done(entered) } else { Outcome::Nothing }
     }
 
-    /// Returns whether SDO and EMCY are available: in pre-operational and operational (CiA 301 table 38).
+    /// Returns whether the state permits SDO and EMCY (CiA 301 table 38).
     #[inline]
     #[must_use]
     pub(crate) const fn serves(&self) -> bool {
         matches!(self.state, State::PreOperational | State::Operational)
     }
 
-    /// Returns whether the node is in operational, where PDOs are exchanged.
+    /// Returns whether the state is operational, which permits PDOs.
     #[inline]
     #[must_use]
     pub(crate) const fn is_operational(&self) -> bool {

@@ -1,12 +1,12 @@
-//! The parameters that "save" stores, one record per group: the values of the stored objects in table order (CiA 301
-//! 7.5.2.13; SPEC 6).
+//! The records of the parameters that "save" stores (CiA 301 7.5.2.13; SPEC 6). Each group has a record: the values of
+//! its stored objects, in the order of the table.
 
 use heapless::VecView;
 
 use super::dictionary::{Entries, Entry, Group, Place, Value};
 
-/// Appends the values of a group's stored objects, read by `value_of`; a text is preceded by its length. `None` if a
-/// value is missing or does not fit.
+/// Appends the values of a group's stored objects, which `value_of` reads. Its length precedes a text. Returns `None`
+/// if a value is missing or does not fit.
 pub(crate) fn encode<'a>(
     entries: Entries,
     group: Group,
@@ -35,7 +35,7 @@ pub(crate) fn encode<'a>(
 pub(crate) struct Stored<'a>(&'a [u8]);
 
 impl<'a> Stored<'a> {
-    /// Checks a payload; `None` unless it holds exactly one value for every stored object.
+    /// Checks a payload. Returns `None` unless it holds one value for every stored object of the group, and no more.
     #[must_use]
     pub(crate) fn decode(entries: Entries, group: Group, payload: &'a [u8]) -> Option<Self> {
         let mut rest = payload;
@@ -45,14 +45,14 @@ impl<'a> Stored<'a> {
         rest.is_empty().then_some(Self(payload))
     }
 
-    /// Reads the next value; `entry` must be the next stored object.
+    /// Reads the next value. `entry` must be that of the next stored object.
     pub(crate) fn next_of(&mut self, entry: &Entry) -> Option<Value<'a>> {
         take(entry, &mut self.0)
     }
 }
 
-/// Removes the value of `entry` from the front of `rest` and decodes it. `None` if `rest` is too short or a text is too
-/// long.
+/// Removes the value of `entry` from the front of `rest` and decodes it. Returns `None` if `rest` is too short, or a
+/// text too long for its object.
 fn take<'a>(entry: &Entry, rest: &mut &'a [u8]) -> Option<Value<'a>> {
     let mut size = entry.size();
     if entry.is_text() {

@@ -1,6 +1,6 @@
-//! PDO: communication and mapping parameters, and the packing of objects into frames (CiA 301 7.2.2, 7.5.2.35–38).
+//! The PDO: communication and mapping parameters, and the packing of objects into frames (CiA 301 7.2.2, 7.5.2.35–38).
 //!
-//! The mapping is checked and resolved when the PDO is switched on, not for every frame.
+//! Switching the PDO on checks and resolves its mapping, so that a frame does not have to.
 
 use core::ops::RangeInclusive;
 
@@ -24,7 +24,7 @@ const MAX_BITS: u8 = 64;
 /// A product's rules for the PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// The direction that mapped objects must allow.
+    /// The direction into which mapped objects must be mappable.
     pub(crate) direction: Mappable,
     /// The permitted transmission types.
     pub(crate) transmission_types: &'static [RangeInclusive<u8>],
@@ -38,12 +38,12 @@ pub(crate) struct Rules {
     pub(crate) entries_while_counted: bool,
     /// Whether the PDO has an inhibit time and an event timer.
     pub(crate) timers: bool,
-    /// Whether the TPDO is sampled when it becomes due rather than when it is sent.
+    /// Whether a TPDO carries the values at its due time, not those at its transmission.
     pub(crate) sampled_when_due: bool,
 }
 
 impl Rules {
-    /// The rules for a PDO that the product lacks.
+    /// The rules of a PDO that the product does not have.
     pub(crate) const NONE: Self = Self {
         direction: Mappable::No,
         transmission_types: &[],
@@ -63,11 +63,11 @@ pub(crate) struct Pdo {
     transmission: Transmission,
     count: u8,
     entries: [MappingEntry; ENTRIES],
-    /// The template of the frame, with zeros as data; its length is 0 while the PDO is off or maps nothing.
+    /// The frame with zeros as data. Its length is 0 while the PDO is off or maps nothing.
     blank: Frame,
     /// The mapped objects of a PDO that is on.
     slots: Vec<Slot, ENTRIES>,
-    /// The data last sent; `None` if nothing was sent or the frame may be lost.
+    /// The data sent last; `None` if nothing was sent, or the frame may be lost.
     last: Option<Sample>,
 }
 
@@ -76,11 +76,11 @@ pub(crate) struct Pdo {
 pub(crate) struct Sample(u64);
 
 impl Sample {
-    /// Data whose bits are all zero.
+    /// The data of a PDO without objects.
     pub(crate) const NOTHING: Self = Self(0);
 }
 
-/// A mapped object in the frame; dummies leave gaps without a slot.
+/// A mapped object in the frame. Dummies have no slot.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     /// The position of the object in the dictionary.
@@ -93,7 +93,7 @@ struct Slot {
 impl Pdo {
     /// Creates a PDO that is off and maps nothing, for loading.
     #[must_use]
-    // Inlined, so that the device is built in its final place: −1.2 KiB of stack of the smallest image.
+    // Inlining builds the device in its final place, which saves the smallest image 1.2 KiB of stack.
     #[inline(always)]
     pub(crate) const fn new() -> Self {
         Self {
@@ -128,21 +128,23 @@ impl Pdo {
     /// Returns a mapping entry, sub-index 1–8.
     ///
     /// # Errors
-    /// [`AbortCode::NO_SUB`] for any other sub-index.
+    /// Returns [`AbortCode::NO_SUB`] for any other sub-index.
     pub(crate) fn entry(&self, sub: u8) -> Result<u32, AbortCode> {
         let position = usize::from(sub).checked_sub(1);
         let entry = position.and_then(|position| self.entries.get(position));
         entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
     }
 
-    /// Writes the COB-ID. Bit 31 switches the PDO off; the other bits are then stored unchecked and read back as
-    /// written (A). While the PDO is on, only bits 30 and 31 can change; a change of bit 30 alone does not restart the
+    /// Writes the COB-ID. With bit 31, which switches the PDO off, the other bits are not checked, and read back as
+    /// written (A). While the PDO is on, only bits 30 and 31 can change. A change of bit 30 alone does not restart the
     /// PDO.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for an unusable identifier, or on switching on without mapped objects;
-    /// [`AbortCode::DEVICE_STATE`] for a different identifier while the PDO is on; [`AbortCode::PDO_TOO_LONG`] on
-    /// switching on with more than 64 bits; [`AbortCode::NOT_MAPPABLE`] on switching on with an invalid loaded mapping.
+    /// - [`AbortCode::INVALID_VALUE`] for an identifier that may not be used, and for switching on without mapped
+    ///   objects.
+    /// - [`AbortCode::DEVICE_STATE`] for another identifier while the PDO is on.
+    /// - [`AbortCode::PDO_TOO_LONG`] for switching on with more than 64 bits.
+    /// - [`AbortCode::NOT_MAPPABLE`] for switching on with a loaded mapping that is invalid.
     pub(crate) fn write_cob_id(
         &mut self,
         raw: u32,
@@ -170,10 +172,10 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the transmission type, in force at once; the SYNC count restarts.
+    /// Writes the transmission type, in force at once. Restarts the SYNC count and the event timer.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for a type that the product does not allow.
+    /// Returns [`AbortCode::INVALID_VALUE`] for a type that the product does not permit.
     pub(crate) fn write_transmission_type(&mut self, value: u8, rules: &Rules, now: Instant) -> Result<(), AbortCode> {
         if !rules.transmission_types.iter().any(|types| types.contains(&value)) {
             return Err(AbortCode::INVALID_VALUE);
@@ -183,10 +185,10 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the inhibit time. Writing the same value does not affect a running inhibit time.
+    /// Writes the inhibit time. The same value does not affect a running inhibit time.
     ///
     /// # Errors
-    /// [`AbortCode::DEVICE_STATE`] while the PDO is on.
+    /// Returns [`AbortCode::DEVICE_STATE`] for another value while the PDO is on.
     pub(crate) fn write_inhibit(&mut self, value: u16) -> Result<(), AbortCode> {
         if value == self.transmission.inhibit() {
             return Ok(());
@@ -198,7 +200,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the event timer, in force at once; the first period begins now.
+    /// Writes the event timer, in force at once. The first period begins at `now`.
     pub(crate) fn write_event_timer(&mut self, value: u16, now: Instant) {
         self.transmission.set_event_timer(value);
         self.transmission.restart_timer(now, self.sends());
@@ -207,8 +209,9 @@ impl Pdo {
     /// Writes the number of mapped objects.
     ///
     /// # Errors
-    /// [`AbortCode::PDO_TOO_LONG`] above 8 entries or 64 bits, [`AbortCode::DEVICE_STATE`] while the PDO is on,
-    /// [`AbortCode::NOT_MAPPABLE`] if a counted entry cannot be mapped.
+    /// - [`AbortCode::PDO_TOO_LONG`] above 8 entries or 64 bits.
+    /// - [`AbortCode::DEVICE_STATE`] while the PDO is on.
+    /// - [`AbortCode::NOT_MAPPABLE`] if a counted entry cannot be mapped.
     pub(crate) fn write_count(&mut self, count: u8, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if count == self.count {
             return Ok(());
@@ -223,13 +226,14 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes a mapping entry, sub-index 1–8. An entry beyond the count can always be set to
-    /// [unused](MappingEntry::UNUSED) while the PDO is off.
+    /// Writes a mapping entry, sub-index 1–8. While the PDO is off, an entry beyond the count can become
+    /// [unused](MappingEntry::UNUSED).
     ///
     /// # Errors
-    /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist or has another direction or length, and for an
-    /// unused entry within the count; [`AbortCode::DEVICE_STATE`] while the PDO is on or, unless the product allows it,
-    /// while the count is not 0; [`AbortCode::NO_SUB`] for any other sub-index.
+    /// - [`AbortCode::NOT_MAPPABLE`] for an object that does not exist or has another direction or length, and for an
+    ///   unused entry within the count.
+    /// - [`AbortCode::DEVICE_STATE`] while the PDO is on, and for some products while the count is not 0.
+    /// - [`AbortCode::NO_SUB`] for any other sub-index.
     pub(crate) fn write_entry(&mut self, sub: u8, raw: u32, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if self.entry(sub)? == raw {
             return Ok(());
@@ -251,32 +255,27 @@ impl Pdo {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Loads a stored transmission type.
     pub(crate) const fn load_transmission_type(&mut self, value: u8) {
         self.transmission.set_kind(value);
     }
 
-    /// Loads a stored inhibit time.
     pub(crate) const fn load_inhibit(&mut self, value: u16) {
         self.transmission.set_inhibit(value);
     }
 
-    /// Loads a stored event timer.
     pub(crate) const fn load_event_timer(&mut self, value: u16) {
         self.transmission.set_event_timer(value);
     }
 
-    /// Loads a stored number of mapped objects.
     pub(crate) const fn load_count(&mut self, count: u8) {
         self.count = count;
     }
 
-    /// Loads a stored mapping entry, sub-index 1–8.
     pub(crate) fn load_entry(&mut self, sub: u8, raw: u32) {
         self.put_entry(sub, MappingEntry::parse(raw));
     }
 
-    /// Switches the PDO on or off according to the loaded COB-ID. A PDO with invalid stored parameters stays off.
+    /// Switches the PDO on or off, as its loaded COB-ID says. A PDO with invalid parameters stays off.
     pub(crate) fn start(&mut self, rules: &Rules, objects: Entries) {
         self.blank = Frame::EMPTY;
         if self.cob_id.is_off() || self.switch_on(self.cob_id.id(), rules, objects).is_err() {
@@ -290,15 +289,15 @@ impl Pdo {
         self.is_on().then(|| self.blank.key())
     }
 
-    /// Returns the mapped objects in frame order, dummies included; empty while the PDO is off.
+    /// Returns the mapped objects in the order of the frame, dummies included. A PDO that is off maps nothing.
     #[must_use]
     pub(crate) fn mapping(&self) -> &[MappingEntry] {
         let count = if self.is_on() { usize::from(self.count) } else { 0 };
         self.entries.get(..count).unwrap_or_default()
     }
 
-    /// Unpacks a received frame: the dictionary position and the value of each object in mapping order, without
-    /// dummies. `None` if the PDO is off or the frame is shorter than the mapping.
+    /// Unpacks a received frame into the dictionary position and the value of each object, without dummies. Returns
+    /// `None` if the PDO is off or the frame shorter than the mapping.
     pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (u8, u32)>> {
         if !self.is_on() || frame.len() < self.blank.len() {
             return None;
@@ -310,7 +309,7 @@ impl Pdo {
         }))
     }
 
-    /// Packs the mapped objects, reading the value at each position with `read`.
+    /// Packs the mapped objects. `read` returns the value of the object at a dictionary position.
     #[inline]
     pub(crate) fn sample(&self, mut read: impl FnMut(u8) -> u32) -> Sample {
         Sample(self.slots.iter().fold(0, |bits, slot| {
@@ -318,7 +317,7 @@ impl Pdo {
         }))
     }
 
-    /// Returns the frame with this sample; the PDO must be on.
+    /// Returns the frame with this sample. The PDO must be on.
     #[inline]
     pub(crate) fn frame(&self, sample: Sample) -> Frame {
         self.blank.carrying(sample.0.to_le_bytes())
@@ -330,30 +329,29 @@ impl Pdo {
         if self.sends() { self.transmission.sync() } else { AtSync::Nothing }
     }
 
-    /// Returns whether a sample differs from the sample last sent.
+    /// Returns whether a sample differs from the one sent last.
     #[inline]
     pub(crate) fn has_changed(&self, sample: Sample) -> bool {
         self.last != Some(sample)
     }
 
-    /// Records that a sample was sent.
     #[inline]
     pub(crate) const fn sent(&mut self, sample: Sample) {
         self.last = Some(sample);
     }
 
-    /// Records that a frame handed to the controller may be lost: its sample no longer counts as sent.
+    /// Records that a frame in the controller may be lost, so that its sample no longer counts as sent.
     pub(crate) const fn lost(&mut self) {
         self.last = None;
     }
 
-    /// Restarts the SYNC count and the event timer; the next sample counts as changed.
+    /// Restarts the SYNC count and the event timer. The next sample counts as changed.
     pub(crate) fn restart(&mut self, now: Instant) {
         self.last = None;
         self.transmission.restart(now, self.sends());
     }
 
-    /// Returns the due time of a transmission triggered by the event timer; `None` if no transmission is due.
+    /// Returns the due time of a transmission, if the event timer has made one due.
     #[inline]
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         self.transmission.poll(now)
@@ -366,13 +364,13 @@ impl Pdo {
         self.transmission.deadline()
     }
 
-    /// Returns whether the PDO is on and has the event-driven transmission type.
+    /// Returns whether the PDO is sent and its transmission type is event-driven.
     #[must_use]
     pub(crate) const fn is_event_driven(&self) -> bool {
         self.sends() && self.transmission.kind() == EVENT_DRIVEN
     }
 
-    /// Returns whether the PDO is on and maps at least one object. An empty PDO is not sent.
+    /// Returns whether the PDO is sent: it must be on and map at least one object.
     const fn sends(&self) -> bool {
         !self.blank.is_empty()
     }
@@ -388,7 +386,7 @@ impl Pdo {
         }
     }
 
-    /// Checks and resolves the mapping, for frames with the identifier `id`. On an error nothing changes.
+    /// Checks and resolves the mapping, for frames with the identifier `id`. An error changes nothing.
     fn switch_on(&mut self, id: Id, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         let entries = self.entries.get(..usize::from(self.count)).ok_or(AbortCode::PDO_TOO_LONG)?;
         if entries.is_empty() && !rules.may_be_empty {
@@ -410,7 +408,7 @@ impl Pdo {
     }
 }
 
-/// Returns the dictionary position of the mapped object; `None` for a dummy.
+/// Returns the dictionary position of a mapped object; `None` for a dummy.
 fn mapped(entry: MappingEntry, rules: &Rules, objects: Entries) -> Result<Option<u8>, AbortCode> {
     if rules.dummies && entry.is_valid_dummy() {
         return Ok(None);
@@ -425,7 +423,7 @@ fn mapped(entry: MappingEntry, rules: &Rules, objects: Entries) -> Result<Option
     }
 }
 
-/// Returns the number of mapped bits, at most 64.
+/// Returns the number of bits of the entries. More than 64 bits are an error.
 fn bits(entries: &[MappingEntry]) -> Result<u8, AbortCode> {
     let sum = entries.iter().fold(0_u8, |sum, entry| sum.saturating_add(entry.bits));
     if sum <= MAX_BITS { Ok(sum) } else { Err(AbortCode::PDO_TOO_LONG) }

@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::dictionary::{Place, TEXT_MAX};
 use crate::wire::sdo::{AbortCode, Segment};
 
-/// A segmented download in progress. The object is written after the last segment.
+/// A segmented download in progress. It collects the segments; the object is written after the last one.
 #[derive(Clone, Debug)]
 pub(super) struct Download {
     place: Place,
@@ -15,7 +15,7 @@ pub(super) struct Download {
 }
 
 impl Download {
-    /// Begins a segmented download. An announced size must fit the object.
+    /// Begins a download. Returns an abort code for an announced size that does not fit the object.
     pub(super) fn new(place: Place, announced: Option<u32>) -> Result<Self, AbortCode> {
         if let Some(size) = announced {
             place.entry.check_length(usize::try_from(size).unwrap_or(usize::MAX))?;
@@ -23,12 +23,10 @@ impl Download {
         Ok(Self { place, announced, data: Vec::new(), toggle: false })
     }
 
-    /// Returns the object to write.
     pub(super) const fn place(&self) -> Place {
         self.place
     }
 
-    /// Returns the data received so far.
     pub(super) fn data(&self) -> &[u8] {
         &self.data
     }

@@ -1,7 +1,7 @@
-//! SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented transfers, both ways.
+//! The SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented uploads and downloads.
 //!
-//! The server uses only the entries of the dictionary. The caller reads and writes the objects, and reports the
-//! results.
+//! The server knows only the entries of the dictionary. The caller reads and writes the objects, and reports the
+//! results to the server.
 
 use super::dictionary::{Access, Entries, Entry, Place, Value, number};
 use super::sdo_download::Download;
@@ -9,28 +9,28 @@ use super::sdo_upload::Upload;
 use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
-/// The maximum time until the next segment; the transfer is aborted afterwards (A).
+/// The maximum time between two segments, after which the server aborts the transfer (A).
 pub(crate) const SEGMENT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// The multiplexer of an abort without a transfer in progress.
+/// The multiplexer of an abort while no transfer is in progress.
 const NO_TRANSFER: Multiplexer = Multiplexer::new(0, 0);
 
-/// The data of a request or an answer.
+/// The eight data bytes of a request or an answer.
 pub(crate) type Bytes = [u8; 8];
 
-/// The next step after a request.
+/// The caller's next step after a request.
 #[derive(Debug)]
 pub(crate) enum Step<'a> {
-    /// No answer.
+    /// Send no answer.
     Nothing,
     /// Send an answer.
     Answer(Bytes),
-    /// Read the object, then call [`SdoServer::uploaded`].
+    /// Read this object, then call [`SdoServer::uploaded`].
     Read(Place),
-    /// Write the object, then call [`SdoServer::written`], or [`SdoServer::wait`] if the write demands an action of the
-    /// device.
+    /// Write this object, then call [`SdoServer::written`]. If the write demands an action of the device, call
+    /// [`SdoServer::wait`] instead.
     Write {
-        /// The object; it is writable.
+        /// The object, which is writable.
         place: Place,
         /// The value, checked for type and length.
         value: Value<'a>,
@@ -39,11 +39,11 @@ pub(crate) enum Step<'a> {
     },
 }
 
-/// An SDO server for one transfer at a time.
+/// An SDO server, which handles one transfer at a time.
 #[derive(Clone, Debug)]
 pub(crate) struct SdoServer {
     transfer: Transfer,
-    /// The time at which the next segment is overdue; [`NEVER`] if none is expected.
+    /// The time at which the next segment is overdue; [`NEVER`] while none is expected.
     timeout: Instant,
 }
 
@@ -55,7 +55,7 @@ enum Transfer {
     Upload(Upload),
     /// The client sends segments.
     Download(Download),
-    /// The write demanded an action of the device; the answer is deferred until the end of the action.
+    /// The answer to a write is deferred until the device has ended the demanded action.
     Waiting(Place, Bytes),
 }
 
@@ -67,7 +67,7 @@ impl SdoServer {
     }
 
     /// Handles a request.
-    // −62 instructions on an SDO: the look-up knows the length of the product's table.
+    // Inlining saves 62 instructions on an SDO, because the look-up then knows the length of the product's table.
     #[inline(always)]
     pub(crate) fn handle<'a>(&'a mut self, bytes: &'a Bytes, objects: Entries, now: Instant) -> Step<'a> {
         let request = Request::parse(bytes);
@@ -132,7 +132,7 @@ impl SdoServer {
         }
     }
 
-    /// Ends a download. Returns `done` after a successful write, otherwise an abort.
+    /// Ends a download. Returns the answer: `done` after a successful write, otherwise an abort.
     pub(crate) fn written(&mut self, place: Place, done: Bytes, written: Result<(), AbortCode>) -> Bytes {
         self.cancel();
         match written {
@@ -141,13 +141,13 @@ impl SdoServer {
         }
     }
 
-    /// Defers the answer to a write until the end of the action that the write demanded.
+    /// Defers the answer to a write until [`end`](Self::end).
     pub(crate) fn wait(&mut self, place: Place, done: Bytes) {
         self.cancel();
         self.transfer = Transfer::Waiting(place, done);
     }
 
-    /// Returns the object of the write whose answer is [deferred](Self::wait); `None` if no answer is deferred.
+    /// Returns the object of a write whose answer is [deferred](Self::wait).
     pub(crate) const fn waits_for(&self) -> Option<Place> {
         match self.transfer {
             Transfer::Waiting(place, _) => Some(place),
@@ -155,13 +155,13 @@ impl SdoServer {
         }
     }
 
-    /// Ends a write whose answer was [deferred](Self::wait). Returns the answer; `None` if no answer is deferred.
+    /// Ends a write whose answer was [deferred](Self::wait). Returns the answer.
     pub(crate) fn end(&mut self, result: Result<(), AbortCode>) -> Option<Bytes> {
         let Transfer::Waiting(place, done) = self.transfer else { return None };
         Some(self.written(place, done, result))
     }
 
-    /// Aborts a transfer whose next segment is overdue, and returns the abort message; `None` if no segment is overdue.
+    /// Aborts a transfer whose next segment is overdue. Returns the abort message.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Bytes> {
         (now >= self.deadline()).then(|| self.break_off(AbortCode::TIMEOUT))
     }
@@ -173,7 +173,7 @@ impl SdoServer {
         self.timeout
     }
 
-    /// Ends any transfer without an answer, on NMT stop, a reset, or an abort by the client.
+    /// Ends any transfer without an answer.
     pub(crate) fn cancel(&mut self) {
         self.transfer = Transfer::Idle;
         self.timeout = NEVER;
@@ -230,8 +230,8 @@ impl SdoServer {
         }
     }
 
-    /// Ends the transfer in progress and returns the abort message, which names its object. A write with a deferred
-    /// answer continues, because its client has already sent all data.
+    /// Ends the transfer in progress. Returns the abort message with its object. A write with a deferred answer
+    /// continues, because the client has sent all data.
     fn break_off(&mut self, code: AbortCode) -> Bytes {
         let object = match &self.transfer {
             Transfer::Upload(upload) => upload.object(),
@@ -243,8 +243,8 @@ impl SdoServer {
     }
 }
 
-/// Decodes the value of an expedited download. Without a size indication, a number has its own length, and a text ends
-/// before its trailing zeros (A).
+/// Decodes the value of an expedited download. Without an indicated size, a number takes the bytes of its type, and a
+/// text ends before its trailing zeros (A).
 fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a Bytes) -> Result<Value<'a>, AbortCode> {
     if let Some(size) = size {
         entry.check_length(usize::from(size))?;
@@ -258,8 +258,7 @@ fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a B
     Ok(Value::Text(data.get(..len).unwrap_or(&[])))
 }
 
-/// Returns the length and the bytes of a text of one to four characters, for an expedited answer; `None` for any other
-/// length.
+/// Returns the length and the bytes of a text that fits an expedited answer: one to four characters.
 fn short_text(text: &[u8]) -> Option<(u8, u32)> {
     let size = u8::try_from(text.len()).ok().filter(|size| matches!(size, 1..=4))?;
     Some((size, number(text)))

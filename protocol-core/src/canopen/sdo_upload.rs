@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::dictionary::TEXT_MAX;
 use crate::wire::sdo::{AbortCode, Multiplexer, Segment};
 
-/// A segmented upload in progress, with a copy of the value, so that all segments are consistent.
+/// A segmented upload in progress. It copies the value, so that all segments are consistent.
 #[derive(Clone, Debug)]
 pub(super) struct Upload {
     object: Multiplexer,
@@ -15,13 +15,11 @@ pub(super) struct Upload {
 }
 
 impl Upload {
-    /// Begins an upload of a value.
     pub(super) fn new(object: Multiplexer, value: &[u8]) -> Result<Self, AbortCode> {
         let data = Vec::from_slice(value).map_err(|_| AbortCode::OUT_OF_MEMORY)?;
         Ok(Self { object, data, sent: 0, toggle: false })
     }
 
-    /// Returns the object being read.
     pub(super) const fn object(&self) -> Multiplexer {
         self.object
     }

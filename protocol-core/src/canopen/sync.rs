@@ -1,9 +1,9 @@
-//! SYNC consumer (CiA 301 7.2.5, object 0x1005).
+//! The SYNC consumer (CiA 301 7.2.5, object 0x1005).
 
 use crate::wire::cob_id::CobId;
 use crate::wire::sdo::AbortCode;
 
-/// The SYNC consumer.
+/// The SYNC consumer, which holds the COB-ID of SYNC.
 #[derive(Clone, Debug)]
 pub(crate) struct SyncConsumer {
     cob_id: CobId,
@@ -28,7 +28,7 @@ impl SyncConsumer {
     /// Writes object 0x1005, in force at once.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for a SYNC producer (bit 30), for a restricted identifier, or for a 29-bit
+    /// Returns [`AbortCode::INVALID_VALUE`] for bit 30 (a SYNC producer), for a restricted identifier, and for a 29-bit
     /// identifier without `extended_ids`.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
@@ -39,12 +39,12 @@ impl SyncConsumer {
         Ok(())
     }
 
-    /// Loads a stored COB-ID without checks.
+    /// Loads a stored or default COB-ID.
     pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Returns the [key](crate::frame::key) of a SYNC.
+    /// Returns the [key](crate::frame::key) of SYNC frames.
     #[must_use]
     pub(crate) const fn key(&self) -> u32 {
         self.cob_id.key()

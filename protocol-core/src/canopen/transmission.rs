@@ -1,28 +1,28 @@
-//! The transmission of a TPDO: type, SYNC count, inhibit time and event timer (CiA 301 7.5.2.37).
+//! The conditions for the transmission of a TPDO: type, SYNC count, inhibit time and event timer (CiA 301 7.5.2.37).
 
 use crate::time::{Duration, Instant, NEVER, delayed, since};
 
-/// The event-driven transmission type of the device profile: an RPDO takes effect immediately; a TPDO is sent
-/// immediately on an event, and on every expiry of the event timer.
+/// The event-driven transmission type of the device profile. The device sends the TPDO at once after an RPDO (a valve),
+/// and at each end of the event timer (a sensor).
 pub(crate) const EVENT_DRIVEN: u8 = 0xFF;
 
-/// The manufacturer-specific transmission type: sent on expiry of the event timer only.
+/// The manufacturer-specific transmission type. A sensor sends the TPDO at each end of the event timer.
 pub(crate) const MANUFACTURER: u8 = 0xFE;
 
-/// The transmission type for sending at a SYNC if the data have changed.
+/// The transmission type of a TPDO that is sent at a SYNC if its data have changed.
 pub(crate) const ON_CHANGE: u8 = 0;
 
-/// The unit of the inhibit time.
+/// The unit of the inhibit time, in µs.
 const INHIBIT_UNIT_US: u64 = 100;
 
 /// The effect of a SYNC on a TPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtSync {
-    /// No effect: the TPDO is off, its type is not synchronous, or its type (1–240) requires further SYNCs.
+    /// The TPDO is not due: it is off, its type is not synchronous, or its type (1–240) demands further SYNCs.
     Nothing,
     /// The TPDO is due.
     Due,
-    /// The TPDO is due if its data differ from the data last sent.
+    /// The TPDO is due if its data differ from those sent last.
     OnChange,
 }
 
@@ -30,15 +30,15 @@ pub(crate) enum AtSync {
 #[derive(Clone, Debug)]
 pub(crate) struct Transmission {
     kind: u8,
-    /// The inhibit time in units of 100 µs; 0 is off.
+    /// The inhibit time in units of 100 µs; 0 for none.
     inhibit: u16,
-    /// The event timer in ms; 0 is off.
+    /// The event timer in ms; 0 for none.
     event_timer: u16,
-    /// The number of SYNCs since the last transmission.
+    /// The number of SYNCs since the last synchronous transmission.
     syncs: u8,
-    /// The next expiry of the event timer.
+    /// The next end of the event timer.
     due: Instant,
-    /// The due time of a transmission delayed by the inhibit time.
+    /// The due time of a transmission that waits for the end of the inhibit time.
     requested: Option<Instant>,
     inhibited_until: Instant,
 }
@@ -81,7 +81,7 @@ impl Transmission {
         self.kind = kind;
     }
 
-    /// Sets the inhibit time, in force from the next transmission. Ends a running inhibit time.
+    /// Sets the inhibit time for the next transmission. Ends a running inhibit time.
     pub(crate) const fn set_inhibit(&mut self, inhibit: u16) {
         self.inhibit = inhibit;
         self.inhibited_until = Instant::MIN;
@@ -98,8 +98,8 @@ impl Transmission {
         self.restart_timer(now, sends);
     }
 
-    /// Restarts the event timer if the PDO `sends`; the first expiry is one period from now. Drops a transmission
-    /// delayed by the inhibit time. A running inhibit time continues (A).
+    /// Restarts the event timer if the PDO `sends`: it first ends one period after `now`. Drops a transmission that
+    /// waits for the end of the inhibit time, but not the running inhibit time (A).
     pub(crate) fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;
@@ -124,8 +124,8 @@ impl Transmission {
         AtSync::Due
     }
 
-    /// Returns the due time of a TPDO triggered by the event timer, once the inhibit time is over. Of several missed
-    /// expiries only the last counts, and later expiries keep their phase.
+    /// Returns the due time of a TPDO, if the event timer has ended and no inhibit time runs. Of several missed ends
+    /// only the last counts; later ends keep their phase.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;
@@ -161,7 +161,7 @@ impl Transmission {
         Duration::from_millis(self.event_timer as u64)
     }
 
-    /// Returns the last scheduled expiry up to `now`.
+    /// Returns the last scheduled end of the event timer up to `now`.
     #[cold]
     fn last_period(&self, now: Instant) -> Instant {
         let over = since(now, self.due).as_ticks().checked_rem(self.period().as_ticks()).unwrap_or(0);

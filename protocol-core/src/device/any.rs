@@ -1,4 +1,4 @@
-//! A device of any product, for platforms that select the product at run time.
+//! The device of any product, for platforms that select the product at run time.
 
 use super::hat::Hat;
 use super::pve::{PveCanopen, PveIsobus};
@@ -6,7 +6,7 @@ use super::{Device, Kind, Protocol, Setup, StartCause};
 use crate::memory::Memory;
 use crate::time::Instant;
 
-/// A device of any product, stored inline: each value has the size of the largest product.
+/// A device of any product. The value has the size of the largest product.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "a board has one device, and no allocator to put it elsewhere")]
 pub enum AnyDevice {
@@ -27,7 +27,8 @@ impl AnyDevice {
         device
     }
 
-    /// Creates a device without power. Move it to its final place before the [start](Self::start_up).
+    /// Creates a device without power. A platform with a small stack moves the device to its final place before the
+    /// [start](Self::start_up).
     #[must_use]
     pub fn new(setup: Setup) -> Self {
         match setup.kind {

@@ -1,26 +1,25 @@
-//! The schedule of the fault log (SPEC 6): written within a second of the first change, then at most every ten seconds.
-//! After a clearing, the next change is again written within a second.
+//! The schedule of the fault log (SPEC 6). The log is written within a second of its first change, then at most every
+//! ten seconds. After a clearing, the next change counts as the first.
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The time for which a changed fault log waits for further changes (A), so that it is written within one second.
+/// The time for which a changed fault log waits for further changes (A).
 pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
 
 /// The minimum time between two writes of the fault log (A).
 pub const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
 
-/// The schedule of fault log writes.
+/// The schedule of the writes of the fault log.
 #[derive(Clone, Debug)]
 pub struct FaultLogClock {
-    /// The due time of the next write; [`NEVER`] while the memory holds the present counters, or while they are being
-    /// written.
+    /// The due time of the next write; [`NEVER`] once the present counters are stored or being written.
     due: Instant,
     /// The earliest time of the next write.
     earliest: Instant,
 }
 
 impl FaultLogClock {
-    /// Creates the schedule of a fault log that is already stored.
+    /// Creates the schedule of a stored fault log.
     #[must_use]
     pub const fn new() -> Self {
         Self { due: NEVER, earliest: Instant::MIN }
@@ -33,31 +32,31 @@ impl FaultLogClock {
         }
     }
 
-    /// Returns the time at which a write is due; [`NEVER`] if none is needed.
+    /// Returns the due time of the next write; [`NEVER`] if none is needed.
     #[inline]
     #[must_use]
     pub const fn due(&self) -> Instant {
         self.due
     }
 
-    /// Returns whether a write of the present counters is needed but has not begun.
+    /// Returns whether a write of the present counters is needed and has not begun.
     #[must_use]
     pub fn is_dirty(&self) -> bool {
         self.due != NEVER
     }
 
-    /// Records the beginning of a write with the present counters.
+    /// Records the beginning of a write of the present counters.
     pub const fn begun(&mut self) {
         self.due = NEVER;
     }
 
-    /// Records the beginning of a write with cleared counters. The next change counts as the first change.
+    /// Records the beginning of a write that clears counters. The next change counts as the first.
     pub const fn clearing(&mut self) {
         *self = Self::new();
     }
 
-    /// Records the end of a write. A failed write is repeated after [`FAULT_LOG_INTERVAL`]. Must not be called after a
-    /// successful clearing.
+    /// Records the end of a write, other than of a successful clearing. A failed write is repeated after
+    /// [`FAULT_LOG_INTERVAL`].
     pub fn ended(&mut self, stored: bool, now: Instant) {
         self.earliest = delayed(now, FAULT_LOG_INTERVAL);
         if self.is_dirty() || !stored {

@@ -1,4 +1,4 @@
-//! Inputs and outputs: those common to all devices, and those of a product.
+//! The inputs and outputs of devices.
 
 use super::Kind;
 use crate::actuator::{Led, ValveInputs};
@@ -33,7 +33,7 @@ impl Default for ProductInputs {
 }
 
 impl Inputs {
-    /// Returns the inputs of a healthy device of this kind; the shaft of an encoder rests at 0.
+    /// Returns the inputs of a healthy device of this kind. The shaft of an encoder is at rest at 0.
     #[must_use]
     pub fn healthy(kind: Kind) -> Self {
         match kind {
@@ -57,7 +57,7 @@ impl Inputs {
         }
     }
 
-    /// Returns the inputs of a valve, mutable; `None` for another product.
+    /// Returns the inputs of a valve for a change; `None` for another product.
     #[must_use]
     pub const fn valve_mut(&mut self) -> Option<&mut ValveInputs> {
         match &mut self.product {
@@ -75,7 +75,7 @@ impl Inputs {
         }
     }
 
-    /// Returns the shaft of an encoder, mutable; `None` for another product.
+    /// Returns the shaft of an encoder for a change; `None` for another product.
     #[must_use]
     pub const fn shaft_mut(&mut self) -> Option<&mut Shaft> {
         match &mut self.product {
@@ -90,7 +90,7 @@ impl Inputs {
 pub enum Outputs {
     /// The solenoids and LED of a valve.
     Valve(ValveOutputs),
-    /// An encoder has no outputs.
+    /// No outputs: an encoder has none.
     Encoder,
 }
 

@@ -1,7 +1,7 @@
-//! The products, and their common interface [`Device`].
+//! The products, and their common trait [`Device`].
 //!
-//! A device is sans-IO: frames, time and inputs go in; frames, effects and outputs come out. It never blocks, reads no
-//! clock and accesses no hardware. [`pump`](crate::pump::pump) connects it to a controller.
+//! A device is sans-IO: frames, time and inputs go in; frames, effects and outputs come out. A device never blocks,
+//! reads no clock and accesses no hardware. The [`pump`](crate::pump::pump) connects it to a controller.
 
 mod any;
 #[cfg(feature = "names")]
@@ -33,20 +33,20 @@ use crate::time::Instant;
 /// An action that a device demands of its platform.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// Write this record, then call [`Device::stored`]. The next write is handed out only after that call.
+    /// Write this record, then call [`Device::stored`]. The device hands out no other write before that call.
     Store(RecordKey, Record),
-    /// Run the bus at this bit rate from now on. The device has already [aborted](Device::take_abort) all frames.
+    /// Change the bit rate of the controller now. The device has [aborted](Device::take_abort) all frames.
     SetBitRate(BitRate),
-    /// Read the memory again, call [`Device::restart`], then set the controller to [`Device::bit_rate`].
+    /// Read the memory, call [`Device::restart`], then set the controller to [`Device::bit_rate`].
     Restart(Restart),
 }
 
-/// The scope of a restart (CiA 301, NMT), narrower first.
+/// The scope of a restart (CiA 301, NMT). The wider scope is the greater one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Restart {
-    /// Reset communication: the communication objects only.
+    /// Reset communication: the communication objects restart.
     Communication,
-    /// Reset application, and every other full restart.
+    /// Reset application: the entire device restarts.
     Application,
 }
 
@@ -65,59 +65,58 @@ pub enum StartCause {
     /// The power was switched on.
     #[default]
     PowerOn,
-    /// The watchdog or a panic reset the processor, which raises the internal error.
+    /// The watchdog or a panic reset the processor. The device raises the internal error.
     Watchdog,
 }
 
-/// A simulated device on the bus, independent of protocol and product.
+/// A simulated device on the bus, of any protocol and product.
 ///
-/// The time of a device never runs backwards: a `now` before that of the previous call counts as the time of the
-/// previous call. So does a `now` of 2^63 µs or more, which no clock reaches.
+/// The time of a device never runs backwards. An earlier `now` than that of the previous call is replaced by the
+/// previous one. So is a `now` of 2^63 µs or more, which no clock reaches.
 pub trait Device {
-    /// Handles a received frame. Returns whether the frame was for the device; other frames have no effect.
+    /// Handles a received frame. Returns whether the device took it; any other frame has no effect.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
-    /// Returns the receive filters of the device after its start and after every change; `None` otherwise. The filters
-    /// pass every frame for the device, and possibly other frames.
+    /// Returns the receive filters once after a start, and once after every change. The filters pass every frame for
+    /// the device, and possibly others.
     fn take_filters(&mut self) -> Option<Filters>;
 
-    /// Updates the inputs. Must be called after the start and after every change of the inputs.
+    /// Updates the inputs. The platform calls this function after the start and after every change of the inputs.
     fn sense(&mut self, inputs: &Inputs, now: Instant);
 
-    /// Handles the timers that are due; cheap before [`deadline`](Self::deadline).
+    /// Handles the timers that are due. Before the [`deadline`](Self::deadline) the call costs little.
     fn poll(&mut self, now: Instant);
 
-    /// Returns a filter for frames that the controller may hold but must no longer send. The caller passes the filter
-    /// to [`Controller::abort`], and calls again until the result is `None`.
+    /// Returns a filter of frames that the controller may hold but must no longer send. The caller passes it to
+    /// [`Controller::abort`], and calls again until the result is `None`.
     ///
     /// [`Controller::abort`]: crate::controller::Controller::abort
     fn take_abort(&mut self) -> Option<Filter>;
 
-    /// Encodes the most urgent pending frame with the state at `now`. Frames of equal identifiers keep their order. The
-    /// controller then holds the frame, unless it is [given back](Self::give_back).
+    /// Encodes the most urgent pending frame, with the state at `now`. Frames with the same identifier keep their
+    /// order. The controller then holds the frame, unless the caller [gives it back](Self::give_back).
     fn next_frame(&mut self, now: Instant) -> Option<Frame>;
 
     /// Requeues a frame that the controller rejected, or returned in favour of a more urgent frame.
     fn give_back(&mut self, frame: Frame);
 
-    /// Records that by `now` the controller has sent all frames handed to it. Returns whether a further frame can now
-    /// be sent.
+    /// Records that the controller has sent all its frames by `now`. Returns whether another frame can be sent now.
     fn all_sent(&mut self, now: Instant) -> bool;
 
-    /// Returns the next effect. Stores and bit rates are handed out at any time, so a blocked bus does not delay them.
-    /// A restart is handed out only if `all_sent`, so that it does not drop a preceding answer.
+    /// Returns the next effect. Stores and bit rates do not wait for the bus. A restart requires `all_sent`, so that it
+    /// does not drop the answer to its own request.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect>;
 
     /// Reports the result of [`Effect::Store`].
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant);
 
-    /// Carries out [`Effect::Restart`] with the present contents of the memory.
+    /// Executes [`Effect::Restart`] with the present contents of the memory.
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant);
 
-    /// Requests all delayed writes immediately, before the platform is switched off.
+    /// Requests all delayed writes at once, because the platform will be switched off.
     fn flush(&mut self, now: Instant);
 
-    /// Returns the time at which [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) if only a frame or new
+    /// Returns the time at which [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) while only frames and
     /// inputs can change the state.
     fn deadline(&self) -> Instant;
 
@@ -127,10 +126,11 @@ pub trait Device {
     /// Returns the bit rate in force.
     fn bit_rate(&self) -> BitRate;
 
-    /// Returns the node ID or address in force; `None` if there is none.
+    /// Returns the node ID or address in force.
     fn node_id(&self) -> Option<u8>;
 
-    /// Returns the number of answers, EMCYs and broadcasts dropped because of a full queue, bus-off, a change of the
-    /// bit rate or the loss of the address. The number is an upper bound. Lost cyclic frames are not counted.
+    /// Returns the number of answers, EMCYs and broadcasts that were dropped: because of a full queue, bus-off, a
+    /// change of the bit rate or the loss of the address. The controller may have sent some of them. Cyclic frames are
+    /// not counted.
     fn frames_dropped(&self) -> u32;
 }

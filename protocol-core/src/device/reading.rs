@@ -1,25 +1,25 @@
-//! Reading of the memory at a start: each record is checked, and corrupt records are marked (SPEC 6).
+//! The reading of the memory at a start, which checks each record (SPEC 6).
 
 use crate::memory::{Memory, RecordKey, open};
 
-/// A memory, and the corrupt records found in it.
+/// A memory and the corrupt records that were found in it.
 pub struct Reading<'a> {
     memory: &'a dyn Memory,
-    /// A bit mask of the corrupt records, by position.
+    /// The bits of the corrupt records, by position.
     corrupt: u8,
 }
 
 const _: () = assert!(RecordKey::ALL.len() <= 8);
 
 impl<'a> Reading<'a> {
-    /// Starts reading a memory.
+    /// Creates a reading of a memory, without corrupt records so far.
     #[must_use]
     pub const fn new(memory: &'a dyn Memory) -> Self {
         Self { memory, corrupt: 0 }
     }
 
-    /// Decodes a record of this version; `None` if it was never written or is corrupt. A corrupt record is marked, see
-    /// [`is_corrupt`](Self::is_corrupt).
+    /// Decodes a record of this version. Returns `None` for a record that was never written, and for a corrupt one,
+    /// which [`is_corrupt`](Self::is_corrupt) then reports.
     pub fn record<T>(&mut self, key: RecordKey, version: u8, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         let decoded = decode(self.payload(key, version)?);
         if decoded.is_none() {
@@ -46,7 +46,7 @@ impl<'a> Reading<'a> {
         self.memory.sealed(key) == Ok(None)
     }
 
-    /// Returns whether a record was read and found corrupt.
+    /// Returns whether [`record`](Self::record) has found a record corrupt.
     #[must_use]
     pub const fn is_corrupt(&self, key: RecordKey) -> bool {
         self.corrupt & bit(key) != 0

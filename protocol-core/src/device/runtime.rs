@@ -1,7 +1,7 @@
-//! The runtime: the common part of all devices, with the one implementation of [`Device`].
+//! The runtime, which implements [`Device`] for all applications.
 //!
-//! An [`Application`] combines the node of a protocol with a product. The runtime supplies monotonic time, polls the
-//! application at its deadlines, hands out its writes one at a time, and handles restarts.
+//! An [`Application`] combines the node of a protocol with a product. The runtime keeps the time monotonic, polls the
+//! application at its deadlines, hands out its writes one by one, and restarts it.
 
 use heapless::VecView;
 
@@ -14,26 +14,26 @@ use crate::frame::Frame;
 use crate::memory::{self, Memory, RecordKey, StoreError};
 use crate::time::{Instant, NEVER, latest};
 
-/// The kinds of write common to all devices: the records missing in a new memory, and the fault log.
+/// The kinds of write of all devices: the records that a new memory lacks, and the fault log.
 const OWN_WRITES: [Write; 3] = [
     Write::new(RecordKey::Factory, Requester::Device),
     Write::new(RecordKey::LocalLayer, Requester::Device),
     Write::new(RecordKey::FaultLog, Requester::Device),
 ];
 
-/// The product's part of a memory write.
+/// The payloads of the records, and the handling of their writes.
 pub trait Storing {
-    /// Appends the payload of a write, with the present state. `None` if the product has no payload for the record, or
-    /// if the payload exceeds the size of a record.
+    /// Appends the payload of a write, with the present state. Returns `None` for a record that the product does not
+    /// have, and for a payload that does not fit a record.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
     /// Handles the result of a write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base);
 }
 
-/// The node of a protocol combined with a product.
+/// The node of a protocol, combined with a product.
 ///
-/// Every call takes place at [`Base::now`], after all earlier deadlines were handled.
+/// The time of every call is [`Base::now`]. All earlier deadlines have been handled.
 pub trait Application: Storing + Sized {
     /// The setup of a device.
     type Setup;
@@ -42,29 +42,28 @@ pub trait Application: Storing + Sized {
 
     /// Whether the device keeps a fault log.
     const FAULT_LOG: bool;
-    /// The payload version of the device's records.
+    /// The payload version of the records.
     const RECORD_VERSION: u8;
-    /// The kinds of write (pairs of record and requester) of the product, in addition to those of all devices. The
-    /// queue has a place for each kind.
+    /// The kinds of write of the product: pairs of record and requester. The queue has room for one of each.
     const WRITES: &'static [Write];
 
     /// Creates an application without power.
     fn new(setup: Self::Setup) -> Self;
 
-    /// Returns the service that a frame belongs to; `None` for most frames. Examines as little of the frame as
-    /// possible.
+    /// Returns the service that handles a frame; `None` for most frames, after few instructions.
     fn service(&self, frame: &Frame) -> Option<Self::Service>;
 
     /// Handles a frame of a service.
     fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
-    /// Handles a frame of a service while a restart is pending; most frames are then ignored.
+    /// Handles a frame of a service while a restart is pending. Most frames are ignored then.
     fn handle_restarting(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
     /// Handles the timers that are due.
     fn poll(&mut self, base: &mut Base);
 
-    /// Applies the changes of the preceding call. Called after every other call, before the deadline is read.
+    /// Applies the changes that the preceding call has caused. The runtime calls this function after every other one,
+    /// before it reads the deadline.
     fn apply_changes(&mut self, base: &mut Base);
 
     /// Returns the time at which [`poll`](Self::poll) is next due.
@@ -85,21 +84,21 @@ pub trait Application: Storing + Sized {
     /// See [`Device::give_back`].
     fn give_back(&mut self, frame: Frame);
 
-    /// Records that the controller has sent all frames handed to it. Returns whether more than the pending frames may
-    /// have changed, such as the deadline.
+    /// Records that the controller has sent all its frames. Returns whether this can change more than the pending
+    /// frames, such as the deadline.
     fn all_sent(&mut self, base: &mut Base) -> bool;
 
     /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
 
-    /// Returns the bit rate to apply now; `None` if it is unchanged.
+    /// Returns a new bit rate once.
     fn take_bit_rate(&mut self) -> Option<BitRate>;
 
-    /// Starts with the contents of the memory, on power-up or on a restart of this scope. On power-up and reset
-    /// application the write queue is empty.
+    /// Starts with the contents of the memory, at power-up or for a restart. Unless the scope is communication, no
+    /// write is pending.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base);
 
-    /// Handles a processor reset by the watchdog or a panic.
+    /// Handles a reset of the processor by the watchdog or a panic.
     fn watchdog_reset(&mut self, base: &mut Base);
 
     /// See [`Device::outputs`].
@@ -115,7 +114,7 @@ pub trait Application: Storing + Sized {
     fn frames_dropped(&self) -> u32;
 }
 
-/// The state common to all devices.
+/// The state that all devices have.
 #[derive(Clone, Debug)]
 pub struct Base {
     now: Instant,
@@ -126,21 +125,21 @@ pub struct Base {
     restart: PendingRestart,
 }
 
-/// The state of pending restarts.
+/// The state of the pending restart.
 #[derive(Clone, Debug, Default)]
 struct PendingRestart {
-    /// The pending restart, which waits until all writes have ended and all frames are sent.
+    /// The pending restart. It waits until all writes have ended and all frames are sent.
     wanted: Option<Restart>,
-    /// Whether the platform is carrying out a restart.
+    /// Whether the platform is executing a restart.
     handed_out: bool,
-    /// Whether the fault log write in progress was begun for the restart.
+    /// Whether the restart has caused the write of the fault log that is in progress.
     log_begun: bool,
-    /// Whether the fault log write begun for the restart has failed; a failed write is not repeated.
+    /// Whether the write of the fault log before the restart has failed. It is not repeated.
     log_failed: bool,
 }
 
 impl PendingRestart {
-    /// Returns whether a restart is pending and none is being carried out.
+    /// Returns whether a restart is pending and the platform is executing none.
     const fn is_due(&self) -> bool {
         self.wanted.is_some() && !self.handed_out
     }
@@ -154,28 +153,27 @@ impl Base {
         self.now
     }
 
-    /// Advances the time; an earlier time has no effect.
+    /// Advances the time, never backwards.
     fn go_to(&mut self, now: Instant) {
         self.now = latest(self.now, now);
     }
 
-    /// Requests a restart. Until the restart is carried out, the device handles frames by
-    /// [`Application::handle_restarting`] only; its timers keep running, including the time guard (A). Of two requested
-    /// restarts the wider scope wins.
+    /// Requests a restart. Until then [`Application::handle_restarting`] handles the frames, and the timers keep
+    /// running, the time guard included (A). Of two requests the wider scope wins.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_begun = false;
         self.restart.log_failed = false;
     }
 
-    /// Returns whether a restart is pending or being carried out.
+    /// Returns whether a restart is pending or being executed.
     #[inline]
     #[must_use]
     pub const fn is_restarting(&self) -> bool {
         self.restart.wanted.is_some() || self.restart.handed_out
     }
 
-    /// Requests the writes of records missing in a new memory.
+    /// Requests the writes of the records that a new memory lacks.
     pub fn fill(&mut self, reading: &Reading<'_>) {
         for record in [RecordKey::Factory, RecordKey::LocalLayer] {
             if reading.is_absent(record) {
@@ -189,7 +187,7 @@ impl Base {
         self.fault_log.begun();
     }
 
-    /// Begins the next write. Before a restart, a changed fault log is written first (A), so that no count is lost.
+    /// Begins the next write. A changed fault log is written before a restart (A), so that no count is lost.
     fn begin_write(&mut self) -> Option<Write> {
         let restart = &self.restart;
         if restart.is_due() && !restart.log_failed && self.fault_log.is_dirty() && self.writes.is_idle() {
@@ -204,8 +202,8 @@ impl Base {
         Some(write)
     }
 
-    /// Returns the next write or, if no write is waiting, the restart.
-    // −9 instructions on each answer of the core alone.
+    /// Returns the next write or, without a waiting write, the restart.
+    // `inline(never)` saves 9 instructions on each answer of the core alone.
     #[inline(never)]
     fn next_effect(&mut self, application: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
         while let Some(write) = self.begin_write() {
@@ -213,13 +211,13 @@ impl Base {
             if application.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
                 return Some(Effect::Store(write.record, record));
             }
-            // Cannot happen: all payloads fit a record. Otherwise the write fails.
+            // Cannot happen, because all payloads fit a record.
             self.end_write(application, write.record, false);
         }
         self.begin_restart(all_sent).map(Effect::Restart)
     }
 
-    /// Ends the write in progress with its result; a result for a different record is ignored.
+    /// Ends the write in progress with its result. A result for another record is ignored.
     fn end_write(&mut self, application: &mut dyn Storing, record: RecordKey, stored: bool) {
         let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {
@@ -231,7 +229,7 @@ impl Base {
         application.written(write, stored, self);
     }
 
-    /// Hands out the pending restart once no write or unsent frame delays it.
+    /// Returns the pending restart once no write and no unsent frame delays it.
     fn begin_restart(&mut self, all_sent: bool) -> Option<Restart> {
         let scope = self.restart.wanted.filter(|_| self.restart.is_due() && all_sent && self.writes.is_idle())?;
         self.restart = PendingRestart { handed_out: true, ..PendingRestart::default() };
@@ -239,12 +237,12 @@ impl Base {
     }
 }
 
-/// A device: an application and its [`Base`].
+/// A device, made of an application and its [`Base`].
 #[derive(Clone, Debug)]
 pub struct Runtime<A: Application> {
     application: A,
     base: Base,
-    /// The earliest deadline of the application and the fault log.
+    /// The earlier of the deadlines of application and fault log.
     deadline: Instant,
 }
 
@@ -257,8 +255,8 @@ impl<A: Application> Runtime<A> {
         device
     }
 
-    /// Creates a device without power, to be moved to its final place and [started](Self::start_up) there: the stack
-    /// then holds no device during the start.
+    /// Creates a device without power. A platform with a small stack moves the device to its final place before the
+    /// [start](Self::start_up).
     #[must_use]
     pub fn new(setup: A::Setup) -> Self {
         const { assert!(A::WRITES.len() + OWN_WRITES.len() <= KINDS, "`KINDS` is too small for this device") };
@@ -286,8 +284,8 @@ impl<A: Application> Runtime<A> {
         &self.application
     }
 
-    /// Handles a frame of a service. Most frames do not get here, because their identifier belongs to no service.
-    // −49 instructions on a frame for nobody, −388 bytes of the core alone.
+    /// Handles a frame of a service.
+    // `inline(never)` saves 49 instructions on a frame for another node, and 388 bytes of the core alone.
     #[inline(never)]
     fn take(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         if self.base.is_restarting() {
@@ -298,14 +296,13 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Handles a frame while a restart is pending.
     fn take_restarting(&mut self, frame: &Frame, now: Instant, service: A::Service) {
         self.advance(now);
         self.application.handle_restarting(service, frame, &mut self.base);
         self.finish();
     }
 
-    /// Advances the time to `now` and handles the timers due by then. Called for every frame for the device.
+    /// Advances the time to `now`, and handles the timers that are due then.
     fn advance(&mut self, now: Instant) {
         self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {
@@ -313,7 +310,7 @@ impl<A: Application> Runtime<A> {
         }
     }
 
-    // −7 instructions on a poll with nothing due, −10 on a claim.
+    // `inline(never)` saves 7 instructions on a poll without a due timer, 10 on a claim.
     #[inline(never)]
     fn run_timers(&mut self) {
         self.application.poll(&mut self.base);
@@ -324,17 +321,17 @@ impl<A: Application> Runtime<A> {
         self.schedule();
     }
 
-    /// Completes a call: applies its changes and computes the next deadline.
+    /// Completes a call: applies its changes, and computes the next deadline.
     fn finish(&mut self) {
         self.application.apply_changes(&mut self.base);
         self.schedule();
-        // A timer started by this call may be due immediately.
+        // This call may have started a timer that is due at once.
         if self.base.now >= self.deadline {
             self.run_timers();
         }
     }
 
-    /// Returns whether the queue reserves a place for this kind of write.
+    /// Returns whether the queue has room for this kind of write.
     fn is_listed(write: Write) -> bool {
         OWN_WRITES.iter().chain(A::WRITES).any(|listed| listed.is_like(write))
     }
@@ -367,7 +364,7 @@ impl<A: Application> Device for Runtime<A> {
 
     fn sense(&mut self, inputs: &Inputs, now: Instant) {
         self.base.go_to(now);
-        // A deadline before `now` is handled with the old inputs, a deadline at `now` with the new inputs.
+        // A deadline before `now` is handled with the old inputs, a deadline at `now` with the new ones.
         if self.base.now > self.deadline {
             self.run_timers();
         }

@@ -1,42 +1,42 @@
-//! The queue of memory writes: one record at a time, in the order of the requests (SPEC 4.5, 6).
+//! The queue of memory writes. Records are written one by one, in the order of the requests (SPEC 4.5, 6).
 
 use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The maximum number of kinds of write in a device, reached by a valve on CANopen.
-/// [`Runtime`](super::runtime::Runtime) does not compile for a device with more.
+/// The maximum number of kinds of write in a device. A valve on CANopen has as many;
+/// [`Runtime`](super::runtime::Runtime) refuses to compile for a device with more.
 pub(super) const KINDS: usize = 10;
 
-/// The capacity of the queue: one waiting write per kind, one in progress, and one [requested
+/// The capacity of the queue: a waiting write of each kind, the write in progress, and one [requested
 /// first](Writes::request_first).
-const PLACES: usize = KINDS + 2;
+const CAPACITY: usize = KINDS + 2;
 
 /// A write of a record. The record is encoded when the write begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Write {
     /// The record to write.
     pub record: RecordKey,
-    /// The service that requested the write.
+    /// The service that has requested the write.
     pub requester: Requester,
-    /// A value defined by the [`Requester`]; 0 for none.
+    /// A value whose meaning depends on the [`Requester`]; 0 for none.
     pub value: u8,
 }
 
-/// The service that requests a write and awaits its result.
+/// The service that requests a write and waits for the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Requester {
-    /// The device itself; no client awaits the result.
+    /// The device itself. No client waits for the result.
     Device,
-    /// LSS store.
+    /// An LSS store.
     Lss,
     /// An SDO client. The product defines the meaning of the value.
     Sdo,
-    /// UDS. The value is a node ID or address.
+    /// A UDS client. The value is the node ID or address.
     Uds,
     /// A commanded address. The value is the address.
     CommandedAddress,
-    /// DM3. The value is the set of faults to clear, as bits.
+    /// A DM3. The value is the set of faults to clear, as bits.
     Dm3,
 }
 
@@ -47,60 +47,59 @@ impl Write {
         Self { record, requester, value: 0 }
     }
 
-    /// Sets the value.
+    /// Returns the write with this value.
     #[must_use]
     pub const fn with(self, value: u8) -> Self {
         Self { value, ..self }
     }
 
-    /// Returns whether both writes are of the same kind: same record, same requester.
+    /// Returns whether both writes are of the same kind, which is the same record and the same requester.
     pub(super) fn is_like(self, other: Self) -> bool {
         self.with(0) == other.with(0)
     }
 }
 
-/// The waiting writes, and the write in progress.
+/// The waiting writes and the write in progress.
 #[derive(Clone, Debug)]
 pub struct Writes {
-    queue: Vec<Write, PLACES, u8>,
+    queue: Vec<Write, CAPACITY, u8>,
     /// Whether the first write is in progress.
     in_flight: bool,
 }
 
 impl Writes {
-    /// Returns an empty queue.
+    /// Creates an empty queue.
     #[must_use]
     pub const fn new() -> Self {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into a waiting write of the same kind: the new value replaces the old value; for
-    /// DM3 both values are combined. The write in progress is not changed, because its record is already encoded.
+    /// Appends a write, or merges it into a waiting write of the same kind. The new value then replaces the old one;
+    /// the faults of DM3 are added up. The write in progress does not change, because its record is already encoded.
     pub fn request(&mut self, write: Write) {
         let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
             let kept = if write.requester == Requester::Dm3 { waiting.value } else { 0 };
             waiting.value = kept | write.value;
         } else {
-            // The queue has a place for every kind.
+            // There is room for every kind.
             let _ = self.queue.push(write);
         }
     }
 
-    /// Inserts a write before all others, for the second half of a write that has just ended.
+    /// Inserts a write before all others. It must be the second half of a write that has just ended.
     pub fn request_first(&mut self, write: Write) {
         let _ = self.queue.insert(0, write);
     }
 
-    /// Returns the next write and marks it as in progress; `None` while a write is in progress.
+    /// Returns the next write and marks it as in progress. Returns `None` while another write is in progress.
     pub fn begin(&mut self) -> Option<Write> {
         let next = self.queue.first().filter(|_| !self.in_flight)?;
         self.in_flight = true;
         Some(*next)
     }
 
-    /// Ends the write in progress and returns it; `None` if no write is in progress or the write is of a different
-    /// record.
+    /// Ends the write in progress and returns it. Returns `None` if no write of this record is in progress.
     pub fn end(&mut self, record: RecordKey) -> Option<Write> {
         let first = self.queue.first()?;
         if !self.in_flight || first.record != record {
@@ -110,13 +109,13 @@ impl Writes {
         Some(self.queue.remove(0))
     }
 
-    /// Returns whether a write equal to this one is waiting or in progress.
+    /// Returns whether an equal write is waiting or in progress.
     #[must_use]
     pub fn contains(&self, write: Write) -> bool {
         self.queue.contains(&write)
     }
 
-    /// Iterates over the waiting writes and the write in progress.
+    /// Returns the write in progress and the waiting writes.
     pub fn iter(&self) -> impl Iterator<Item = &Write> {
         self.queue.iter()
     }

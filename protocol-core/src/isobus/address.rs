@@ -1,4 +1,4 @@
-//! Address claim of a controller without self-configurable address (SAE J1939-81, ISO 11783-5; SPEC 5).
+//! The address claim of a controller that cannot choose its address (SAE J1939-81, ISO 11783-5; SPEC 5).
 //!
 //! ```text
 //!   start        sent           250 ms           a lower NAME claims the address
@@ -13,26 +13,26 @@ use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{CommandedAddress, Name};
 
-/// The time to wait for contending claims after the first claim, before any other message is sent.
+/// The wait after the first claim. No other message is sent before its end.
 pub const CLAIM_WAIT: Duration = Duration::from_millis(250);
 
-/// The unit of the random delay before a cannot-claim, which is 0–255 units. All cannot-claims have the same
-/// identifier; the delay prevents collisions between controllers that lose their address at the same time.
+/// The unit of the pseudo-random delay before a cannot-claim. All cannot-claims have the same identifier, so the delay
+/// keeps two of them from colliding.
 pub const CANNOT_CLAIM_STEP: Duration = Duration::from_micros(600);
 
-/// The minimum time between two claims sent against foreign use of the own address (ISO 11783-5).
+/// The minimum time between two objections to foreign use of the own address (ISO 11783-5).
 pub const OBJECTION_INTERVAL: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// The first claim has not been sent yet.
+    /// The first claim is unsent.
     Begun,
     Waiting {
         until: Instant,
     },
     Claimed,
     Lost {
-        /// The time to send a cannot-claim; [`NEVER`] if none is pending.
+        /// The time of the next cannot-claim; [`NEVER`] if none is pending.
         answer_at: Instant,
     },
 }
@@ -43,29 +43,29 @@ pub struct AddressClaim {
     name: Name,
     address: Address,
     state: State,
-    /// The earliest time of the next objection to foreign use of the address.
+    /// The earliest time of the next objection.
     next_objection: Instant,
 }
 
 impl AddressClaim {
-    /// Begins an address claim. The claim is pending; no other message may be sent before the claim is
-    /// [`sent`](Self::sent).
+    /// Begins an address claim. The first claim is pending, and no other message may be sent before its
+    /// [transmission](Self::sent) and the wait.
     #[must_use]
     pub const fn new(name: Name, address: Address) -> Self {
         Self { name, address, state: State::Begun, next_objection: Instant::MIN }
     }
 
-    /// Records that the claim was sent. The first claim starts the wait.
+    /// Records the transmission of the claim. The first claim starts the wait.
     ///
-    /// In the address range 128–247 other controllers can choose their own address, so the wait lasts [`CLAIM_WAIT`].
-    /// Addresses outside the range need no wait.
+    /// The wait lasts [`CLAIM_WAIT`] for the addresses 128–247, which self-configurable controllers may also choose.
+    /// Other addresses need no wait.
     pub const fn sent(&mut self, now: Instant) {
         if self.is_begun() {
             self.state = State::Waiting { until: delayed(now, self.wait()) };
         }
     }
 
-    /// Returns whether the first claim has not been sent yet.
+    /// Returns whether the first claim is unsent.
     #[inline]
     #[must_use]
     pub const fn is_begun(&self) -> bool {
@@ -78,7 +78,7 @@ impl AddressClaim {
         self.name
     }
 
-    /// Returns the address; `None` once it is lost.
+    /// Returns the address; `None` after its loss.
     #[inline]
     #[must_use]
     pub const fn address(&self) -> Option<Address> {
@@ -92,22 +92,22 @@ impl AddressClaim {
         matches!(self.state, State::Claimed)
     }
 
-    /// Returns whether the address was lost to another controller.
+    /// Returns whether another controller has taken the address.
     #[inline]
     #[must_use]
     pub const fn is_lost(&self) -> bool {
         matches!(self.state, State::Lost { .. })
     }
 
-    /// Encodes the claim, or the cannot-claim once the address is lost.
+    /// Encodes the claim or, after the loss of the address, the cannot-claim.
     #[inline]
     #[must_use]
     pub fn frame(&self) -> Frame {
         self.name.claim(self.address().unwrap_or(Address::NULL))
     }
 
-    /// Handles another controller's claim of `source`. A claim with the own NAME is ignored: two identical controllers
-    /// would otherwise claim forever.
+    /// Handles a claim of `source` by another controller. A claim with the own NAME is ignored, because two identical
+    /// controllers would claim forever.
     #[must_use]
     pub fn contend(&mut self, source: Address, name: Name, now: Instant) -> Outcome {
         if source != self.address || name == self.name || self.is_lost() {
@@ -120,8 +120,8 @@ impl AddressClaim {
         Outcome::Lost
     }
 
-    /// Handles a foreign frame, other than a claim, that uses the own source address. The objection is a claim, at most
-    /// one per [`OBJECTION_INTERVAL`], without a DTC (R). Before the end of the wait there is no objection.
+    /// Handles a frame of another controller, other than a claim, under the own address. The objection is a claim
+    /// without a DTC (R), at most one per [`OBJECTION_INTERVAL`]. Before the end of the wait there is no objection.
     #[must_use]
     pub fn object(&mut self, now: Instant) -> Outcome {
         if !self.may_send() || now < self.next_objection {
@@ -131,10 +131,10 @@ impl AddressClaim {
         Outcome::Pending
     }
 
-    /// Handles a request for [`Pgn::ADDRESS_CLAIMED`] and ignores other groups.
+    /// Handles a request for [`Pgn::ADDRESS_CLAIMED`]. Requests for other groups have no effect.
     ///
-    /// Without an address, only a request to all is answered, by a cannot-claim after a random delay. Further requests
-    /// during the delay have no effect.
+    /// After the loss of the address, only a request to all is answered: by a cannot-claim after a pseudo-random delay.
+    /// Further requests during the delay have no effect.
     #[inline]
     #[must_use]
     pub fn requested(&mut self, request: &Request, now: Instant) -> Outcome {
@@ -151,14 +151,14 @@ impl AddressClaim {
         Outcome::Nothing
     }
 
-    /// Returns the address that a [commanded address](CommandedAddress) assigns to this controller, even without a
-    /// claimed address; `None` if the command is malformed or for another NAME.
+    /// Returns the address that a [commanded address](CommandedAddress) assigns to this controller, whether its address
+    /// is claimed or lost. Returns `None` for a malformed command and for another NAME.
     #[must_use]
     pub fn commanded(&self, payload: &[u8]) -> Option<Address> {
         CommandedAddress::parse(payload).filter(|command| command.name == self.name).map(|command| command.address)
     }
 
-    /// Ends the wait or queues a cannot-claim when due.
+    /// Ends the wait, or queues a cannot-claim, when it is due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match self.state {
@@ -192,8 +192,8 @@ impl AddressClaim {
         }
     }
 
-    /// Returns the time of the next cannot-claim: `now` plus 0 to 255 pseudo-random units of [`CANNOT_CLAIM_STEP`].
-    /// Their number is the top byte of (NAME XOR `now`) times an odd constant, so that every bit of both affects it.
+    /// Returns the time of the next cannot-claim, 0 to 255 units of [`CANNOT_CLAIM_STEP`] after `now`. The number of
+    /// units is the top byte of a product, which depends on all bits of NAME and `now`.
     fn cannot_claim_at(&self, now: Instant) -> Instant {
         let mixed = (self.name.raw() ^ now.as_ticks()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let steps = mixed >> 56;

@@ -1,4 +1,4 @@
-//! Diagnostic messages: DM1 cyclically, DM2 on request (SAE J1939-73 5.7.1 and 5.7.2; SPEC 5).
+//! The diagnostic messages DM1 and DM2 (SAE J1939-73 5.7.1 and 5.7.2; SPEC 5).
 
 use super::Outcome;
 use crate::frame::Frame;
@@ -9,31 +9,31 @@ use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 /// The period of DM1 while a trouble code is active.
 pub const PERIOD: Duration = Duration::from_millis(1000);
 
-/// The DM1 message, with at most one active trouble code.
+/// The DM1 message. It carries at most one active trouble code.
 #[derive(Clone, Debug)]
 pub struct Dm1 {
     active: Option<Trouble>,
-    /// The time of the last change, until a DM1 reports the change and restarts the period.
+    /// The time of the last change that no DM1 with the present state has reported yet.
     changed: Option<Instant>,
-    /// A momentary trouble code: set and cleared at the time of the last change.
+    /// A momentary trouble code, which was set and cleared at the time of the last change.
     passing: Option<Trouble>,
     /// The time of the next periodic DM1.
     next: Instant,
-    /// The trouble code in the last encoded DM1.
+    /// The trouble code of the last encoded DM1.
     rendered: Option<Trouble>,
 }
 
 impl Dm1 {
-    /// Creates a DM1 without an active code; no DM1 is due.
+    /// Creates a DM1 without an active trouble code. No DM1 is due.
     #[must_use]
     pub const fn new() -> Self {
         Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Sets the active code. Every change makes DM1 pending at once, even a change of the occurrence count only.
+    /// Sets the active trouble code. Every change makes DM1 pending, also that of the occurrence count alone.
     ///
-    /// `at` is the present time, or [`NEVER`] in bus-off. A code that is set and cleared at the same time is reported
-    /// only by a DM1 encoded at that time; a later DM1 carries only the present state.
+    /// `at` is the present time, or [`NEVER`] during bus-off. A code that is set and cleared at the same time is
+    /// reported only by a DM1 that is encoded at this time.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {
@@ -46,7 +46,7 @@ impl Dm1 {
         Outcome::Pending
     }
 
-    /// Queues the periodic DM1 if due.
+    /// Makes the periodic DM1 pending when it is due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         if now < self.next {
@@ -56,12 +56,12 @@ impl Dm1 {
         Outcome::Pending
     }
 
-    /// Encodes the momentary code if it was set at `now`, otherwise the present state.
+    /// Encodes DM1 with the momentary code that was set at `now`, otherwise with the present state.
     #[must_use]
     pub fn render(&mut self, source: Address, now: Instant) -> Frame {
         if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
             self.rendered = Some(passing);
-            // If this message is not sent within a period, a DM1 with the present state replaces it.
+            // If the bus delays this message by a period, a DM1 with the present state replaces it.
             self.next = delayed(now, PERIOD);
         } else {
             if self.changed.take().is_some() {
@@ -72,13 +72,13 @@ impl Dm1 {
         single(Pgn::DM1, self.rendered, source)
     }
 
-    /// Records that the message was sent. After a momentary code, the present state is pending.
+    /// Records that DM1 was sent. After a momentary code, a DM1 with the present state becomes pending.
     #[must_use]
     pub const fn sent(&self) -> Outcome {
         if self.changed.is_some() { Outcome::Pending } else { Outcome::Nothing }
     }
 
-    /// Returns the trouble code in the last encoded DM1.
+    /// Returns the trouble code of the last encoded DM1.
     #[must_use]
     pub const fn rendered(&self) -> Option<Trouble> {
         self.rendered
@@ -98,19 +98,18 @@ impl Default for Dm1 {
     }
 }
 
-/// Returns the time one `period` after `due` or, after a pause longer than a period, one `period` after `now`, so that
-/// missed messages are not sent in a burst.
+/// Returns the time one `period` after `due`. After a pause longer than a period it is one `period` after `now`, so
+/// that missed messages are not sent.
 pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
     let planned = delayed(due, period);
     if planned > now { planned } else { delayed(now, period) }
 }
 
-/// Encodes a message with at most one trouble code in a single frame.
+/// Encodes a message with at most one trouble code as a single frame.
 pub(super) fn single(pgn: Pgn, trouble: Option<Trouble>, source: Address) -> Frame {
     Frame::full(id(pgn, source).id(), dm::single(trouble))
 }
 
-/// Returns the identifier of a diagnostic message.
 #[inline]
 pub(super) const fn id(pgn: Pgn, source: Address) -> J1939Id {
     J1939Id::global(Priority::DEFAULT, pgn, source)

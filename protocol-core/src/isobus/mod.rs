@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! address      address claim, defence and loss
-//! request      requests and their acknowledgement
-//! transport    messages of more than eight bytes: broadcasts both ways, connections refused
-//! diagnostics  DM1 and DM2; the product executes DM3
-//! node/        dispatch, scheduling, and the pending messages
+//! request      requests for parameter groups
+//! transport    messages of more than eight bytes
+//! diagnostics  DM1 and DM2
+//! node/        the node: received frames, pending messages, timers
 //! ```
 //!
-//! The product defines the contents of its groups. The services handle addresses, times and counts, never the meaning
-//! of a fault or a command.
+//! The product defines the contents of its groups, and executes DM3. The services handle addresses, times and counts.
+//! They do not know the meaning of a fault or a command.
 
 pub mod address;
 pub mod diagnostics;
@@ -25,12 +25,12 @@ mod tests;
 pub enum Outcome {
     /// No change.
     Nothing,
-    /// The service has a frame to send; the node encodes it when the controller can take it.
+    /// The service has a frame to send. The node encodes it when the controller can take a frame.
     Pending,
-    /// The wait after the claim is over: all messages may be sent.
+    /// The wait after the claim is over, and all messages may be sent.
     Claimed,
-    /// The address was lost to another controller: no frame may be sent with it.
+    /// Another controller has taken the address. No frame may be sent with it.
     Lost,
-    /// The entire message was abandoned.
+    /// The service has abandoned the message.
     GivenUp,
 }

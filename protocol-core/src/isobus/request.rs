@@ -17,12 +17,13 @@ pub struct Request {
     pub pgn: Pgn,
     /// The requesting controller.
     pub requester: Address,
-    /// Whether the request is addressed to this controller rather than to all.
+    /// Whether the request is addressed to this controller, not to all.
     pub addressed: bool,
 }
 
 impl Request {
-    /// Decodes a request to this controller or to all from a frame with the identifier `id`; `None` if malformed.
+    /// Decodes a request to this controller or to all. `id` is the identifier of the frame. Returns `None` for a
+    /// malformed request.
     #[inline]
     #[must_use]
     pub fn of(id: J1939Id, frame: &Frame) -> Option<Self> {
@@ -30,7 +31,7 @@ impl Request {
         Some(Self { pgn: request::parse(frame)?, requester: id.source(), addressed })
     }
 
-    /// Encodes the acknowledgement sent by the controller `own`; `None` for a request to all, and for a requester
+    /// Encodes the acknowledgement from the controller `own`. Returns `None` for a request to all, and for a requester
     /// without an address.
     #[must_use]
     pub fn acknowledgement(&self, control: Control, own: Address) -> Option<Frame> {
@@ -39,7 +40,7 @@ impl Request {
     }
 }
 
-/// Returns whether an address can belong to a controller: 0xFE is the null address, 0xFF the global address.
+/// Returns whether an address can be that of a controller. The null address and the global address cannot.
 pub(super) const fn is_controller(address: Address) -> bool {
     !matches!(address, Address::NULL | Address::GLOBAL)
 }

@@ -1,5 +1,5 @@
-//! Messages of more than eight bytes, broadcast: a BAM, then its packets (SAE J1939-21 5.10; SPEC 5). Connections
-//! between two controllers are refused.
+//! Messages of more than eight bytes: a BAM and its packets (SAE J1939-21 5.10; SPEC 5). Connections between two
+//! controllers are refused.
 
 use heapless::Vec;
 
@@ -10,22 +10,21 @@ use crate::time::{Duration, Instant, NEVER, delayed, since};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::tp::{self, Abort, Announcement, PACKET_LEN, Packet};
 
-/// The time between two packets (A). The standard permits 50–200 ms; a value well inside this range leaves room for
-/// delays on a busy bus.
+/// The time between two packets (A). The standard permits 50–200 ms; this value leaves room for delays on a busy bus.
 pub const PACKET_SPACING: Duration = Duration::from_millis(100);
 
-/// The maximum time between two packets that a receiver tolerates (T1).
+/// The maximum time between two received packets (T1).
 pub const MAX_GAP: Duration = Duration::from_millis(750);
 
-/// The maximum time between two sent frames of a message, and from its start to its announcement (J1939-21 5.13.3). A
-/// sender that the bus delays longer abandons the message.
+/// The maximum time between two sent frames of a message, and from its start to its announcement (J1939-21 5.13.3). If
+/// the bus delays a frame longer, the sender abandons the message.
 pub const SEND_GAP: Duration = Duration::from_millis(200);
 
-/// The reason of a connection abort (A): the resources are needed for another task.
+/// The reason in a connection abort (A): the resources are needed for another task.
 const REFUSAL_REASON: u8 = 2;
 
-/// Encodes the connection abort that answers a request to send (RTS) to `own`, because only broadcasts are received.
-/// Other connection frames, and senders without an address, are not answered.
+/// Encodes the connection abort that answers a request to send (RTS) to the controller `own`. Other frames, and
+/// requesters without an address, get no answer.
 #[must_use]
 pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Frame> {
     let pgn = tp::request_to_send(frame.eight()?)?;
@@ -46,16 +45,16 @@ pub enum Refused {
 struct Sending<const SIZE: usize> {
     announcement: Announcement,
     payload: Vec<u8, SIZE>,
-    /// The sequence number of the next frame, or of the frame in the controller; 0 is the announcement.
+    /// The sequence number of the next frame, or of the frame in the controller. The announcement has 0.
     sequence: u8,
     in_controller: bool,
-    /// The time to queue the next frame; [`NEVER`] once queued.
+    /// The due time of the next frame; [`NEVER`] once it is queued.
     due: Instant,
-    /// The time by which the next frame must be sent.
+    /// The time at which the message is abandoned unless the next frame is sent.
     give_up: Instant,
 }
 
-/// Sends broadcasts of up to `SIZE` bytes, one at a time.
+/// A sender of broadcasts of up to `SIZE` bytes, one at a time.
 #[derive(Clone, Debug, Default)]
 pub struct BamSender<const SIZE: usize> {
     sending: Option<Sending<SIZE>>,
@@ -68,10 +67,11 @@ impl<const SIZE: usize> BamSender<SIZE> {
         Self { sending: None }
     }
 
-    /// Begins a message. Its announcement is due at once.
+    /// Begins a message. The announcement is due at once.
     ///
     /// # Errors
-    /// [`Refused::Busy`] while another message is being sent, [`Refused::Size`] below 9 bytes and above 1785.
+    /// Returns [`Refused::Busy`] while another message is being sent, and [`Refused::Size`] for a message below 9 or
+    /// above 1785 bytes.
     pub fn start(&mut self, pgn: Pgn, payload: Vec<u8, SIZE>, now: Instant) -> Result<(), Refused> {
         if self.is_busy() {
             return Err(Refused::Busy);
@@ -89,13 +89,13 @@ impl<const SIZE: usize> BamSender<SIZE> {
         self.sending.is_some()
     }
 
-    /// Abandons the message because of bus-off, a restart or the loss of the address. Returns whether a message was
-    /// being sent.
+    /// Abandons the message. Returns whether a message was being sent.
     pub fn cancel(&mut self) -> bool {
         self.sending.take().is_some()
     }
 
-    /// Queues the next frame if due, or abandons the message if the bus has delayed it longer than [`SEND_GAP`].
+    /// Makes the next frame pending when it is due. Abandons a message that the bus has delayed longer than
+    /// [`SEND_GAP`].
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match &mut self.sending {
@@ -120,8 +120,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
     }
 
-    /// Encodes the next frame. The controller holds it until it is [`sent`](Self::sent) or [taken
-    /// back](Self::take_back).
+    /// Encodes the next frame. The controller holds it until it is [sent](Self::sent) or [taken back](Self::take_back).
     #[must_use]
     pub fn render(&mut self, source: Address) -> Option<Frame> {
         let sending = self.sending.as_mut()?;
@@ -135,15 +134,15 @@ impl<const SIZE: usize> BamSender<SIZE> {
         })
     }
 
-    /// Makes a frame that the controller returned pending again.
+    /// Takes back a frame that the controller returned. It is encoded again.
     pub const fn take_back(&mut self) {
         if let Some(sending) = &mut self.sending {
             sending.in_controller = false;
         }
     }
 
-    /// Records that the frame in the controller was sent. The next frame is due [`PACKET_SPACING`] after the actual
-    /// sending, because packets must keep their distance even on a busy bus.
+    /// Records that the frame in the controller was sent. The next frame is due [`PACKET_SPACING`] later, because
+    /// packets must keep their distance on a busy bus, too.
     pub fn sent(&mut self, now: Instant) {
         let Some(sending) = self.sending.as_mut().filter(|sending| sending.in_controller) else { return };
         if sending.sequence == sending.announcement.packets {
@@ -164,14 +163,14 @@ impl<const SIZE: usize> BamSender<SIZE> {
     }
 }
 
-/// A completely received message.
+/// A received message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message<const SIZE: usize> {
     /// The group.
     pub pgn: Pgn,
     /// The sender.
     pub source: Address,
-    /// The data bytes.
+    /// The bytes of the message.
     pub payload: Vec<u8, SIZE>,
 }
 
@@ -181,14 +180,14 @@ struct Receiving<const SIZE: usize> {
     size: usize,
     /// The expected sequence number.
     sequence: u8,
-    /// The time of the sender's last frame.
+    /// The time of the last frame.
     heard: Instant,
 }
 
-/// Receives broadcasts of up to `SIZE` bytes from up to `SENDERS` senders at once.
+/// A receiver of broadcasts of up to `SIZE` bytes, from up to `SENDERS` senders at the same time.
 ///
-/// The receiver has no deadline: an interrupted message keeps its slot until its sender sends again or another message
-/// needs the slot. A sender without a slot is ignored and does not disturb other messages.
+/// The receiver has no timer. An interrupted message keeps its slot until its sender sends again or another message
+/// needs the slot. Messages of senders without a slot are ignored.
 #[derive(Clone, Debug)]
 pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
     wanted: &'static [Pgn],
@@ -196,19 +195,19 @@ pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
 }
 
 impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
-    /// Creates a receiver for these groups; other groups are ignored.
+    /// Creates a receiver of these groups. Other groups are ignored.
     #[must_use]
     pub const fn new(wanted: &'static [Pgn]) -> Self {
         Self { wanted, receiving: Vec::new() }
     }
 
-    /// Returns the number of messages being received.
+    /// Returns the number of messages in reception.
     #[cfg(test)]
     pub(super) fn under_way(&self) -> usize {
         self.receiving.len()
     }
 
-    /// Handles a frame with this identifier. Returns the message that the frame completes.
+    /// Handles a frame with the identifier `id`. Returns the message that the frame completes.
     #[inline]
     #[must_use]
     pub fn handle(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
@@ -217,33 +216,33 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
                 self.announced(id, frame, now);
                 None
             }
-            // Most packets on the bus belong to messages not received here.
+            // Most packets on the bus belong to messages that this receiver ignores.
             Format::TP_DATA if !self.receiving.is_empty() => self.continued(id, frame, now),
             _ => None,
         }
     }
 
-    /// Handles the announcement of a message. The announcement ends the sender's previous message, even if the new
-    /// message is not received.
+    /// Handles the announcement of a message. It ends the previous message of its sender, even if the receiver ignores
+    /// the new one.
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
         if id.destination() != Address::GLOBAL {
             return;
         }
         let source = id.source();
-        if let Some(place) = self.place_of(source) {
-            self.receiving.swap_remove(place);
+        if let Some(slot) = self.slot_of(source) {
+            self.receiving.swap_remove(slot);
         }
         let size = usize::from(announcement.size);
         if size > SIZE || !announcement.is_sound() || !self.wanted.contains(&announcement.pgn) {
             return;
         }
         if self.receiving.is_full() {
-            let Some(place) = self.receiving.iter().position(|receiving| receiving.is_late(now)) else { return };
-            self.receiving.swap_remove(place);
+            let Some(slot) = self.receiving.iter().position(|receiving| receiving.is_late(now)) else { return };
+            self.receiving.swap_remove(slot);
         }
         let message = Message { pgn: announcement.pgn, source, payload: Vec::new() };
-        // Cannot fail: there is a free slot.
+        // Cannot fail, because a slot is free.
         _ = self.receiving.push(Receiving { message, size, sequence: 1, heard: now });
     }
 
@@ -252,27 +251,27 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
         if id.destination() != Address::GLOBAL {
             return None;
         }
-        let place = self.place_of(id.source())?;
-        let whole = self.receiving.get_mut(place)?.take(frame.eight().map(Packet::parse), now);
+        let slot = self.slot_of(id.source())?;
+        let whole = self.receiving.get_mut(slot)?.take(frame.eight().map(Packet::parse), now);
         if whole == Some(false) {
             return None;
         }
-        let ended = self.receiving.swap_remove(place);
+        let ended = self.receiving.swap_remove(slot);
         whole.map(|_| ended.message)
     }
 
-    fn place_of(&self, source: Address) -> Option<usize> {
+    fn slot_of(&self, source: Address) -> Option<usize> {
         self.receiving.iter().position(|receiving| receiving.message.source == source)
     }
 }
 
 impl<const SIZE: usize> Receiving<SIZE> {
-    /// Returns whether the sender was silent for too long.
+    /// Returns whether the next packet is too late.
     fn is_late(&self, now: Instant) -> bool {
         since(now, self.heard) > MAX_GAP
     }
 
-    /// Appends a packet. Returns whether the message is now complete; `None` for an invalid packet, which ends the
+    /// Appends a packet. Returns whether it completes the message. Returns `None` for an invalid packet, which ends the
     /// message.
     fn take(&mut self, packet: Option<Packet>, now: Instant) -> Option<bool> {
         let packet = packet.filter(|packet| packet.sequence == self.sequence && !self.is_late(now))?;

@@ -2,15 +2,15 @@
 
 use super::record::{RECORD_MAX, Record, RecordKey, open};
 
-/// A memory as read at the start of a device: record by record, unchecked.
+/// A memory at the start of a device. It returns records unchecked.
 pub trait Memory {
-    /// Returns the [sealed](super::seal) bytes of a record; `None` if it was never written.
+    /// Returns the [sealed](super::seal) bytes of a record; `None` for a record that was never written.
     ///
     /// # Errors
-    /// [`Corrupt`] if the record exists but could not be read.
+    /// Returns [`Corrupt`] for a record that exists but could not be read.
     fn sealed(&self, key: RecordKey) -> Result<Option<&[u8]>, Corrupt>;
 
-    /// Returns whether the entire memory was damaged, so that unreadable records cannot be identified.
+    /// Returns whether the entire memory is damaged, so that the number of unreadable records is unknown.
     fn is_damaged(&self) -> bool {
         false
     }
@@ -19,16 +19,16 @@ pub trait Memory {
 /// The contents of a record.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Content {
-    /// Never written.
+    /// The record was never written.
     #[default]
     Absent,
-    /// The sealed bytes, not yet checked.
+    /// The sealed bytes of the record, not checked.
     Sealed(Record),
-    /// The record exists but could not be read, or is longer than any record.
+    /// The record exists, but could not be read or is too long.
     Unreadable,
 }
 
-/// The contents of a memory as read at a start, record by record, unchecked.
+/// A copy of the memory at the start of a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Image {
     contents: [Content; RecordKey::ALL.len()],
@@ -42,14 +42,13 @@ impl Image {
         Self { contents: [const { Content::Absent }; RecordKey::ALL.len()], damaged: false }
     }
 
-    /// Resets the image in place to that of a memory never written, because a second image would be large for the stack
-    /// of a small processor.
+    /// Empties the image in place. A second image would be large for the stack of a small processor.
     pub fn clear(&mut self) {
         self.contents.fill_with(Content::default);
         self.damaged = false;
     }
 
-    /// Sets the bytes read for a record.
+    /// Sets the sealed bytes of a record.
     pub fn put(&mut self, key: RecordKey, bytes: &[u8]) {
         self.set(key, Record::from_slice(bytes).map_or(Content::Unreadable, Content::Sealed));
     }
@@ -59,27 +58,27 @@ impl Image {
         self.set(key, Content::Unreadable);
     }
 
-    /// Marks the entire memory as damaged, so that unreadable records cannot be identified.
+    /// Marks the entire memory as damaged.
     pub const fn set_damaged(&mut self) {
         self.damaged = true;
     }
 
-    /// Returns whether the entire memory was damaged.
+    /// Returns whether the entire memory is damaged.
     #[must_use]
     pub const fn is_damaged(&self) -> bool {
         self.damaged
     }
 
-    /// Returns whether nothing was ever written and nothing is damaged: a new board or a new state file.
+    /// Returns whether the memory is new: nothing was ever written, and nothing is damaged.
     #[must_use]
     pub fn is_new(&self) -> bool {
         !self.damaged && self.contents.iter().all(|content| *content == Content::Absent)
     }
 
-    /// Returns the payload of a record; `Ok(None)` if it was never written.
+    /// Returns the payload of a record; `Ok(None)` for a record that was never written.
     ///
     /// # Errors
-    /// [`Corrupt`] if the record exists but does not open with `version`.
+    /// Returns [`Corrupt`] for a record that cannot be read or does not open with `version`.
     pub fn payload(&self, key: RecordKey, version: u8) -> Result<Option<&[u8]>, Corrupt> {
         self.sealed(key)?.map(|record| open(version, record).ok_or(Corrupt)).transpose()
     }
@@ -105,7 +104,7 @@ impl Memory for Image {
     }
 }
 
-/// A record that fails its check. It counts as absent and raises the internal error.
+/// The record is unreadable or fails its check. It counts as absent and raises the internal error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Corrupt;
 

@@ -1,7 +1,7 @@
-//! Non-volatile memory: the records of a device and their encoding (SPEC 6).
+//! The records of a device in its non-volatile memory, and their encoding (SPEC 6).
 //!
-//! The core never accesses a flash. It requests the write of a record by an [`Effect`](crate::device::Effect), receives
-//! the result, and reads a [`Memory`] at a start: an [`Image`] of all contents, or the flash itself.
+//! The core never accesses a flash. It demands the write of a record by an [`Effect`](crate::device::Effect) and
+//! receives the result. At a start it reads a [`Memory`]: an [`Image`] of all records, or the flash itself.
 
 mod image;
 mod record;

@@ -1,19 +1,18 @@
-//! A record: its key, and its encoding with version, length and CRC.
+//! A record of the memory: its key, and its encoding with version, length and CRC.
 //!
-//! A flash map keeps each record complete, either old or new, but a bit can flip in the flash (SPEC 6). Therefore every
-//! record is sealed; a record that does not open counts as absent and raises the internal error.
+//! The log in the flash keeps each record complete, old or new, but a bit can flip (SPEC 6). The CRC detects this: a
+//! record that does not open counts as absent, and raises the internal error.
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
 
-/// The maximum size of a sealed record: the longest payload (the parameters) with some reserve, version, length and
-/// CRC.
+/// The maximum size of a sealed record. The longest payload is that of the parameters.
 pub const RECORD_MAX: usize = 128;
 
 /// The bytes of a sealed record.
 pub type Record = Vec<u8, RECORD_MAX>;
 
-/// Version and length.
+/// The number of bytes before the payload: version and length.
 const HEADER: usize = 2;
 const CRC_LEN: usize = 4;
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
@@ -22,17 +21,17 @@ const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum RecordKey {
-    /// Identity, NAME function instance, numbers and date: written once, at the first start.
+    /// Identity, NAME function instance, numbers and date. They are written once, at the first start.
     Factory = 1,
     /// Node ID or address, and bit rate.
     LocalLayer = 2,
-    /// The parameters stored by "save"; if a device stores groups separately, the communication parameters.
+    /// The parameters that "save" stores; of a sensor the communication parameters only.
     Parameters = 3,
-    /// The restore flag: if set, the next start restores the defaults.
+    /// The restore flag. If it is set, the next start restores the defaults.
     RestoreFlag = 4,
     /// The occurrence counters, which imply the previously active faults.
     FaultLog = 5,
-    /// The application parameters, if a device stores groups separately.
+    /// The application parameters that "save" stores, of a sensor only.
     Application = 6,
 }
 
@@ -48,11 +47,11 @@ impl RecordKey {
     }
 }
 
-/// The memory could not be written.
+/// The memory could not be written, or the payload does not fit a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoreError;
 
-/// Begins a record, to which the payload is appended before it is [completed](complete).
+/// Begins a record. The caller appends the payload, then [completes](complete) the record.
 #[must_use]
 pub fn begin(version: u8) -> Record {
     Record::from_array([version, 0])
@@ -61,7 +60,7 @@ pub fn begin(version: u8) -> Record {
 /// Completes a record with its length and CRC.
 ///
 /// # Errors
-/// [`StoreError`] if length and CRC do not fit.
+/// Returns [`StoreError`] if length and CRC do not fit.
 pub fn complete(record: &mut Record) -> Result<(), StoreError> {
     let [_, len, payload @ ..] = record.as_mut_slice() else { return Err(StoreError) };
     *len = u8::try_from(payload.len()).map_err(|_| StoreError)?;
@@ -72,7 +71,7 @@ pub fn complete(record: &mut Record) -> Result<(), StoreError> {
 /// Encodes a payload as a record with version, length and CRC.
 ///
 /// # Errors
-/// [`StoreError`] if the payload does not fit a record.
+/// Returns [`StoreError`] for a payload that does not fit.
 pub fn seal(version: u8, payload: &[u8]) -> Result<Record, StoreError> {
     let mut record = begin(version);
     record.extend_from_slice(payload).map_err(|_| StoreError)?;
@@ -80,7 +79,7 @@ pub fn seal(version: u8, payload: &[u8]) -> Result<Record, StoreError> {
     Ok(record)
 }
 
-/// Returns the payload of a sealed record; `None` unless version, length and CRC are correct.
+/// Returns the payload of a record; `None` if version, length or CRC is wrong.
 #[must_use]
 pub fn open(version: u8, record: &[u8]) -> Option<&[u8]> {
     let (body, crc) = record.split_at_checked(record.len().checked_sub(CRC_LEN)?)?;

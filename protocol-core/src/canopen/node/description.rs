@@ -1,4 +1,4 @@
-//! The objects of a product as an EDS describes them, with their values in a new device.
+//! The objects of a product with their values in a new device, for an EDS.
 
 use super::object::{NodeObject, Object};
 use super::objects::STORES_ON_COMMAND;
@@ -6,10 +6,10 @@ use super::product::Product;
 use crate::canopen::dictionary::{DefaultValue, Entry, Initial, Place, Value};
 use crate::wire::cob_id::Function;
 
-/// The sub-index of the serial number in the identity object, which is individual to each device.
+/// The sub-index of the serial number in the identity object.
 const SERIAL_NUMBER: u8 = 4;
 
-/// Passes every object of a new device to `each`, in dictionary order.
+/// Passes every object of a new device to `each`, in the order of the dictionary.
 pub(crate) fn describe<P: Product>(product: &P, mut each: impl FnMut(&'static Entry, Initial<'_>)) {
     let number = |number| Initial::Fixed(Value::Number(number));
     for Place { entry, position } in P::DICTIONARY.entries().iter() {
@@ -28,8 +28,7 @@ pub(crate) fn describe<P: Product>(product: &P, mut each: impl FnMut(&'static En
                 let part = entry.sub().checked_sub(1).and_then(|part| product.identity().part(part));
                 part.map_or(Initial::Individual, number)
             }
-            // A history entry exists only after an error. All other objects of the node are stored, so their rows give
-            // the default.
+            // History entries exist only after an error. The rows of all other objects of the node have a default.
             (_, Object::Node(_)) => Initial::Individual,
         };
         each(entry, initial);

@@ -1,15 +1,14 @@
-//! A CANopen node: the product-independent services combined (CiA 301, CiA 305).
+//! The CANopen node, which combines the product-independent services (CiA 301, CiA 305).
 //!
 //! ```text
-//! mod        the node: its interface, and its demands on the device
-//! product    the trait of a product
-//! object     the objects behind the rows                       objects      the node's own objects
-//! services   the services of the node
-//! listening  the frames for the node
-//! pending    the pending frames                                description  the objects as an EDS describes them
+//! mod        interface of the node
+//! product    trait of a product
+//! object     kinds of objects                    objects      communication objects
+//! services   handling of received frames         listening    identifiers of received frames
+//! pending    frames to send                      description  objects as an EDS describes them
 //! ```
 //!
-//! The node does not own the product: every call that needs the product takes a reference.
+//! The node does not own the product. Calls that need the product take a reference.
 
 #[cfg(feature = "names")]
 mod description;
@@ -50,7 +49,7 @@ use crate::wire::nmt::State;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::AbortCode;
 
-/// A demand that the node makes on the device.
+/// An action that the node demands of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand<T> {
     /// Execute a task of the product for an SDO client, then call [`Node::end_task`].
@@ -74,22 +73,21 @@ pub(crate) struct Node<P: Product> {
     bus_off: bool,
     /// The bit rate in force.
     bit_rate: BitRate,
-    /// Whether the platform has not yet taken `bit_rate`.
+    /// Whether the platform must still take `bit_rate`.
     rate_is_new: bool,
-    /// The node ID configured by LSS, to be in force after the restart that LSS demanded.
+    /// The node ID that the restart demanded by LSS will put in force.
     activated: Option<LssNodeId>,
-    /// The LSS configuration that is in force but not stored. The node ID is kept until power-off, the bit rate until
+    /// The LSS configuration that is in force but not stored. The node ID lasts until power-off, the bit rate until
     /// reset application.
     held: Configuration,
     /// The number of LSS store requests not yet answered.
     lss_stores: u32,
-    /// The configuration to store, as of the store request. NMT start drops a pending configuration, but not a
-    /// requested store (A).
+    /// The configuration at the time of the store request. NMT start drops a pending configuration, but not a requested
+    /// store (A).
     to_store: Configuration,
-    /// Whether the node enters operational without an NMT command once boot-up and EMCYs are sent. An earlier NMT
-    /// command cancels the automatic start (A).
+    /// Whether the node enters operational by itself once boot-up and EMCYs are sent. An NMT command before that
+    /// cancels the automatic start (A).
     starts_itself: bool,
-    /// The product that supplies the dictionary and rules.
     product: PhantomData<P>,
 }
 
@@ -115,11 +113,11 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Begins a start: resets the communication and applies the node ID that LSS configured or, without one, the stored
-    /// node ID. Returns the node ID in force.
+    /// Begins a start: resets the communication, and applies the node ID of LSS or, without one, the stored node ID.
+    /// Returns the node ID in force.
     ///
-    /// Reset application also applies the stored bit rate and clears the error history. A bit-rate activation continues
-    /// over reset communication.
+    /// Reset application also applies the stored bit rate and clears the error history. Reset communication does not
+    /// end a bit-rate activation.
     pub(crate) fn reset(&mut self, scope: Reset, stored: Configuration) -> Option<NodeId> {
         self.held.node_id = self.activated.take().or(self.held.node_id);
         match scope {
@@ -146,8 +144,8 @@ impl<P: Product> Node<P> {
         self.objects.node_id
     }
 
-    /// Completes a start: loads the parameters, group by group, and boots. Without a node ID the node stays in
-    /// initialisation, with LSS only. Reset communication does not load the product's own objects.
+    /// Completes a start: loads the parameters of each group and boots. Reset communication does not load the product's
+    /// own objects. A node without a node ID stays in initialisation, and serves LSS only.
     pub(crate) fn boot<const GROUPS: usize>(
         &mut self,
         scope: Reset,
@@ -171,16 +169,16 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Enters operational without an NMT command once boot-up and all pending EMCYs are sent, if 0x1F80 allows it.
+    /// Enters operational if 0x1F80 demands it and boot-up and all pending EMCYs are sent.
     #[inline]
     pub(crate) fn start_itself(&mut self, product: &mut P, now: Instant) {
-        if self.starts_itself && self.pending.has_told_start() {
+        if self.starts_itself && self.pending.start_is_sent() {
             self.enter_by_itself(State::Operational, product, now);
         }
     }
 
-    /// Applies the error behaviour (0x1029), in operational only. Pending EMCYs are still sent.
-    pub(crate) fn behave(&mut self, class: ErrorClass, product: &mut P, now: Instant) {
+    /// Applies the error behaviour (0x1029) of a node in operational. Pending EMCYs are still sent.
+    pub(crate) fn apply_error_behaviour(&mut self, class: ErrorClass, product: &mut P, now: Instant) {
         if self.nmt.is_operational()
             && let Some(state) = self.objects.error_behaviour.of(class).state()
         {
@@ -219,18 +217,18 @@ impl<P: Product> Node<P> {
         self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline()).min(tpdo)
     }
 
-    /// Records whether the controller is bus-off. On bus-off the controller drops its frames: answers are dropped and
-    /// counted; the boot-up and EMCYs are queued again. The NMT state does not change (A); a product with 0x1029 calls
-    /// [`behave`](Self::behave).
+    /// Records whether the controller is bus-off. At bus-off the controller drops its frames. The node then drops and
+    /// counts the answers, and queues boot-up and EMCYs again. The NMT state does not change (A); a product with 0x1029
+    /// calls [`apply_error_behaviour`](Self::apply_error_behaviour).
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
-            self.pending.bus_lost();
+            self.pending.on_bus_off();
             self.objects.tpdo.lost();
         }
         self.bus_off = bus_off;
     }
 
-    /// Returns the bit rate if it has changed since the last call.
+    /// Returns a new bit rate once.
     #[inline]
     pub(crate) fn take_bit_rate(&mut self) -> Option<BitRate> {
         if !self.rate_is_new {
@@ -240,12 +238,12 @@ impl<P: Product> Node<P> {
         Some(self.bit_rate)
     }
 
-    /// Queues an EMCY without a history entry, for the end of an error or a repetition.
+    /// Queues an EMCY without a history entry, for the end or the repetition of an error.
     pub(crate) fn send_emcy(&mut self, message: Emcy) {
         self.queue_emcy(message, false);
     }
 
-    /// Queues an EMCY, in pre-operational and operational only, and only while EMCYs are on.
+    /// Queues an EMCY, unless the NMT state or 0x1014 forbids EMCYs.
     fn queue_emcy(&mut self, message: Emcy, entered: bool) {
         if self.nmt.serves() && self.objects.emcy.id().is_some() {
             self.pending.queue_emcy(message, entered);
@@ -258,18 +256,17 @@ impl<P: Product> Node<P> {
         Some((tpdo.key()?, tpdo.mapping()))
     }
 
-    /// Replaces a TPDO that the controller may hold, after a change of the reported values. No effect if the product
-    /// samples TPDOs when due.
+    /// Replaces a TPDO that the controller may hold, after a change of the mapped values. A TPDO that the product
+    /// samples when due stays.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
             self.pending.renew_tpdo();
         }
     }
 
-    /// Enters a new error into the history, with the manufacturer-specific number in the upper 16 bits, and queues its
-    /// EMCY if the NMT state permits EMCYs. No effect while EMCYs are off or without a node ID. Returns whether the
-    /// error was entered.
-    pub(crate) fn tell_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
+    /// Enters a new error into the history, with `manufacturer` in the upper 16 bits, and queues its EMCY. While 0x1014
+    /// is off, or without a node ID, does neither. Returns whether the error was entered.
+    pub(crate) fn report_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
             self.objects.history.enter(message.code, manufacturer);
@@ -278,8 +275,8 @@ impl<P: Product> Node<P> {
         tells
     }
 
-    /// Withdraws an error whose EMCYs could not be sent because of bus-off: the EMCYs of its beginning and end, and
-    /// their history entries (A). `register` holds the error's bits in the error register.
+    /// Removes the unsent EMCYs of an error, of its beginning and its end, and their history entries (A). `register`
+    /// holds the bits of the error in the error register.
     pub(crate) fn withdraw_error(&mut self, code: u16, register: u8) {
         for _ in 0..self.pending.withdraw_emcys(code, register) {
             self.objects.history.withdraw(code);
@@ -292,7 +289,7 @@ impl<P: Product> Node<P> {
         self.pending.queue_answer(answer, mute);
     }
 
-    /// Answers the SDO client, if any, that waits for this task: positively if `stored`, otherwise with an abort.
+    /// Answers the SDO client that waits for this task, if there is one: with an abort unless the task was `stored`.
     pub(crate) fn end_task(&mut self, task: P::Task, stored: bool) {
         let behind = self.sdo.waits_for().and_then(|place| P::DICTIONARY.behind(place.position));
         let is_awaited = matches!(behind, Some(Object::Signature(awaited)) if awaited == task);
@@ -302,8 +299,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Answers the oldest LSS store request. If `is_last`, which means that no further write is pending, answers all
-    /// requests.
+    /// Answers the oldest LSS store request. If `is_last`, no further write is pending, and all requests are answered.
     pub(crate) fn end_lss_store(&mut self, stored: bool, is_last: bool) {
         let error = if stored { lss::SUCCESS } else { P::RULES.lss.store_error };
         let answers = if is_last { self.lss_stores } else { self.lss_stores.min(1) };
@@ -313,19 +309,19 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns whether the node needs reset communication, because LSS has stored a node ID while the node is in LSS
-    /// waiting without a node ID in force.
-    pub(crate) fn boots(&self) -> bool {
-        self.lss.boots(self.objects.node_id)
+    /// Returns whether the node must reset communication. This is so in LSS waiting, without a node ID in force, once
+    /// LSS has stored one.
+    pub(crate) fn must_boot(&self) -> bool {
+        self.lss.must_boot(self.objects.node_id)
     }
 
-    /// Begins an LSS store. Returns the configuration as of the store request; missing values come from the
-    /// configuration in force but unstored.
+    /// Begins an LSS store. Returns the configuration at the time of the request, completed by values in force but not
+    /// stored.
     pub(crate) fn begin_lss_store(&mut self) -> Configuration {
         core::mem::take(&mut self.to_store).or(self.held)
     }
 
-    /// Records the configuration that the memory now holds, whichever service stored it.
+    /// Records a configuration that LSS or another service has stored.
     pub(crate) fn configuration_stored(&mut self, stored: Configuration) {
         self.lss.stored(stored);
         if stored.node_id.is_some() {
@@ -336,14 +332,15 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Appends the present parameters of a group to a payload; `None` if they do not fit.
+    /// Appends the present parameters of a group to a payload. Returns `None` if they do not fit.
     pub(crate) fn parameters(&self, group: Group, product: &P, payload: &mut VecView<u8>) -> Option<()> {
-        // No parameter changes with time.
+        // Parameters do not depend on time.
         let value_of = |place| self.objects.read(place, product, Instant::MIN).ok();
         parameters::encode(P::DICTIONARY.entries(), group, &value_of, payload)
     }
 
-    /// Appends all defaults for the node ID in force to a payload; `None` without a node ID, or if they do not fit.
+    /// Appends the defaults of all parameters to a payload, for the node ID in force. Returns `None` without a node ID,
+    /// or if they do not fit.
     pub(crate) fn default_parameters(&self, product: &P, payload: &mut VecView<u8>) -> Option<()> {
         let value_of = |place| self.objects.default(place, product);
         parameters::encode(P::DICTIONARY.entries(), Group::All, &value_of, payload)
@@ -354,12 +351,12 @@ impl<P: Product> Node<P> {
         self.nmt.state()
     }
 
-    /// Returns whether LSS is changing the bit rate; the node is silent meanwhile.
+    /// Returns whether LSS is changing the bit rate. The node is silent during the change.
     pub(crate) const fn is_switching_bit_rate(&self) -> bool {
         self.lss.is_silent()
     }
 
-    /// Returns how often the error history contains an error.
+    /// Returns the number of history entries of an error.
     pub(crate) fn times_entered(&self, code: u16, manufacturer: u16) -> u8 {
         self.objects.history.times(code, manufacturer)
     }
@@ -375,18 +372,18 @@ impl<P: Product> Node<P> {
         self.bit_rate
     }
 
-    /// Returns the number of dropped frames.
+    /// Returns the number of frames dropped since the node was created.
     pub(crate) const fn frames_dropped(&self) -> u32 {
         self.pending.dropped()
     }
 
-    /// Returns the controller filters if they have changed.
+    /// Returns new filters for the controller once.
     #[inline]
     pub(crate) fn take_filters(&mut self) -> Option<Filters> {
         self.listening.take_filters()
     }
 
-    /// Queues a TPDO that became due at `at`, unless the node must not send.
+    /// Queues a TPDO that became due at `at`. Without effect while the node must not send.
     #[inline]
     fn queue_tpdo(&mut self, product: &P, at: Instant) {
         if !self.is_mute() {
@@ -395,13 +392,13 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Samples the mapped objects if the product samples a TPDO when due; otherwise returns [`Sample::NOTHING`].
+    /// Samples the mapped objects for a product that samples TPDOs when due. For other products returns
+    /// [`Sample::NOTHING`].
     #[inline]
     fn sample_when_due(&self, product: &P, at: Instant) -> Sample {
         if P::RULES.tpdo.sampled_when_due { self.sample_tpdo(product, at) } else { Sample::NOTHING }
     }
 
-    /// Samples the mapped objects of the TPDO.
     #[inline]
     fn sample_tpdo(&self, product: &P, at: Instant) -> Sample {
         let objects = &self.objects;

@@ -1,14 +1,14 @@
-//! The objects behind the rows of the dictionary: the node's and the product's.
+//! The objects behind the rows of the dictionary, those of the node and those of the product.
 
 use crate::canopen::dictionary::{DataType, Row};
 
-/// The signature for 0x1010 (CiA 301 7.5.2.13).
+/// The signature of 0x1010 (CiA 301 7.5.2.13).
 pub(crate) const SAVE: u32 = u32::from_le_bytes(*b"save");
 
-/// The signature for 0x1011 (CiA 301 7.5.2.14).
+/// The signature of 0x1011 (CiA 301 7.5.2.14).
 pub(crate) const LOAD: u32 = u32::from_le_bytes(*b"load");
 
-/// The object behind a row. `A` is the type of the product's own objects, `T` that of the tasks.
+/// The object behind a row. `A` is the type of the product's own objects, `T` the type of the tasks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Object<A, T> {
     /// A constant, see [`Row::constant`].
@@ -17,16 +17,15 @@ pub(crate) enum Object<A, T> {
     Product(A),
     /// One of the node's objects.
     Node(NodeObject),
-    /// 0x1001, supplied by the product.
+    /// 0x1001, which the product supplies.
     ErrorRegister,
-    /// 0x1018:1–4, supplied by the product.
+    /// 0x1018:1–4, which the product supplies.
     Identity,
-    /// 0x1010 and 0x1011, which read as 1. Writing the signature demands the task, see [`Row::signature`].
+    /// 0x1010 and 0x1011, which read as 1. A write of the signature demands the task, see [`Row::signature`].
     Signature(T),
 }
 
-/// The communication objects held by the node. For objects with several sub-indices of one kind, the row supplies the
-/// sub-index.
+/// The communication objects of the node. The row supplies the sub-index.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum NodeObject {
     /// 0x1003:0
@@ -35,7 +34,7 @@ pub(crate) enum NodeObject {
     ErrorField,
     /// 0x1005
     SyncCobId,
-    /// 0x1014: follows the node ID until a value is stored.
+    /// 0x1014, which follows the node ID until a value is stored.
     EmcyCobId,
     /// 0x1017
     HeartbeatTime,
@@ -61,9 +60,9 @@ impl NodeObject {
 /// The classes of errors that can change the NMT state, 0x1029.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ErrorClass {
-    /// Sub-index 1: communication error.
+    /// Sub-index 1: a communication error.
     Communication,
-    /// Sub-index 2: error of the product.
+    /// Sub-index 2: an error of the product.
     Product,
 }
 

@@ -1,4 +1,4 @@
-//! The communication objects 0x1000–0x1FFF, and access to the objects of the product.
+//! The communication objects, 0x1000–0x1FFF, and the access to objects of node and product.
 
 use super::object::{ErrorClass, NodeObject, Object, PdoParameter};
 use super::product::{Product, Rules};
@@ -13,10 +13,10 @@ use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
 use crate::wire::sdo::AbortCode;
 
-/// The value read from 0x1010 and 0x1011: the device stores on command (CiA 301 7.5.2.13).
+/// The value of 0x1010 and 0x1011: the device stores on command (CiA 301 7.5.2.13).
 pub(super) const STORES_ON_COMMAND: u32 = 1;
 
-/// The effect of errors on the NMT state, by error class.
+/// The error behaviour of each error class, 0x1029.
 #[derive(Clone, Debug)]
 pub(super) struct ErrorBehaviours {
     communication: ErrorBehaviour,
@@ -39,7 +39,7 @@ impl ErrorBehaviours {
     }
 }
 
-/// The communication objects. The product-independent part is compiled once for all products of an image.
+/// The communication objects. Functions that do not need the product are compiled once for all products of an image.
 #[derive(Clone, Debug)]
 pub(super) struct Communication {
     pub(super) node_id: Option<NodeId>,
@@ -73,7 +73,7 @@ impl Communication {
         }
     }
 
-    /// Loads the stored parameters of a group, or its defaults if none are stored. Reset communication does not load
+    /// Loads the stored parameters of a group, or its defaults without stored ones. Reset communication does not load
     /// the product's own objects.
     pub(super) fn load<P: Product>(
         &mut self,
@@ -98,7 +98,7 @@ impl Communication {
         self.tpdo.start(&rules.tpdo, objects);
     }
 
-    /// Returns the default of a stored object; `None` if it depends on a node ID and there is none.
+    /// Returns the default of a stored object. Returns `None` for a default that depends on a missing node ID.
     pub(super) fn default<P: Product>(&self, place: Place, product: &P) -> Option<Value<'static>> {
         match place.entry.default()? {
             DefaultValue::Number(number) => Some(Value::Number(number)),
@@ -112,8 +112,7 @@ impl Communication {
         }
     }
 
-    /// Loads a stored value without checks, because the value was checked when written. Only objects of the product and
-    /// of the node are stored.
+    /// Loads a stored value. The write has checked the value.
     fn put<P: Product>(&mut self, scope: Reset, place: Place, value: Value<'_>, product: &mut P) {
         match P::DICTIONARY.behind(place.position) {
             Some(Object::Product(object)) if scope == Reset::Application => product.load(object, value),
@@ -138,7 +137,7 @@ impl Communication {
         }
     }
 
-    /// Returns the value of the mapped object at a dictionary position.
+    /// Returns the value of the mapped object at a position in the dictionary.
     #[inline]
     pub(super) fn sample<P: Product>(&self, position: u8, product: &P, now: Instant) -> u32 {
         match P::DICTIONARY.behind(position) {
@@ -152,7 +151,6 @@ impl Communication {
         place.and_then(|place| self.read(place, product, now).ok()).map_or(0, number)
     }
 
-    /// Reads an object.
     pub(super) fn read<'a, P: Product>(
         &'a self,
         place: Place,
@@ -188,10 +186,10 @@ impl Communication {
         })
     }
 
-    /// Writes one of the node's objects; `number` has the object's size.
+    /// Writes an object of the node. `number` fits the type of the object.
     ///
     /// # Errors
-    /// An abort code if the value or the state forbids the write; nothing changes then.
+    /// Returns an abort code, and changes nothing, if the value or the state forbids the write.
     pub(super) fn write_own(
         &mut self,
         (object, sub): (NodeObject, u8),
@@ -229,7 +227,7 @@ impl Communication {
     }
 }
 
-/// Returns the number in a value; 0 for a text, which no object of the node has.
+/// Returns the number in a value, 0 for a text. The objects of the node are numbers.
 pub(super) fn number(value: Value<'_>) -> u32 {
     value.number().unwrap_or(0)
 }

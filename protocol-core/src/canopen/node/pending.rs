@@ -1,8 +1,8 @@
-//! The pending frames of a node. A heartbeat is encoded when the controller can take a frame, with the NMT state of
-//! that moment; so is a TPDO, unless the product samples TPDOs when due.
+//! The pending frames of a node.
 //!
-//! Answers keep their order. Of several boot-ups, heartbeats or TPDOs only the latest is sent. EMCYs keep their order,
-//! and the newest EMCY is always sent.
+//! Answers and EMCYs keep their order, and the newest EMCY is always sent. Of several heartbeats or TPDOs only the
+//! latest is sent. A heartbeat is encoded when the controller can take a frame, with the NMT state of that moment. So
+//! is a TPDO, unless the product samples TPDOs when due.
 
 use heapless::Vec;
 
@@ -22,13 +22,13 @@ use crate::wire::nmt::{State, heartbeat};
 /// The number of identifiers that can be aborted at once: heartbeat, TPDO and EMCY.
 const ABORTS: usize = 3;
 
-/// The progress of the boot-up. All other frames wait for the boot-up, because a more urgent EMCY could overtake it.
+/// The progress of the boot-up message. All other frames wait for it, because a more urgent EMCY could overtake it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BootUp {
     Pending,
     /// The controller holds the boot-up.
     Taken,
-    /// The boot-up is sent, or not needed without a node ID.
+    /// The boot-up is sent. A node without a node ID has none to send.
     Done,
 }
 
@@ -42,7 +42,7 @@ enum Candidate {
     Heartbeat,
 }
 
-/// The state of a cyclic frame: a new frame replaces an older unsent frame.
+/// The state of a frame whose newest version replaces an unsent older one.
 #[derive(Clone, Debug)]
 pub(super) struct Latest {
     pending: bool,
@@ -53,7 +53,7 @@ pub(super) struct Latest {
 impl Latest {
     const NONE: Self = Self { pending: false, taken: None };
 
-    /// Drops the pending frame. Returns the key of the frame that the controller may hold; `None` if there is none.
+    /// Drops the pending frame. Returns the key of the frame that the controller may hold.
     const fn clear(&mut self) -> Option<u32> {
         self.pending = false;
         self.taken.take()
@@ -76,11 +76,11 @@ pub(super) struct Pending {
     boot_up: BootUp,
     heartbeat: Latest,
     tpdo: Latest,
-    /// The data of the pending TPDO, for a product that samples it when it becomes due.
+    /// The data of the pending TPDO, if the product samples TPDOs when due.
     tpdo_sample: Sample,
     emcys: EmcyQueue,
     answers: Answers,
-    /// The frames that the controller may hold but must no longer send.
+    /// The filters of frames that the controller may hold but must no longer send.
     aborts: Vec<Filter, ABORTS>,
     dropped: u32,
 }
@@ -99,7 +99,7 @@ impl Pending {
         }
     }
 
-    /// Drops all frames when the node restarts.
+    /// Drops all frames, for a restart of the node.
     pub(super) fn clear(&mut self) {
         self.boot_up = BootUp::Done;
         self.heartbeat = Latest::NONE;
@@ -112,13 +112,13 @@ impl Pending {
         self.boot_up = BootUp::Pending;
     }
 
-    /// Queues a heartbeat and aborts an older heartbeat in the controller.
+    /// Queues a heartbeat. An older one in the controller is aborted.
     pub(super) fn queue_heartbeat(&mut self) {
         self.clear_heartbeat();
         self.heartbeat.pending = true;
     }
 
-    /// Drops the pending heartbeat, also in the controller.
+    /// Drops an unsent heartbeat, one in the controller included.
     pub(super) fn clear_heartbeat(&mut self) {
         let taken = self.heartbeat.clear();
         self.abort(taken);
@@ -131,7 +131,7 @@ impl Pending {
         }
     }
 
-    /// Queues a TPDO and aborts an older TPDO in the controller.
+    /// Queues a TPDO. An older one in the controller is aborted.
     #[inline]
     pub(super) fn queue_tpdo(&mut self, sample: Sample) {
         self.clear_tpdo();
@@ -139,7 +139,7 @@ impl Pending {
         self.tpdo_sample = sample;
     }
 
-    /// Replaces a TPDO that the controller may hold, because the reported values have changed.
+    /// Replaces a TPDO that the controller may hold, because the mapped values have changed.
     #[inline]
     pub(super) fn renew_tpdo(&mut self) {
         if self.tpdo.taken.is_some() {
@@ -147,7 +147,7 @@ impl Pending {
         }
     }
 
-    /// Drops the pending TPDO, also in the controller.
+    /// Drops an unsent TPDO, one in the controller included.
     #[inline]
     pub(super) fn clear_tpdo(&mut self) {
         let taken = self.tpdo.clear();
@@ -160,40 +160,40 @@ impl Pending {
         self.tpdo.pending
     }
 
-    /// Queues an EMCY; `entered` states whether the history has an entry for it.
+    /// Queues an EMCY. `entered` says whether the history has an entry for it.
     pub(super) fn queue_emcy(&mut self, message: Emcy, entered: bool) {
         if !self.emcys.push(message, entered) {
             self.count_dropped(1);
         }
     }
 
-    /// Queues an answer. If the queue is full or the node is `mute`, the answer is dropped and counted.
+    /// Queues an answer. A full queue or a `mute` node drops and counts the answer.
     pub(super) fn queue_answer(&mut self, answer: Frame, mute: bool) {
         if mute || !self.answers.push(answer) {
             self.count_dropped(1);
         }
     }
 
-    /// Drops all EMCYs, also in the controller; `key` is the key of their identifier.
+    /// Drops all unsent EMCYs, those in the controller included. `key` is the key of their identifier.
     pub(super) fn drop_emcys(&mut self, key: Option<u32>) {
         self.abort(key.filter(|_| self.emcys.is_taken()));
         self.emcys.clear();
     }
 
-    /// Drops the unsent EMCYs of an error. Returns the number of their error-history entries.
+    /// Drops the unsent EMCYs of an error. Returns the number of their history entries.
     pub(super) fn withdraw_emcys(&mut self, code: u16, register: u8) -> u8 {
         self.emcys.withdraw(code, register)
     }
 
-    /// Returns whether the boot-up and all EMCYs have been sent.
+    /// Returns whether the boot-up and all EMCYs are sent.
     #[inline]
-    pub(super) fn has_told_start(&self) -> bool {
+    pub(super) fn start_is_sent(&self) -> bool {
         self.boot_up == BootUp::Done && self.emcys.is_empty()
     }
 
-    /// Handles bus-off, on which the controller drops its frames: drops heartbeat, TPDO and answers, and requeues the
-    /// boot-up and the EMCYs.
-    pub(super) fn bus_lost(&mut self) {
+    /// Handles bus-off, at which the controller drops its frames: drops heartbeat, TPDO and answers, and requeues
+    /// boot-up and EMCYs.
+    pub(super) fn on_bus_off(&mut self) {
         self.heartbeat = Latest::NONE;
         self.tpdo = Latest::NONE;
         self.emcys.take_back();
@@ -203,9 +203,9 @@ impl Pending {
         }
     }
 
-    /// Begins a period of silence: like bus-off, but also aborts all frames in the controller.
+    /// Begins a time of silence, as bus-off does. The controller must also abort all its frames.
     pub(super) fn silence(&mut self) {
-        self.bus_lost();
+        self.on_bus_off();
         self.aborts.clear();
         let _ = self.aborts.push(Filter::ALL);
     }
@@ -225,8 +225,7 @@ impl Pending {
         }
     }
 
-    /// Returns the most urgent frame: the boot-up first, then in the order of arbitration. EMCYs precede a TPDO of any
-    /// identifier.
+    /// Returns the most urgent frame by arbitration. The boot-up precedes all others, and EMCYs precede the TPDO.
     fn most_urgent(&self, objects: &Communication) -> Option<Candidate> {
         if self.boot_up == BootUp::Pending {
             return Some(Candidate::BootUp);
@@ -259,7 +258,7 @@ impl Pending {
         first.1
     }
 
-    /// Returns whether a TPDO with this key may be sent. A TPDO more urgent than a pending EMCY must wait, because the
+    /// Returns whether a TPDO with this key may be sent. While EMCYs are unsent, a more urgent TPDO waits, because the
     /// controller could send it first.
     fn may_send_tpdo(&self, key: u32, emcys: Option<u32>) -> bool {
         self.emcys.is_empty() || emcys.is_none_or(|emcys| arbitration(key) > arbitration(emcys))
@@ -270,14 +269,14 @@ impl Pending {
         if let Some(key) = key
             && self.aborts.push(Filter::exactly(key)).is_err()
         {
-            // Cannot happen: the aborts are taken after every call.
+            // Cannot happen, because the device takes the aborts after every call.
             self.aborts.clear();
             let _ = self.aborts.push(Filter::ALL);
         }
     }
 
-    /// Drops all pending answers, including those already handed to the controller, and adds them to the dropped count
-    /// (an upper bound).
+    /// Drops all answers that are not known to be sent, and counts them as dropped. The controller may have sent some
+    /// of them.
     fn drop_answers(&mut self) {
         let dropped = self.answers.clear();
         self.count_dropped(dropped);
@@ -289,22 +288,22 @@ impl Pending {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a pending frame may be sent now; `false` until the platform has taken a new bit rate.
-    // −17 instructions on RPDO → TPDO of the core alone, −19 on an SDO.
+    /// Returns whether a pending frame may be sent now. A new bit rate that the platform has not taken forbids this.
+    // Inlining saves 17 instructions on RPDO → TPDO of the core alone, and 19 on an SDO.
     #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {
         !self.pending.is_empty() && !self.is_mute() && !self.rate_is_new
     }
 
-    /// Encodes the most urgent pending frame. Answers with the same identifier keep their order.
+    /// Encodes the most urgent pending frame and marks it as taken by the controller.
     #[inline]
     pub(crate) fn next_frame(&mut self, product: &P, now: Instant) -> Option<Frame> {
         if !self.has_frame() {
             return None;
         }
-        // Usually one frame is pending and no comparison is needed: 80 instructions less for an SDO, 60 for a PDO.
+        // A single pending frame needs no comparison: this saves 80 instructions on an SDO, 60 on a PDO.
         let pending = &mut self.pending;
-        let others = pending.heartbeat.pending || !pending.has_told_start();
+        let others = pending.heartbeat.pending || !pending.start_is_sent();
         match (others, pending.tpdo.pending, pending.answers.is_empty()) {
             (false, true, true) => self.hand_out_tpdo(product, now),
             (false, false, _) => pending.answers.pop(),
@@ -312,7 +311,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    // Separate from `next_frame`: −24 instructions on an SDO answer, −27 on RPDO → TPDO.
+    // `inline(never)` saves 24 instructions on an SDO answer, 27 on RPDO → TPDO.
     #[inline(never)]
     fn make_most_urgent(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let pending = &mut self.pending;
@@ -338,22 +337,22 @@ impl<P: Product> Node<P> {
     /// Returns a filter for frames that the controller may hold but must no longer send.
     #[inline]
     pub(crate) fn take_abort(&mut self) -> Option<Filter> {
-        // Aborts are rare: a check is cheaper than a call.
+        // Aborts are rare, and the check costs less than a call.
         if self.pending.aborts.is_empty() { None } else { self.next_abort() }
     }
 
     fn next_abort(&mut self) -> Option<Filter> {
         while let Some(abort) = self.pending.aborts.pop() {
-            if !self.is_of_emcys(abort) {
+            if !self.would_hit_emcys(abort) {
                 return Some(abort);
             }
         }
         None
     }
 
-    /// Returns whether an abort would also hit EMCYs in the controller, because a TPDO has the identifier of EMCYs.
-    /// Such an abort is skipped, so that no EMCY is lost; the outdated TPDO is then sent (A).
-    fn is_of_emcys(&self, abort: Filter) -> bool {
+    /// Returns whether an abort would also hit EMCYs in the controller. This is so if a TPDO has their identifier. The
+    /// abort is then skipped: no EMCY is lost, but an outdated TPDO is sent (A).
+    fn would_hit_emcys(&self, abort: Filter) -> bool {
         self.pending.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }
 
@@ -399,8 +398,8 @@ impl<P: Product> Node<P> {
         pending.emcys.sent();
     }
 
-    /// Hands the TPDO to the controller, with the sample of its due time or a new sample.
-    // −6 instructions on an SDO transfer with a sensor.
+    /// Encodes the TPDO, with the sample of its due time or a new sample, and marks it as taken by the controller.
+    // `inline(never)` saves 6 instructions on an SDO transfer with a sensor.
     #[inline(never)]
     fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let sample =

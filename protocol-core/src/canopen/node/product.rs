@@ -1,4 +1,4 @@
-//! The trait of a product: its dictionary, the objects behind it, and its rules.
+//! The trait of a product: dictionary, objects and rules.
 
 use core::fmt::Debug;
 
@@ -14,10 +14,10 @@ use crate::wire::emcy::Emcy;
 use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
 
-/// The rules in which products differ.
+/// The rules that differ between products.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// Whether SYNC, EMCY and the EMCY consumer can have 29-bit identifiers.
+    /// Whether SYNC, EMCY and the EMCY consumer may have 29-bit identifiers.
     pub(crate) extended_ids: bool,
     /// The rules for the NMT state.
     pub(crate) nmt: nmt::Rules,
@@ -29,7 +29,7 @@ pub(crate) struct Rules {
     pub(crate) tpdo: pdo::Rules,
     /// The rules for LSS.
     pub(crate) lss: lss::Rules,
-    /// The filter for the frames of a non-CANopen protocol of the device.
+    /// The filter for the frames of a protocol other than CANopen.
     pub(crate) other_protocol: Option<fn(NodeId) -> Filter>,
 }
 
@@ -40,12 +40,12 @@ pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Tas
 pub(crate) trait Product: Sized {
     /// The product's own objects.
     type Object: Copy + Debug + 'static;
-    /// The tasks demanded by the signatures in 0x1010 and 0x1011.
+    /// The tasks that signatures in 0x1010 and 0x1011 demand.
     type Task: Copy + Debug + PartialEq + 'static;
 
     /// All objects of the product.
     const DICTIONARY: Dictionary<ObjectOf<Self>>;
-    /// The product's rules.
+    /// The rules of the product.
     const RULES: Rules;
 
     /// Returns the LSS address: the four numbers of the identity object.
@@ -69,21 +69,21 @@ pub(crate) trait Product: Sized {
     /// Writes an object.
     ///
     /// # Errors
-    /// An abort code if the value or the state forbids the write; nothing changes then.
+    /// Returns an abort code, and changes nothing, if the value or the state forbids the write.
     fn write(&mut self, object: Self::Object, value: Value<'_>, now: Instant) -> Result<(), AbortCode>;
 
-    /// Loads a stored or default value without checks, because the value was checked when written.
+    /// Loads a stored or default value. The write has checked stored values.
     fn load(&mut self, object: Self::Object, value: Value<'_>);
 
-    /// Returns the default of a stored object whose row leaves the default to the product.
+    /// Returns the default of a stored object whose row has no number as default.
     fn default(&self, object: Self::Object) -> Value<'static>;
 
-    /// Applies the values of an RPDO in mapping order; invalid values are dropped.
+    /// Applies the values of an RPDO, in the order of the mapping. Invalid values are dropped.
     fn receive(&mut self, _values: impl Iterator<Item = (Self::Object, u32)>, _now: Instant) {}
 
     /// Handles NMT stop.
     fn stopped(&mut self, _now: Instant) {}
 
-    /// Handles a consumed EMCY of another node.
-    fn hear_emcy(&mut self, _message: Emcy, _now: Instant) {}
+    /// Handles an EMCY of another node, from the EMCY consumer.
+    fn consume_emcy(&mut self, _message: Emcy, _now: Instant) {}
 }

@@ -1,4 +1,4 @@
-//! The services of the node, each with its frames.
+//! The handling of received frames, service by service.
 
 use super::listening::Service;
 use super::object::{NodeObject, Object};
@@ -18,17 +18,17 @@ use crate::wire::lss::Request;
 use crate::wire::nmt::{self, Command, State, Target};
 use crate::wire::sdo::AbortCode;
 
-/// The demand of a frame on the device.
+/// The demand that a frame causes, if any.
 type Served<P> = Option<Demand<<P as Product>::Task>>;
 
 impl<P: Product> Node<P> {
-    /// Returns the service that a frame belongs to.
+    /// Returns the service that handles a frame.
     #[inline]
     pub(crate) fn service(&self, frame: &Frame) -> Option<Service> {
         self.listening.service(frame)
     }
 
-    /// Handles a frame of a CANopen service; returns its demand on the device.
+    /// Handles a frame of a service. Returns its demand on the device.
     #[inline]
     pub(crate) fn handle(&mut self, service: Service, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
         if frame.is_remote() {
@@ -46,7 +46,7 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns the reset that an NMT command requests; `None` for any other command or frame.
+    /// Returns the reset that an NMT command requests; `None` for other commands and other frames.
     pub(crate) fn reset_demanded(&self, frame: &Frame) -> Option<Reset> {
         if self.listening.service(frame) != Some(Service::Nmt) {
             return None;
@@ -79,7 +79,7 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Enters a state without a command.
+    /// Enters a state without an NMT command.
     pub(super) fn enter_by_itself(&mut self, state: State, product: &mut P, now: Instant) {
         self.starts_itself = false;
         if self.nmt.enter(state) {
@@ -105,7 +105,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Stops communication until the restart; answers and EMCYs already queued are still sent.
+    /// Stops communication until the restart. Queued answers and EMCYs are still sent.
     fn leave_bus(&mut self) {
         self.nmt = NmtSlave::new();
         self.starts_itself = false;
@@ -134,7 +134,7 @@ impl<P: Product> Node<P> {
         if let Some(bytes) = frame.eight()
             && self.nmt.serves()
         {
-            product.hear_emcy(Emcy::parse(bytes), now);
+            product.consume_emcy(Emcy::parse(bytes), now);
         }
     }
 
@@ -183,8 +183,8 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Writes one of the node's objects. Applies new identifiers, and drops the pending frames of a service that the
-    /// write switched off.
+    /// Writes an object of the node, and applies new identifiers. Drops the pending frames of a service that the write
+    /// switched off.
     fn write_own(
         &mut self,
         object: (NodeObject, u8),
@@ -211,7 +211,7 @@ impl<P: Product> Node<P> {
         Ok(())
     }
 
-    /// Handles LSS requests in every NMT state but operational. A node without node ID is in initialisation.
+    /// Handles an LSS request, in every NMT state but operational. A node without a node ID is in initialisation.
     fn serve_lss(&mut self, frame: &Frame, product: &P, now: Instant) -> Served<P> {
         let bytes = frame.eight().filter(|_| !self.nmt.is_operational())?;
         let identity = Identity { address: product.identity(), node_id: self.objects.node_id, bit_rate: self.bit_rate };

@@ -91,7 +91,7 @@ impl Product for Lamp {
             non_configured_in: &[lss::State::Waiting, lss::State::Configuration],
             fast_scan_in: &[lss::State::Waiting, lss::State::Configuration],
             fast_scan_selects: false,
-            takes_node_id_away: false,
+            can_remove_node_id: false,
             on_waiting: lss::OnWaiting::Restart,
             start_drops_pending: true,
             node_id_error: 255,
@@ -153,7 +153,7 @@ impl Product for Lamp {
         self.brightness = 0;
     }
 
-    fn hear_emcy(&mut self, message: Emcy, _: Instant) {
+    fn consume_emcy(&mut self, message: Emcy, _: Instant) {
         self.heard = Some(message);
     }
 }

@@ -65,7 +65,7 @@ fn heartbeats_to_the_millisecond() {
 fn emcys_wait_for_the_boot_up_and_are_not_sent_in_stopped() {
     let mut rig = Rig::started(Some(5), None);
     let error = Emcy { code: 0x4200, register: 0x09, manufacturer: [1, 0, 0, 0, 0] };
-    assert!(rig.node.tell_error(error, 1));
+    assert!(rig.node.report_error(error, 1));
     assert_eq!(rig.sent(), ["705: 00", "085: 00 42 09 01 00 00 00 00"]);
     assert_eq!(rig.exchange("605: 40 03 10 01 00 00 00 00"), ["585: 43 03 10 01 00 42 01 00"]);
     rig.exchange("000: 02 00");
@@ -86,7 +86,7 @@ fn the_emcy_of_another_node() {
 #[test]
 fn resets_are_the_devices() {
     let mut rig = Rig::booted();
-    rig.node.tell_error(Emcy { code: 0x4200, ..Emcy::default() }, 1);
+    rig.node.report_error(Emcy { code: 0x4200, ..Emcy::default() }, 1);
     rig.sent();
     rig.exchange("605: 2F 00 62 00 09 00 00 00");
     assert_eq!(rig.take("000: 82 05"), Some(Demand::Reset(Reset::Communication)));

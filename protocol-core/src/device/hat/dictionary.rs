@@ -1,4 +1,4 @@
-//! The object dictionary (SPEC 9), as one table. Names follow CiA 301 below 0x2000, the manual up to 0x5FFF, and CiA
+//! The object dictionary of the sensors (SPEC 9). Names follow CiA 301 below 0x2000, the manual up to 0x5FFF, and CiA
 //! 406 from 0x6000.
 
 use self::HatObject::{
@@ -22,19 +22,18 @@ use crate::encoder::{POSITION_MAX, STEPS};
 use crate::wire::cob_id::{self, Function};
 use crate::wire::sdo::Multiplexer;
 
-/// The value of 0x1F80 for a sensor that starts on command.
+/// The value of 0x1F80 of a sensor that waits for NMT start.
 pub(super) const WAITS: u32 = 0x08;
-/// The value of 0x1F80 for a sensor that enters operational without a command (R: in CiA 302 bit 2 has the opposite
-/// meaning).
+/// The value of 0x1F80 of a sensor that enters operational by itself. (R) In CiA 302 bit 2 has the opposite meaning.
 pub(super) const STARTS_ITSELF: u32 = 0x0C;
 
 /// The value of 0x6507: software version 1.07, profile version 3.2 (A).
 const VERSIONS: u32 = 0x0107_0302;
 
-/// The default COB-ID of the TPDO: switched off.
+/// The default COB-ID of the TPDO, which is off.
 const TPDO_OFF: u32 = cob_id::CobId::OFF | Function::Tpdo1 as u32;
 
-/// The product's own objects.
+/// The own objects of the product.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::device) enum HatObject {
     DeviceName,
@@ -51,20 +50,20 @@ pub(in crate::device) enum HatObject {
     SerialNumber,
 }
 
-/// The part of the parameters selected by a sub-index of 0x1010 and 0x1011.
+/// The part of the parameters that a sub-index of 0x1010 and 0x1011 selects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::device) enum Part {
-    /// Communication and application.
+    /// The communication and application objects.
     All,
     /// The objects 0x1000–0x1FFF.
     Communication,
     /// The objects 0x6000–0x9FFF.
     Application,
-    /// The objects 0x2001 and 0x2002.
+    /// The objects of LSS, 0x2001 and 0x2002.
     Lss,
 }
 
-/// The task demanded by a signature in 0x1010 or 0x1011.
+/// The task that a signature in 0x1010 or 0x1011 demands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::device) enum Task {
     /// "save"
@@ -73,7 +72,7 @@ pub(in crate::device) enum Task {
     Load(Part),
 }
 
-/// Returns the description of an object; `None` if it does not exist.
+/// Returns the description of an object; `None` if the object does not exist.
 #[must_use]
 pub fn entry(object: Multiplexer) -> Option<&'static Entry> {
     DICTIONARY.entries().find(object).ok().map(|place| place.entry)
@@ -84,7 +83,7 @@ pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::n
     Row::constant(0x1000, 0, U32, 0x0001_0196, "Device type"),
     Row::ro(0x1001, 0, U8, ErrorRegister, "Error register").mappable(IntoTpdo),
     Row::constant(0x1002, 0, U32, 0, "Manufacturer status register").mappable(IntoTpdo),
-    // (R) In CiA 301 writing 0 clears the history.
+    // (R) In CiA 301 a write of 0 clears the history.
     Row::ro(0x1003, 0, U8, Node(ErrorCount), "Pre-defined error field: number of errors"),
     Row::ro(0x1003, 1, U32, Node(ErrorField), "Pre-defined error field 1"),
     Row::ro(0x1003, 2, U32, Node(ErrorField), "Pre-defined error field 2"),

@@ -1,26 +1,26 @@
-//! The errors reported by EMCYs (SPEC 9).
+//! The errors that a sensor reports by EMCYs (SPEC 9).
 
 use crate::wire::emcy::{Emcy, NO_ERROR};
 
-/// An error that a sensor reports.
+/// An error of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Error {
-    /// The user set-up could not be loaded: a memory record is damaged.
+    /// The user set-up could not be loaded, because a record of the memory is damaged.
     SetUp = 1 << 0,
-    /// Controller error: an internal fault, or a watchdog reset.
+    /// The controller has an error: an internal fault or a watchdog reset.
     Controller = 1 << 1,
     /// The CAN controller is error-passive.
     Passive = 1 << 2,
-    /// The CAN controller was bus-off; reported after recovery.
+    /// The CAN controller was bus-off. The error is reported after recovery.
     BusOff = 1 << 3,
 }
 
 impl Error {
-    /// All errors, in the order of their reporting.
+    /// All errors, in the order in which they are reported.
     pub const ALL: [Self; 4] = [Self::SetUp, Self::Controller, Self::Passive, Self::BusOff];
 
-    /// Returns the emergency error code, the manufacturer-specific field, and the error register bits.
+    /// Returns the emergency error code, the manufacturer-specific field and the bits of the error register.
     #[must_use]
     pub const fn codes(self) -> (u16, u16, u8) {
         match self {
@@ -43,7 +43,7 @@ impl Errors {
         self.0 & error as u8 != 0
     }
 
-    /// Adds or removes an error. Returns whether this changed the set.
+    /// Adds or removes an error. Returns whether the set has changed.
     pub(super) const fn set(&mut self, error: Error, active: bool) -> bool {
         let changes = self.has(error) != active;
         if changes {
@@ -57,15 +57,15 @@ impl Errors {
         Error::ALL.into_iter().filter(|error| self.has(*error)).fold(0, |register, error| register | error.codes().2)
     }
 
-    /// Returns the EMCY of an error.
+    /// Encodes the EMCY of an error.
     pub(super) fn message(self, error: Error) -> Emcy {
         let (code, field, _) = error.codes();
         let [low, high] = field.to_le_bytes();
         Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
-    /// Encodes the EMCY for the end of an error, even while other errors last (R: a valve reports only the end of the
-    /// last error). The error register shows the remaining errors.
+    /// Encodes the EMCY for the end of an error. The error register shows the errors that last. (R) A valve reports the
+    /// end of the last error only.
     pub(super) fn end(self) -> Emcy {
         Emcy { code: NO_ERROR, register: self.register(), manufacturer: [0; 5] }
     }

@@ -1,12 +1,12 @@
 //! The angle sensors HAT 1000 and HAT 3000 (SPEC 9).
 //!
 //! ```text
-//! mod         the application: connects the node and the sensor
-//! dictionary  the object dictionary, one table
-//! objects     the state behind its objects, and the rules
-//! errors      the errors reported by EMCYs
-//! records     the payloads of the memory records
-//! storing     writes to the memory, and their clients
+//! mod         the application: node and sensor
+//! dictionary  object dictionary
+//! objects     values of the objects, and rules
+//! errors      errors that EMCYs report
+//! records     payloads of the records
+//! storing     writes to the memory
 //! ```
 
 mod dictionary;
@@ -53,21 +53,21 @@ pub struct HatSensor {
     pub(super) node: Node<HatObjects>,
     /// The stored node ID and bit rate.
     layer: Layer,
-    /// The node ID and bit rate in the write in progress; `None` for an unchanged value.
+    /// The node ID and bit rate that the write in progress changes.
     layer_in_flight: Configuration,
-    /// The task that an SDO client is waiting for.
+    /// The task whose end an SDO client waits for.
     task: Option<Task>,
-    /// Whether a write of the task has failed. The client is answered after the last write.
+    /// Whether a write of the task has failed. The client gets its answer after the last write.
     task_failed: bool,
-    /// A bit mask of the damaged records, by position.
+    /// The bits of the damaged records, by position, and [`WHOLE_MEMORY`].
     damaged: u8,
-    /// The errors that were entered into the history when last reported.
+    /// The errors that the history holds since their last report.
     entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
 }
 
-/// The bit of [`HatSensor::damaged`] for the entire memory; it lasts until the next start.
+/// The bit of [`HatSensor::damaged`] for a memory that is damaged as a whole. It stays until the next start.
 const WHOLE_MEMORY: u8 = 1 << 7;
 const _: () = assert!(RecordKey::ALL.len() <= 7);
 
@@ -80,20 +80,20 @@ impl HatSensor {
         if !active {
             return self.node.send_emcy(self.objects.errors.end());
         }
-        self.tell(error);
+        self.report(error);
         if error == Error::Controller {
-            self.node.behave(ErrorClass::Product, &mut self.objects, base.now());
+            self.node.apply_error_behaviour(ErrorClass::Product, &mut self.objects, base.now());
         }
     }
 
     /// Enters an error into the history and queues its EMCY.
-    fn tell(&mut self, error: Error) {
+    fn report(&mut self, error: Error) {
         let (_, field, _) = error.codes();
-        let entered = self.node.tell_error(self.objects.errors.message(error), field);
+        let entered = self.node.report_error(self.objects.errors.message(error), field);
         self.entered.set(error, entered);
     }
 
-    /// Updates the mode of the CAN controller. Bus-off replaces error-passive and is reported after recovery.
+    /// Updates the error mode of the CAN controller. Bus-off replaces error-passive and is reported after recovery.
     fn set_bus(&mut self, bus: BusErrorMode, base: &Base) {
         self.bus = bus;
         let bus_off = bus == BusErrorMode::BusOff;
@@ -103,12 +103,12 @@ impl HatSensor {
             self.node.withdraw_error(code, register);
             self.objects.errors.set(Error::Passive, false);
             if self.objects.errors.set(Error::BusOff, true) {
-                self.node.behave(ErrorClass::Communication, &mut self.objects, base.now());
+                self.node.apply_error_behaviour(ErrorClass::Communication, &mut self.objects, base.now());
             }
             return;
         }
         if self.objects.errors.has(Error::BusOff) {
-            self.tell(Error::BusOff);
+            self.report(Error::BusOff);
             self.set_error(Error::BusOff, false, base);
         }
         self.set_error(Error::Passive, bus == BusErrorMode::ErrorPassive, base);
@@ -119,7 +119,7 @@ impl HatSensor {
         self.set_error(Error::SetUp, damaged != 0, base);
     }
 
-    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base) {
+    fn execute(&mut self, demand: Demand<Task>, base: &mut Base) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
             Demand::StoreConfiguration => {
@@ -130,8 +130,8 @@ impl HatSensor {
         }
     }
 
-    /// Reads the stored node ID and bit rate, or those of a new memory if none are stored. If the record is damaged and
-    /// a new memory has no node ID, returns the defaults of "load", because only a new sensor can lack a node ID.
+    /// Returns the stored node ID and bit rate, or those of a new memory. If the record is damaged and a new memory has
+    /// no node ID, returns the defaults of "load", because only a new sensor can lack a node ID.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
         let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
@@ -142,7 +142,8 @@ impl HatSensor {
     }
 }
 
-/// Returns the stored parameters of a group; `None` for the defaults, which "load" stores as an empty record.
+/// Returns the stored parameters of a group. An empty record, which "load" stores, stands for the defaults and returns
+/// `None`.
 fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (Group, Option<Stored<'a>>) {
     let decode = |payload: &'a [u8]| match payload {
         [] => Some(None),
@@ -183,11 +184,11 @@ impl Application for HatSensor {
 
     fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base) {
         if let Some(demand) = self.node.handle(service, frame, &mut self.objects, base.now()) {
-            self.demanded(demand, base);
+            self.execute(demand, base);
         }
     }
 
-    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending restart.
+    /// Handles an NMT reset while a restart is pending. A wider scope replaces the pending one.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -253,9 +254,9 @@ impl Application for HatSensor {
         self.node.take_bit_rate()
     }
 
-    /// Starts with the contents of the memory: both resets load both parameter groups, reset application also the bit
-    /// rate. Errors that persist over reset communication are reported again; an error without a history entry is also
-    /// entered into the history.
+    /// Starts with the contents of the memory. Both scopes load both groups of parameters; only reset application
+    /// applies the bit rate. Errors that last over reset communication are reported again, and entered into the history
+    /// if they have no entry.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);
@@ -282,7 +283,7 @@ impl Application for HatSensor {
             if self.entered.has(error) {
                 self.node.send_emcy(left.message(error));
             } else {
-                self.tell(error);
+                self.report(error);
             }
         }
         let corrupt = RecordKey::ALL.into_iter().filter(|key| reading.is_corrupt(*key));
@@ -297,7 +298,7 @@ impl Application for HatSensor {
         base.fill(&reading);
     }
 
-    /// Reports a watchdog reset as a controller error and, unless an internal fault is injected, the end of that error.
+    /// Reports a watchdog reset as a controller error, and the end of that error unless an internal fault is injected.
     fn watchdog_reset(&mut self, base: &mut Base) {
         self.set_error(Error::Controller, true, base);
         self.set_error(Error::Controller, self.internal_fault, base);

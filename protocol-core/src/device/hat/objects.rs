@@ -1,4 +1,4 @@
-//! The state behind the sensor's own objects, and the rules of the sensors (SPEC 9).
+//! The values of the own objects of a sensor, and the rules of the sensors (SPEC 9).
 
 use super::Kind;
 use super::dictionary::{DICTIONARY, HatObject, STARTS_ITSELF, Task, WAITS};
@@ -39,12 +39,12 @@ pub(in crate::device) const RULES: Rules = Rules {
         bit_rates: Kind::Hat1000.bit_rates(),
         remote_in: &[lss::State::Waiting, lss::State::Configuration],
         non_configured_in: &[lss::State::Waiting, lss::State::Configuration],
-        // (C) The manual does not describe fast scan; this follows CiA 305.
+        // (C) Fast scan, which the manual does not describe, follows CiA 305.
         fast_scan_in: &[lss::State::Waiting],
         fast_scan_selects: true,
-        takes_node_id_away: true,
+        can_remove_node_id: true,
         on_waiting: lss::OnWaiting::Boot,
-        // (A) The manual does not define the effect of NMT start on a pending node ID or bit rate.
+        // (A) The manual does not say what NMT start does to a pending node ID or bit rate.
         start_drops_pending: false,
         node_id_error: 255,
         bit_rate_error: 1,
@@ -53,7 +53,7 @@ pub(in crate::device) const RULES: Rules = Rules {
     other_protocol: None,
 };
 
-/// The state behind the product's objects.
+/// The values of the own objects.
 #[derive(Clone, Debug)]
 pub(in crate::device) struct HatObjects {
     kind: Kind,
@@ -62,10 +62,10 @@ pub(in crate::device) struct HatObjects {
     pub(super) shaft: Shaft,
     /// The node ID and bit rate in force.
     pub(super) in_force: Layer,
-    /// The node ID and bit rate last written to 0x2001:2 and 0x2002:2.
+    /// The node ID and bit rate that were last written to 0x2001:2 and 0x2002:2.
     pub(super) demanded: Layer,
-    /// The values written to 0x2001:2 and 0x2002:2 since the last LSS store request; the end of that store does not
-    /// overwrite them.
+    /// The values written to 0x2001:2 and 0x2002:2 since the last request of an LSS store. The end of this store does
+    /// not overwrite them.
     pub(super) demanded_since: Configuration,
     preset: Preset,
 }
@@ -84,7 +84,7 @@ impl HatObjects {
         }
     }
 
-    /// Returns the position value, object 0x6004.
+    /// Returns the position, object 0x6004.
     pub(in crate::device) fn position(&self, now: Instant) -> u32 {
         self.preset.position(self.shaft.position_at(now))
     }
@@ -123,7 +123,7 @@ impl Product for HatObjects {
         }
     }
 
-    // −29 instructions on SYNC → TPDO.
+    // `inline(never)` saves 29 instructions on SYNC → TPDO.
     #[inline(never)]
     fn sample(&self, object: HatObject, now: Instant) -> u32 {
         match object {
@@ -159,7 +159,7 @@ impl Product for HatObjects {
         Ok(())
     }
 
-    /// Loads a stored preset or offset, the only stored objects of the product.
+    /// Loads preset or offset, the only stored objects of the product.
     fn load(&mut self, object: HatObject, value: Value<'_>) {
         match (object, value) {
             (HatObject::Preset, Value::Number(preset)) => self.preset.load_value(preset),
@@ -168,7 +168,7 @@ impl Product for HatObjects {
         }
     }
 
-    /// Never called: the rows give all defaults.
+    /// Is never called, because the rows hold all defaults.
     fn default(&self, _: HatObject) -> Value<'static> {
         Value::Number(0)
     }

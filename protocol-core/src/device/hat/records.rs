@@ -1,4 +1,4 @@
-//! The payloads of a sensor's records, except the parameters (SPEC 6, 9).
+//! The payloads of the records of a sensor, other than the parameters (SPEC 6, 9).
 
 use super::{Kind, Setup};
 use crate::canopen::lss::Layer;
@@ -9,23 +9,23 @@ use crate::wire::lss::{Address, LssNodeId};
 /// The payload version of every record.
 pub(super) const VERSION: u8 = 1;
 
-/// Vendor ID: HYDAC.
+/// The vendor ID of HYDAC.
 const VENDOR: u32 = 0xDA;
-/// Revision number (A).
+/// The revision number (A).
 const REVISION: u32 = 0x0001_0007;
 
-/// Returns the identity of a sensor. A `serial` of `None` selects the default serial number.
+/// Returns the identity of a sensor. Without a `serial` it has the default serial number.
 pub(in crate::device) fn identity(kind: Kind, serial: Option<u32>) -> Address {
     let serial = serial.unwrap_or(kind.default_serial());
     Address { vendor: VENDOR, product: kind.product_code(), revision: REVISION, serial }
 }
 
-/// Decodes the factory record: the serial number.
+/// Decodes the factory record, which holds the serial number.
 pub(super) fn decode_serial(payload: &[u8]) -> Option<u32> {
     payload.try_into().map(u32::from_le_bytes).ok()
 }
 
-/// The node ID and bit rate restored by "load".
+/// The node ID and bit rate that "load" restores.
 pub(super) const LAYER: Layer =
     Layer { node_id: LssNodeId(NodeId::new(Kind::Hat1000.default_node_id())), bit_rate: BitRate::Kbit500 };
 

@@ -1,4 +1,4 @@
-//! Writes to the memory: their contents and their clients (SPEC 6, 9).
+//! The writes to the memory: their payloads and the clients that wait for them (SPEC 6, 9).
 
 use heapless::VecView;
 
@@ -20,15 +20,15 @@ pub(super) const WRITES: [Write; 4] = [
     Write::new(RecordKey::Application, Requester::Sdo),
 ];
 
-/// Returns the bit of a record in a bit mask of records.
+/// Returns the bit of a record in a mask of records.
 pub(super) const fn bit(key: RecordKey) -> u8 {
     1 << key.position()
 }
 
-/// The bit in the value of a write that marks "load" rather than "save".
+/// The bit in the value of a write that means "load", not "save".
 const LOADS: u8 = 1 << 7;
 
-/// Returns the value of a task's writes: the bits of its records, and [`LOADS`].
+/// Returns the value of the writes of a task: the bits of its records, and [`LOADS`].
 const fn value_of(task: Task) -> u8 {
     let (Task::Save(part) | Task::Load(part)) = task;
     let records = match part {
@@ -41,8 +41,8 @@ const fn value_of(task: Task) -> u8 {
 }
 
 impl HatSensor {
-    /// Begins a task for an SDO client. A waiting write of the same record changes to the new task, because the client
-    /// of the older task has given up.
+    /// Begins a task for an SDO client. It changes a waiting write of the same record, because the client of the older
+    /// task waits no longer.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         self.task = Some(task);
         self.task_failed = false;
@@ -67,7 +67,7 @@ impl Storing for HatSensor {
                 };
                 &self.layer.with(self.layer_in_flight).encode()
             }
-            // An empty payload for the defaults: communication objects follow the node ID again.
+            // An empty payload stands for the defaults, with COB-IDs that follow the node ID again.
             _ if loads => &[],
             record => {
                 let group = if record == RecordKey::Application { Group::Application } else { Group::Communication };
@@ -77,7 +77,7 @@ impl Storing for HatSensor {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Handles the result of a write. A failure is reported only to the client that waits for the write.
+    /// Handles the result of a write. Only the client that waits for the write learns of a failure.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
             self.set_damaged(self.damaged & !bit(write.record), base);
@@ -94,13 +94,13 @@ impl Storing for HatSensor {
                     self.objects.demanded = self.objects.demanded.with(stored);
                 }
                 self.node.end_lss_store(stored, is_last);
-                if self.node.boots() {
+                if self.node.must_boot() {
                     base.request_restart(Restart::Communication);
                 }
             }
             Requester::Sdo => {
                 let Some(task) = self.task.filter(|task| value_of(*task) == write.value) else { return };
-                // If the record was requested again during the write, it is written once more, and that write decides.
+                // If the record was requested again during the write, the next write decides.
                 self.task_failed |= !stored && is_last;
                 if !base.writes.iter().any(|other| other.requester == Requester::Sdo && other.value == write.value) {
                     self.node.end_task(task, !self.task_failed);

@@ -17,7 +17,7 @@ impl Kind {
     /// All HAT kinds.
     pub const ALL: [Self; 2] = [Self::Hat1000, Self::Hat3000];
 
-    /// Returns the kind's name, the same in every interface.
+    /// Returns the name of the kind, which all interfaces use.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -35,7 +35,7 @@ impl Kind {
         }
     }
 
-    /// Returns the product code, which is the part number; (A) for the HAT 3000.
+    /// Returns the product code, which is the part number. That of the HAT 3000 is an assumption (A).
     #[must_use]
     pub const fn product_code(self) -> u32 {
         match self {
@@ -50,13 +50,13 @@ impl Kind {
         1..=127
     }
 
-    /// Returns the node ID as delivered.
+    /// Returns the node ID of a new sensor.
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         1
     }
 
-    /// Returns the serial number as delivered (A).
+    /// Returns the serial number of a new sensor (A).
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         1

@@ -9,13 +9,13 @@ use crate::device::Protocol;
 /// A valve actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// PVEA-CI on CANopen: proportional.
+    /// PVEA-CI on CANopen, proportional.
     PveaCanopen,
-    /// PVEO-CI on CANopen: on/off.
+    /// PVEO-CI on CANopen, on/off.
     PveoCanopen,
-    /// PVEA-CI on ISOBUS: proportional.
+    /// PVEA-CI on ISOBUS, proportional.
     PveaIsobus,
-    /// PVEO-CI on ISOBUS: on/off.
+    /// PVEO-CI on ISOBUS, on/off.
     PveoIsobus,
 }
 
@@ -23,7 +23,7 @@ impl Kind {
     /// All PVE kinds.
     pub const ALL: [Self; 4] = [Self::PveaCanopen, Self::PveoCanopen, Self::PveaIsobus, Self::PveoIsobus];
 
-    /// Returns the kind's name, the same in every interface.
+    /// Returns the name of the kind, which all interfaces use.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind with this name; `None` for an unknown name.
+    /// Returns the kind of this name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
@@ -60,7 +60,7 @@ impl Kind {
         }
     }
 
-    /// Returns the permitted node IDs, on ISOBUS addresses.
+    /// Returns the permitted node IDs; on ISOBUS the permitted addresses.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         match self.protocol() {
@@ -69,7 +69,7 @@ impl Kind {
         }
     }
 
-    /// Returns the node ID as delivered; for ISOBUS an assumption (A).
+    /// Returns the node ID of a new valve; on ISOBUS the address (A).
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         match self.protocol() {
@@ -78,8 +78,7 @@ impl Kind {
         }
     }
 
-    /// Returns the serial number of the manual's examples: on CANopen from the identity object, on ISOBUS the identity
-    /// number of the NAME.
+    /// Returns the serial number in the examples of the manual. On ISOBUS it is the identity number of the NAME.
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         match self.protocol() {

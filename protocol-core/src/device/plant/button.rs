@@ -1,31 +1,31 @@
-//! The faults injected by a button, for a board without a console.
+//! The faults that a button injects, for a board without a console.
 
 use super::Plant;
 use crate::actuator::{SpoolFault, ValveInputs};
 use crate::device::{Inputs, ProductInputs};
 
-/// The faults that the button injects; each press selects the next fault.
+/// A fault that the button injects. Each press selects the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Injection {
-    /// A healthy device.
+    /// No fault.
     #[default]
     None,
-    /// Valves: supply below 9 V.
+    /// Of a valve: a supply below 9 V.
     SupplyLow,
-    /// Valves: supply above 36 V.
+    /// Of a valve: a supply above 36 V.
     SupplyHigh,
-    /// Valves: temperature above 120 °C.
+    /// Of a valve: a temperature above 120 °C.
     Temperature,
-    /// Valves: the spool is stuck.
+    /// Of a valve: a stuck spool.
     SpoolStuck,
-    /// Encoders: a measuring error.
+    /// Of an encoder: a measuring error.
     MeasuringError,
     /// An internal fault.
     Internal,
 }
 
 impl Injection {
-    /// Returns the injection after the next press, for the product of these inputs.
+    /// Returns the fault that the next press injects into a device with this product.
     #[must_use]
     pub const fn next(self, product: &ProductInputs) -> Self {
         match (self, product) {
@@ -39,7 +39,7 @@ impl Injection {
         }
     }
 
-    /// Returns the plant with this fault instead of any other fault that the button can inject.
+    /// Returns the plant with this fault, and without the other faults of the button.
     #[must_use]
     pub fn applied_to(self, plant: Plant) -> Plant {
         let mut inputs = Inputs { internal_fault: self == Self::Internal, ..plant.inputs };

@@ -1,4 +1,4 @@
-//! A change of the plant: parsing, printing and applying.
+//! The changes of the plant: parsing, printing and application.
 
 use core::fmt;
 
@@ -11,30 +11,30 @@ use crate::device::{Inputs, ProductInputs};
 use crate::encoder::Shaft;
 use crate::time::Instant;
 
-/// A change of the plant, printed as in a console line: `supply_mv 8500`. [`apply`](Self::apply) accepts only values in
-/// the range of its [word](Self::word).
+/// A change of the plant. It is printed as in a console line: `supply_mv 8500`. [`apply`](Self::apply) refuses a value
+/// outside the range of its [word](Self::word).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Valves: the supply, in millivolt.
+    /// Of a valve: the supply voltage, in millivolts.
     SupplyMv(u32),
-    /// Valves: the temperature, in °C.
+    /// Of a valve: the temperature, in °C.
     TemperatureC(i16),
-    /// Valves: the fault of the spool.
+    /// Of a valve: the fault of the spool.
     Spool(SpoolFault),
-    /// Valves: the position to which the hand lever pushes the spool; `None` if released.
+    /// Of a valve: the position to which the hand lever pushes the spool; `None` for a released lever.
     Lever(Option<i16>),
-    /// Encoders: the angle of the shaft, in 1/100 degree. A turning shaft continues from this angle.
+    /// Of an encoder: the angle of the shaft, in 1/100 degree. A turning shaft continues from this angle.
     AngleCdeg(u32),
-    /// Encoders: the speed of the shaft, in turns per minute, positive clockwise. The shaft turns from its present
-    /// angle, rounded down to 1/100 degree.
+    /// Of an encoder: the speed of the shaft, in turns per minute, positive clockwise. The shaft turns on from its
+    /// present angle, rounded down to 1/100 degree.
     SpeedRpm(i32),
-    /// Encoders: whether the sensor unit detects a measuring error.
+    /// Of an encoder: whether the sensor reports a measuring error.
     MeasuringError(bool),
     /// Whether an internal fault is injected.
     InternalFault(bool),
     /// Whether every write to the memory fails.
     MemoryFails(bool),
-    /// Whether the CAN controller is kept bus-off.
+    /// Whether the CAN controller is held bus-off.
     BusOff(bool),
 }
 
@@ -48,7 +48,7 @@ pub enum Inapplicable {
 }
 
 impl Change {
-    /// Parses a word and its value; `None` for an unknown word or a malformed value. The range is not checked.
+    /// Parses a word and its value. Returns `None` for an unknown word or a malformed value. The range is not checked.
     #[must_use]
     pub fn parse(word: &str, value: &str) -> Option<Self> {
         Some(match word {
@@ -68,7 +68,7 @@ impl Change {
         })
     }
 
-    /// Returns the table entry of the word.
+    /// Returns the entry of the word in [`WORDS`].
     #[must_use]
     pub const fn word(self) -> &'static Word {
         let [supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, common @ ..] = &WORDS;
@@ -110,11 +110,11 @@ impl Change {
         }
     }
 
-    /// Applies the change to the inputs of a device. Memory and bus-off changes have no effect here: they belong to the
-    /// platform.
+    /// Applies the change to the inputs of a device. Changes of memory and bus-off have no effect here, because the
+    /// platform executes them.
     ///
     /// # Errors
-    /// [`Inapplicable`]; the inputs are then unchanged.
+    /// Returns [`Inapplicable`], and changes nothing, for a word of another product or a value out of range.
     pub fn apply(self, inputs: &mut Inputs, now: Instant) -> Result<(), Inapplicable> {
         use ProductInputs::{Encoder, Valve};
         let word = self.word();
@@ -135,7 +135,7 @@ impl Change {
             }
             (Self::MeasuringError(there), Encoder(shaft)) => shaft.measuring_error = there,
             (Self::InternalFault(there), _) => inputs.internal_fault = there,
-            // Memory and bus-off; words of another product were rejected above.
+            // Memory and bus-off are not inputs. Words of another product were refused above.
             _ => {}
         }
         Ok(())

@@ -1,5 +1,5 @@
-//! The plant of a device: its external influences, in the words and units of the control interface and of consoles, and
-//! the faults injected by a button.
+//! The plant of a device: the influences on it from outside, in the words and units of the control interface and the
+//! consoles. A button can inject some of its faults.
 
 mod button;
 mod change;
@@ -20,7 +20,7 @@ pub struct Plant {
     pub inputs: Inputs,
     /// Whether every write to the memory fails.
     pub memory_fails: bool,
-    /// Whether the controller is kept bus-off.
+    /// Whether the controller is held bus-off.
     pub bus_off: bool,
 }
 
@@ -34,7 +34,7 @@ impl Plant {
     /// Applies a change.
     ///
     /// # Errors
-    /// [`Inapplicable`]; the plant is then unchanged.
+    /// Returns [`Inapplicable`], and changes nothing, for a word of another product or a value out of range.
     pub fn change(&mut self, change: Change, now: Instant) -> Result<(), Inapplicable> {
         match change {
             Change::MemoryFails(fails) => self.memory_fails = fails,
@@ -44,7 +44,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Returns the changes that reproduce this plant: one for each word of its product.
+    /// Returns the changes that lead to this plant, one for each word of its product.
     pub fn words(&self, now: Instant) -> impl Iterator<Item = Change> + use<> {
         let own = match &self.inputs.product {
             ProductInputs::Valve(ValveInputs { supply_mv, temperature_c, spool }) => [

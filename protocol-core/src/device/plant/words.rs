@@ -1,4 +1,4 @@
-//! The words of the plant: one table for consoles, control interface, scenarios, panel and pages.
+//! The table of plant words, for consoles, control interface, scenarios, panel and pages.
 //! [`Change::word`](super::Change::word) returns the entry of a change.
 
 use core::fmt;
@@ -10,11 +10,11 @@ use crate::encoder::TURN_CDEG;
 use crate::time::Instant;
 use crate::wire::decimal::decimal;
 
-/// The highest supply voltage that can be set, in millivolts (A): far above every monitor limit.
+/// The highest supply voltage that can be set, in millivolts (A). It lies far above every limit of a monitor.
 const SUPPLY_MAX_MV: i32 = 100_000;
-/// The lowest temperature that can be set, in °C (A): far below every monitor limit.
+/// The lowest temperature that can be set, in °C (A). It lies far below every limit of a monitor.
 const TEMPERATURE_MIN_C: i32 = -273;
-/// The highest temperature that can be set, in °C (A): far above every monitor limit.
+/// The highest temperature that can be set, in °C (A). It lies far above every limit of a monitor.
 const TEMPERATURE_MAX_C: i32 = 1000;
 
 pub(super) const SUPPLY_MV: &str = "supply_mv";
@@ -86,20 +86,20 @@ pub static WORDS: [Word; 10] = [
     Word { name: BUS_OFF, values: SWITCH, help: "keeps the controller off the bus", product: None },
 ];
 
-/// A word of the plant. Printed with its values in short form: `lever N|off`.
+/// A word of the plant. It is printed with its values in short form: `lever N|off`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Word {
     /// The word, also the key in JSON and TOML.
     pub name: &'static str,
     /// The permitted values.
     pub values: Values,
-    /// The description for a help line.
+    /// The description in a help line.
     pub help: &'static str,
     /// The product that has the word; `None` for all products.
     pub product: Option<Product>,
 }
 
-/// The permitted values of a word. Printed as a list: `0 to 100000 mV`, `on, off`.
+/// The permitted values of a word. They are printed as a list: `0 to 100000 mV`, `on, off`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
     /// An integer.
@@ -133,7 +133,7 @@ pub enum Value {
     Word(&'static str),
 }
 
-/// The types of product that the plant distinguishes.
+/// The products that the plant distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// A valve.
@@ -159,7 +159,7 @@ impl From<&ProductInputs> for Product {
 }
 
 impl Word {
-    /// Returns the value for a healthy device.
+    /// Returns the value of a healthy device.
     #[must_use]
     pub fn healthy(&self) -> Option<Value> {
         let kind = match self.product {
@@ -170,7 +170,7 @@ impl Word {
         words.find_map(|change| Some(change.text()).filter(|(name, _)| *name == self.name)).map(|(_, value)| value)
     }
 
-    /// Writes a help line to `put` in parts: the word, its description starting at `column`, and its values.
+    /// Writes a help line to `put` in parts: the word, its description from `column` on, and its values.
     pub fn tell(&self, column: usize, put: &mut dyn FnMut(&str)) {
         put(self.name);
         (self.name.len()..column).for_each(|_| put(" "));
@@ -198,7 +198,7 @@ impl Values {
         self.range().zip(number).is_some_and(|((min, max), number)| (min..=max).contains(&number))
     }
 
-    /// Returns the minimum and maximum of the numbers; `None` if only words are permitted.
+    /// Returns the minimum and maximum of the numbers; `None` for words only.
     #[must_use]
     pub const fn range(&self) -> Option<(i32, i32)> {
         match *self {
@@ -207,7 +207,7 @@ impl Values {
         }
     }
 
-    /// Writes the list of values to `put` in parts, because the firmware has no room for formatting.
+    /// Writes the list of values to `put` in parts, because formatting would not fit the firmware.
     fn tell(&self, put: &mut dyn FnMut(&str)) {
         if let Some((min, max)) = self.range() {
             tell_number(min, put);

@@ -1,5 +1,5 @@
-//! The auxiliary valve of ISO 11783-7: the effect of an AVC, shutdown on a fault, recovery by two neutral commands, and
-//! the data of AVEF and DM2 (SPEC 5).
+//! The auxiliary valve of ISO 11783-7 (SPEC 5): the effect of AVC, the shutdown by a fault, the recovery by two neutral
+//! commands, and the data of AVEF and DM2.
 
 use super::fault_codes::codes;
 use crate::actuator::{
@@ -14,22 +14,22 @@ use crate::wire::valve::{Command, EstimatedFlow, State};
 /// The number of consecutive neutral commands that end a shutdown.
 const NEUTRAL_COMMANDS: u8 = 2;
 
-/// A shutdown: regulation stopped by faults.
+/// A shutdown of the regulation by faults.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shutdown {
-    /// All faults since the shutdown began.
+    /// All faults since the beginning of the shutdown.
     faults: FaultSet,
-    /// The number of consecutive neutral commands, counted while the spool is in neutral and no fault is active.
+    /// The number of consecutive neutral commands that count: with the spool in neutral and no fault active.
     neutral: u8,
 }
 
-/// An auxiliary valve (ISO 11783-7).
+/// An auxiliary valve.
 #[derive(Clone, Debug)]
 pub(super) struct AuxiliaryValve {
     pub(super) valve: Valve,
-    /// The last valid command; block before the first command.
+    /// The last valid command; block before the first one.
     command: Command,
-    /// Whether the time guard runs; it starts with the first valid command (A).
+    /// Whether the time guard runs. The first valid command starts it (A).
     guarded: bool,
     shutdown: Option<Shutdown>,
 }
@@ -46,7 +46,7 @@ impl AuxiliaryValve {
         Self { valve, command: Command::Block, guarded: false, shutdown: None }
     }
 
-    /// Restarts with these counters. The spool position stays.
+    /// Restarts the valve with these counters. The spool position stays.
     pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
         self.valve.restart(counters, now);
         self.shutdown = None;
@@ -69,8 +69,7 @@ impl AuxiliaryValve {
         }
     }
 
-    /// Blocks the valve until the next command, at a start or after loss of the address. The time guard stops and fault
-    /// 8 clears.
+    /// Blocks the valve until the next command. The time guard stops, and fault 8 clears.
     pub(super) fn block(&mut self, now: Instant) {
         self.command = Command::Block;
         self.guarded = false;
@@ -79,20 +78,19 @@ impl AuxiliaryValve {
         self.apply(now);
     }
 
-    /// Blocks the valve with the solenoids off until the restart. The bus and the memory may delay the restart; until
-    /// then commands and the time guard have no effect.
+    /// Blocks the valve with its solenoids off, because a restart is pending. Until then no command arrives.
     pub(super) fn switch_off(&mut self, now: Instant) {
         self.block(now);
         self.valve.drive(Drive::Off, now);
     }
 
-    /// Returns the fault changes. Every activation shuts down the regulation.
+    /// Returns the changes of faults. Every activation shuts the regulation down.
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
             self.shutdown = Some(Shutdown { faults: self.in_shutdown().union(changes.activated), neutral: 0 });
             self.apply(now);
-            // Switching the drive off can clear a fault just activated, but cannot activate a fault.
+            // The shutdown can clear a fault that has just activated, but activates none.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);
@@ -100,21 +98,22 @@ impl AuxiliaryValve {
         changes
     }
 
-    /// Returns the previously active faults: the faults with a non-zero occurrence counter that are neither active nor
-    /// part of the shutdown.
+    /// Returns the previously active faults: those that have occurred, are not active, and are not part of the
+    /// shutdown.
     pub(super) fn previously_active_faults(&self) -> FaultSet {
         let counters = self.valve.counters();
         let counted: FaultSet = FaultSet::ALL.into_iter().filter(|fault| counters.get(*fault) > 0).collect();
         counted.difference(self.valve.faults()).difference(self.in_shutdown())
     }
 
-    /// Returns the trouble code of a fault with its occurrence count and lamp.
+    /// Returns the trouble code of a fault, with its occurrence count and lamp.
     pub(super) fn trouble(&self, fault: Fault) -> Trouble {
         let codes = codes(fault);
         Trouble { lamp: codes.lamp, dtc: codes.dtc, count: self.valve.counters().get(fault) }
     }
 
-    /// Returns the state of the LED. Without an address a shutdown cannot be ended, so the LED does not show it.
+    /// Returns the state of the LED. After the loss of the address the LED does not show a shutdown, because no command
+    /// can end it.
     pub(super) fn led(&self, address_lost: bool) -> Led {
         Led::of(Condition {
             faults: self.valve.faults(),
@@ -124,13 +123,13 @@ impl AuxiliaryValve {
         })
     }
 
-    /// Returns the state reported in AVEF: blocked during a shutdown.
+    /// Returns the state in AVEF, which is blocked during a shutdown.
     pub(super) const fn state(&self) -> State {
         if self.shutdown.is_some() { State::Blocked } else { self.command.state() }
     }
 
-    /// Returns the set-point of the last command; neutral during a shutdown, in hand operation and in an emergency
-    /// stop.
+    /// Returns the set-point of the last command. It is neutral during a shutdown, in hand operation and in an
+    /// emergency stop.
     pub(super) fn set_point(&self) -> SetPoint {
         match drive(self.command) {
             Drive::Regulate(set_point) if self.shutdown.is_none() => set_point,
@@ -142,8 +141,8 @@ impl AuxiliaryValve {
         self.shutdown.map_or(FaultSet::EMPTY, |shutdown| shutdown.faults)
     }
 
-    /// Counts consecutive neutral commands while no fault is active and the spool is in neutral. The second such
-    /// command ends the shutdown and otherwise acts as a block command.
+    /// Counts consecutive neutral commands while the spool is in neutral and no fault is active. The second one ends
+    /// the shutdown, and acts as block otherwise.
     fn recover(&mut self, now: Instant) {
         let Some(shutdown) = &mut self.shutdown else { return };
         let counts = self.valve.faults().is_empty() && self.command.is_neutral() && self.valve.in_neutral(now);
@@ -154,8 +153,8 @@ impl AuxiliaryValve {
         }
     }
 
-    /// Applies the command to the valve. In a shutdown the solenoids are off; hand operation and emergency stop still
-    /// disable the spool monitors.
+    /// Applies the command to the valve. In a shutdown the solenoids are off, but hand operation and emergency stop
+    /// still disable the spool monitors.
     fn apply(&mut self, now: Instant) {
         let drive = match drive(self.command) {
             Drive::Regulate(_) if self.shutdown.is_some() => Drive::Off,
@@ -166,7 +165,7 @@ impl AuxiliaryValve {
 }
 
 impl Product for AuxiliaryValve {
-    /// Returns the data of AVEF.
+    /// Encodes AVEF.
     #[inline]
     fn report(&self, now: Instant) -> [u8; 8] {
         let percent = Scale::Percent.of_position(self.valve.position(now));
@@ -183,7 +182,7 @@ impl Product for AuxiliaryValve {
     }
 }
 
-/// Returns the drive for a command, ignoring any shutdown.
+/// Returns the drive of a command, without regard to a shutdown.
 fn drive(command: Command) -> Drive {
     match command {
         Command::HandOperation => Drive::Hand,
@@ -195,7 +194,7 @@ fn drive(command: Command) -> Drive {
     }
 }
 
-/// Returns the position for a port flow command, 0–250.
+/// Returns the position of a port flow command, 0–250.
 fn position(flow: u8) -> Position {
     Scale::Per250.to_position(flow.into()).unwrap_or(Position::NEUTRAL)
 }

@@ -10,15 +10,14 @@ use crate::time::Instant;
 /// The value for float in 0x6300 and 0x6301.
 pub(super) const FLOAT: i16 = 32767;
 
-/// Device control: the effect of set-point, control word and device mode on the valve, independent of the service that
-/// sets them.
+/// The device control: the effect of set-point, control word and device mode on the valve. SDO and RPDO both use it.
 #[derive(Clone, Debug)]
 pub(super) struct DeviceControl {
     pub(super) valve: Valve,
     machine: StateMachine,
     mode: DeviceMode,
     control_word: u16,
-    /// The last accepted set-point, as read back.
+    /// The set-point accepted last, which objects read back.
     set_point: SetPoint,
     /// The set-point in force.
     in_force: SetPoint,
@@ -42,7 +41,7 @@ impl DeviceControl {
         }
     }
 
-    /// Restarts on reset application. The spool position stays.
+    /// Restarts the device control, for reset application. The spool position stays.
     pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
         self.valve.restart(counters, now);
         self.machine = StateMachine::new();
@@ -64,7 +63,6 @@ impl DeviceControl {
         self.control_word
     }
 
-    /// Applies a control word.
     #[inline]
     pub(super) fn set_control_word(&mut self, word: u16, now: Instant) {
         self.control_word = word;
@@ -75,13 +73,12 @@ impl DeviceControl {
         }
     }
 
-    /// Applies a device mode.
     pub(super) fn set_mode(&mut self, mode: DeviceMode, now: Instant) {
         self.mode = mode;
         self.apply(now);
     }
 
-    /// Applies a valid set-point: feeds the time guard in any state, and moves the spool while the valve regulates.
+    /// Accepts a valid set-point: feeds the time guard in any state, and moves the spool of a valve that regulates.
     pub(super) fn accept(&mut self, set_point: SetPoint, now: Instant) {
         self.set_point = set_point;
         if self.valve.regulating() {
@@ -92,19 +89,18 @@ impl DeviceControl {
         }
     }
 
-    /// Enters FAULT_HOLD.
     pub(super) fn shut_down(&mut self, now: Instant) {
         self.machine.shut_down();
         self.apply(now);
     }
 
-    /// Returns the fault changes. Each activation shuts the device down, D8 (R: in one table of the manual some faults
-    /// do not).
+    /// Returns the changes of faults. Each activation shuts the valve down, transition D8. (R) In one table of the
+    /// manual some faults do not.
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
             self.shut_down(now);
-            // Switching the drive off can clear a fault just activated, but cannot activate a fault.
+            // The shutdown can clear a fault that has just activated, but activates none.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);
@@ -122,12 +118,12 @@ impl DeviceControl {
         })
     }
 
-    /// Returns the last accepted set-point.
+    /// Returns the set-point accepted last.
     pub(super) const fn set_point(&self) -> SetPoint {
         self.set_point
     }
 
-    /// Returns the set-point on a scale of ±N; N for float.
+    /// Returns the set-point on a scale of ±N, which is N for float.
     pub(super) fn set_point_on(&self, scale: Scale) -> i16 {
         match self.set_point {
             SetPoint::Position(position) => scale.of_position(position),
@@ -143,7 +139,7 @@ impl DeviceControl {
         }
     }
 
-    /// Returns the actual value on a scale of ±N; N once float is reached.
+    /// Returns the actual value on a scale of ±N, which is N when float is reached.
     pub(super) fn actual_on(&self, scale: Scale, now: Instant) -> i16 {
         if self.valve.float_reached(now) { scale.full() } else { scale.of_position(self.position(now)) }
     }
@@ -161,7 +157,7 @@ impl DeviceControl {
     fn drive(&self) -> Drive {
         match (self.machine.state(), self.mode) {
             (DeviceState::Active, DeviceMode::FullOperational) => Drive::Regulate(self.in_force),
-            // Includes hand operation, because the spool monitors run only while the valve regulates.
+            // Hand operation is `Off`, too, because the spool monitors run only while the valve regulates.
             _ => Drive::Off,
         }
     }

@@ -1,4 +1,4 @@
-//! The object dictionary of the CANopen kinds (SPEC 4.1), as one table.
+//! The object dictionary of the CANopen valves (SPEC 4.1).
 //!
 //! Names follow CiA 301 below 0x2000, the manual up to 0x5FFF, and CiA 408 from 0x6000.
 
@@ -26,12 +26,12 @@ use ValveObject::{
     SerialNumber, SetPoint, SetPointPer127, SetPointPer1000, SoftwareVersion, StatusWord,
 };
 
-/// The product's own objects.
+/// The own objects of the product.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ValveObject {
     /// 0x100A
     SoftwareVersion,
-    /// 0x2001–0x2040: the occurrence counter of a fault (A)
+    /// 0x2001–0x2040, the occurrence counter of a fault (A)
     FaultCount(Fault),
     /// 0x3300
     SetPointPer127,
@@ -49,7 +49,7 @@ pub(super) enum ValveObject {
     StatusWord,
     /// 0x6042
     DeviceMode,
-    /// 0x6052: decimal (A)
+    /// 0x6052, decimal (A)
     SerialNumber,
     /// 0x6053
     Description,
@@ -59,7 +59,7 @@ pub(super) enum ValveObject {
     Actual,
 }
 
-/// The tasks demanded by the signatures in 0x1010 and 0x1011.
+/// The tasks that signatures in 0x1010 and 0x1011 demand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Task {
     /// "save"
@@ -70,10 +70,10 @@ pub(super) enum Task {
     ClearCounters,
 }
 
-/// Full stroke in 0x6300 and 0x6301.
+/// The full stroke in 0x6300 and 0x6301.
 const FULL: i32 = Position::FULL as i32;
 
-/// The maximum producer heartbeat time.
+/// The maximum value of object 0x1017.
 pub(super) const HEARTBEAT_MAX: u16 = 0x7FFF;
 
 /// The maximum length of object 0x6053.
@@ -82,13 +82,13 @@ pub(super) const DESCRIPTION_MAX: usize = 10;
 /// The mapping entry for a gap of one bit.
 const DUMMY: u32 = 0x0001_0001;
 
-/// The number of characters of the software version.
+/// The length of object 0x100A.
 const SOFTWARE_VERSION_LEN: u8 = 47;
 
 /// The signature of 0x1011:5 that clears the occurrence counters: "pkds".
 const CLEAR_COUNTERS: u32 = 0x7364_6B70;
 
-/// Returns the description of an object; `None` if it does not exist.
+/// Returns the description of an object; `None` if the object does not exist.
 #[must_use]
 pub fn entry(object: Multiplexer) -> Option<&'static Entry> {
     DICTIONARY.entries().find(object).ok().map(|place| place.entry)

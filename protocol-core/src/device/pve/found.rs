@@ -1,4 +1,4 @@
-//! The records found in the memory at a start, each checked, with defaults for missing ones (SPEC 6).
+//! The records that a valve finds in the memory at a start (SPEC 6).
 
 use super::Setup;
 use super::records::{Factory, FaultLog, LocalLayer, VERSION};
@@ -7,7 +7,7 @@ use crate::device::reading::Reading;
 use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 
-/// The contents of the memory at a start.
+/// The records of a valve, with defaults for missing and corrupt ones.
 pub(super) struct Found<'a> {
     pub(super) reading: Reading<'a>,
     pub(super) factory: Factory,
@@ -16,8 +16,8 @@ pub(super) struct Found<'a> {
 }
 
 impl<'a> Found<'a> {
-    /// Reads the records common to all valves, with defaults for missing ones.
-    pub(super) fn look(setup: &Setup, memory: &'a dyn Memory) -> Self {
+    /// Reads the records that all valves have.
+    pub(super) fn read(setup: &Setup, memory: &'a dyn Memory) -> Self {
         let kind = setup.kind;
         let mut found = Self {
             reading: Reading::new(memory),
@@ -31,7 +31,7 @@ impl<'a> Found<'a> {
         if let Some(layer) = found.payload(RecordKey::LocalLayer, |payload| LocalLayer::decode(kind, payload)) {
             found.local_layer = layer;
         } else if found.reading.is_corrupt(RecordKey::LocalLayer) && setup.node_id.is_none() {
-            // A corrupt record contained a node ID, because only a new device can lack a node ID.
+            // The corrupt record held a node ID, because only a new valve can lack one.
             found.local_layer = LocalLayer::new(Setup::new(kind));
         }
         if let Some(log) = found.payload(RecordKey::FaultLog, FaultLog::decode) {
@@ -40,14 +40,14 @@ impl<'a> Found<'a> {
         found
     }
 
-    /// Decodes a record; `None` if it was never written or is corrupt. A corrupt record is marked, see
-    /// [`Reading::is_corrupt`].
+    /// Decodes a record. Returns `None` for a record that was never written, and for a corrupt one, which
+    /// [`Reading::is_corrupt`] then reports.
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         self.reading.record(key, VERSION, decode)
     }
 
-    /// Raises the internal error for damaged records or a damaged memory.
-    pub(super) fn tell_faults(&self, valve: &mut Valve, now: Instant) {
+    /// Raises the internal error of a valve for corrupt records and for a damaged memory.
+    pub(super) fn raise_faults(&self, valve: &mut Valve, now: Instant) {
         if self.reading.is_damaged() {
             valve.set_internal(InternalCause::Memory, true, now);
         }

@@ -1,4 +1,4 @@
-//! The identifiers read by UDS lite (SPEC 7).
+//! The identifiers of UDS lite (SPEC 7).
 
 use heapless::Vec;
 
@@ -9,21 +9,21 @@ use crate::uds::{DATA_MAX, Identifiers, NODE_ID, Reaction, serve};
 use crate::wire::lss::NO_NODE_ID;
 use crate::wire::uds::{Address, Identifier, parse_id};
 
-/// The value of identifier 0xF010: the address format.
+/// The value of identifier 0xF010, the address format.
 const ADDRESS_FORMAT: u8 = 0xA5;
 
-/// The identification of the device by UDS.
+/// The data of a valve that UDS reads.
 pub(super) struct Identification<'a> {
     pub(super) kind: Kind,
     pub(super) factory: &'a Factory,
     /// The stored node ID and bit rate.
     pub(super) local_layer: LocalLayer,
-    /// Whether a write of the node ID by a client is in progress.
+    /// Whether the write of a node ID by a client is waiting or in progress.
     pub(super) busy: bool,
 }
 
 impl Identification<'_> {
-    /// Handles a request to this node.
+    /// Handles a request to the node `node`.
     pub(super) fn serve_node(&self, node: u8, frame: &Frame) -> Reaction {
         let Id::Extended(id) = frame.id() else { return Reaction::Nothing };
         if frame.is_remote() {
@@ -37,13 +37,13 @@ impl Identification<'_> {
 }
 
 impl Identifiers for Identification<'_> {
-    /// Reads an identifier. Numbers are big-endian (A).
+    /// Returns the data of an identifier. Numbers are big-endian (A).
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>> {
         let factory = self.factory;
         let bytes: &[u8] = match identifier {
             NODE_ID => &[self.local_layer.node_id.unwrap_or(NO_NODE_ID)],
             0xF010 => &[ADDRESS_FORMAT],
-            // The diagnostic file identifier: the part number (A).
+            // The diagnostic file identifier is the part number (A).
             0xF1FA..=0xF1FD => &self.kind.part_number().to_be_bytes(),
             0xF192 => &factory.hardware_number.to_be_bytes(),
             0xF193 => &factory.hardware_version,

@@ -1,15 +1,14 @@
-//! The proportional and on/off valve actuators PVEA and PVEO, Series 6 (SPEC 1–4, 6, 7).
+//! The valve actuators PVEA (proportional) and PVEO (on/off), Series 6 (SPEC 1–4, 6, 7).
 //!
 //! ```text
-//! fault_codes     the codes of the faults: SPEC 3
-//! dictionary      the object dictionary, one table          objects    the state behind its objects
-//! state_machine   the device state machine of CiA 408       device_control  the valve controlled by it
-//! auxiliary_valve the valve controlled by ISO 11783-7 commands
-//! found           the records found in the memory at a start
-//! records         the payloads of the records
-//! identification  the identifiers of UDS lite          sensing    the faults caused by inputs
-//! view            the view for people and tools
-//! canopen/        the application: a valve on CANopen       isobus/    on ISOBUS
+//! fault_codes      codes of the faults (SPEC 3)
+//! dictionary       object dictionary                     objects         values of the objects, and rules
+//! state_machine    device state machine of CiA 408       device_control  the valve under this state machine
+//! auxiliary_valve  the valve under ISO 11783-7 commands
+//! found            records in the memory at a start      records         payloads of the records
+//! identification   identifiers of UDS lite               sensing         inputs that cause faults
+//! view             view for people and tools
+//! canopen/         application of a valve on CANopen     isobus/         application of a valve on ISOBUS
 //! ```
 
 mod auxiliary_valve;

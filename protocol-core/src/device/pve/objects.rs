@@ -1,4 +1,4 @@
-//! The state behind the valve's own objects, and the rules of the CANopen valves (SPEC 4.1).
+//! The values of the own objects of a valve, and the rules of the CANopen valves (SPEC 4.1).
 
 use heapless::Vec;
 
@@ -26,8 +26,8 @@ use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
 use crate::wire::uds;
 
-/// Returns object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A). (R) The older manual
-/// prints it without the blank.
+/// Returns object 0x100A: version 132, the part number, release 000 (A) and firmware date 180701 (A). (R) The older
+/// manual prints no blank before the date.
 const fn software_version(kind: Kind) -> &'static str {
     match kind.actuator_type() {
         ActuatorType::Proportional => "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
@@ -48,12 +48,12 @@ const RULES: Rules = Rules {
     extended_ids: false,
     nmt: nmt::Rules::NONE,
     heartbeat: heartbeat::Rules {
-        // Periods are rounded up to a multiple of 10 ms (A).
+        // The period is rounded up to a multiple of 10 ms (A).
         resolution: 10,
         max: HEARTBEAT_MAX,
     },
     rpdo: pdo::Rules { direction: Mappable::Rpdo, transmission_types: &[pdo::EVENT_DRIVEN..=pdo::EVENT_DRIVEN], ..PDO },
-    // (R) The manual once prints 7 as the lower limit, otherwise 1.
+    // (R) The manual once prints 7 as the lower limit, elsewhere 1.
     tpdo: pdo::Rules {
         direction: Mappable::Tpdo,
         transmission_types: &[1..=240, pdo::EVENT_DRIVEN..=pdo::EVENT_DRIVEN],
@@ -61,12 +61,12 @@ const RULES: Rules = Rules {
     },
     lss: lss::Rules {
         bit_rates: Kind::PveaCanopen.bit_rates(),
-        // (R) In CiA 305 also in LSS waiting.
+        // (R) CiA 305 permits both in LSS waiting, too.
         non_configured_in: &[lss::State::Configuration],
         fast_scan_in: &[lss::State::Configuration],
         fast_scan_selects: false,
         remote_in: &[],
-        takes_node_id_away: false,
+        can_remove_node_id: false,
         on_waiting: lss::OnWaiting::Restart,
         start_drops_pending: true,
         node_id_error: 1,
@@ -79,21 +79,21 @@ const RULES: Rules = Rules {
     }),
 };
 
-/// The rules common to both PDOs.
+/// The rules that both PDOs have.
 const PDO: pdo::Rules = pdo::Rules {
     direction: Mappable::No,
     transmission_types: &[],
     extended_ids: false,
-    // (A) The manual does not define the effect of switching on an empty mapping.
+    // (A) The manual does not say what happens when a PDO is switched on with nothing mapped.
     may_be_empty: false,
     dummies: true,
-    // (R) In CiA 301 mapping entries can be written only while sub-index 0 is 0.
+    // (R) CiA 301 permits writes of entries only while sub-index 0 is 0.
     entries_while_counted: true,
     timers: false,
     sampled_when_due: false,
 };
 
-/// The state behind the product's objects.
+/// The values of the own objects.
 #[derive(Clone, Debug)]
 pub(super) struct ValveObjects {
     pub(super) kind: Kind,
@@ -103,7 +103,7 @@ pub(super) struct ValveObjects {
     serial_text: Vec<u8, DIGITS>,
 }
 
-/// A command of an object to the device control.
+/// The command that a write of an object gives to the device control.
 #[derive(Clone, Copy, Debug)]
 enum Command {
     /// 0x3300, 0x3303, 0x6300:1
@@ -125,18 +125,17 @@ impl ValveObjects {
         }
     }
 
-    /// Returns the factory data.
     pub(super) const fn factory(&self) -> &Factory {
         &self.factory
     }
 
-    /// Sets the factory data read at a start.
+    /// Sets the factory data, at a start.
     pub(super) fn set_factory(&mut self, factory: Factory) {
         self.factory = factory;
         self.serial_text = decimal(factory.identity.serial);
     }
 
-    /// Decodes a value of an object as a command. A value out of range is rejected over SDO and dropped in a PDO.
+    /// Decodes the value of an object as a command. An SDO refuses a value out of range; a PDO drops it.
     #[inline]
     fn command(object: ValveObject, raw: u32) -> Result<Command, AbortCode> {
         let scaled = |scale: Scale, value: i16| match scale.to_position(value) {
@@ -247,8 +246,8 @@ impl Product for ValveObjects {
         Value::Text(description(self.kind).as_bytes())
     }
 
-    /// Applies the values of one RPDO in the order mode, control word, set-point, regardless of the mapping. Invalid
-    /// values are dropped, the others applied (SPEC 4.1).
+    /// Applies the values of an RPDO in the order mode, control word, set-point, whatever the mapping. Invalid values
+    /// are dropped (SPEC 4.1).
     #[inline]
     fn receive(&mut self, values: impl Iterator<Item = (ValveObject, u32)>, now: Instant) {
         let (mut mode, mut control, mut set_point) = (None, None, None);
@@ -275,8 +274,8 @@ impl Product for ValveObjects {
         self.control.shut_down(now);
     }
 
-    /// Handles a consumed EMCY: a generic error is an emergency stop (SPEC 4.2).
-    fn hear_emcy(&mut self, message: Emcy, now: Instant) {
+    /// Handles an EMCY of another node. A generic error is an emergency stop (SPEC 4.2).
+    fn consume_emcy(&mut self, message: Emcy, now: Instant) {
         if message.code == GENERIC_ERROR && self.control.state() == DeviceState::Active {
             self.control.shut_down(now);
         }

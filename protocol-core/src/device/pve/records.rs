@@ -1,4 +1,4 @@
-//! The payloads of a valve's records, except the parameters (SPEC 6).
+//! The payloads of the records of a valve, other than the parameters (SPEC 6).
 
 use super::{Kind, Setup};
 use crate::actuator::Counters;
@@ -8,39 +8,39 @@ use crate::wire::lss;
 /// The payload version of every record.
 pub(super) const VERSION: u8 = 1;
 
-/// Factory data: written at the first start only, and not affected by restore.
+/// The factory data. They are written at the first start, and no restore changes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Factory {
     /// The identity object, which is the LSS address.
     pub(super) identity: lss::Address,
-    /// The function instance of the NAME, used by the ISOBUS kinds only.
+    /// The function instance of the NAME, for the ISOBUS kinds.
     pub(super) function_instance: u8,
     pub(super) hardware_number: u32,
-    /// The hardware version: four characters, left-aligned, padded with blanks.
+    /// The hardware version: four characters, padded with blanks on the right.
     pub(super) hardware_version: [u8; 4],
     pub(super) software_number: u32,
-    /// The software version: four characters, left-aligned, padded with blanks.
+    /// The software version: four characters, padded with blanks on the right.
     pub(super) software_version: [u8; 4],
     /// The manufacturing date: year, month and day in BCD.
     pub(super) manufactured: [u8; 3],
 }
 
-/// Vendor ID.
+/// The vendor ID of Danfoss.
 const VENDOR: u32 = 0x0100_0019;
-/// Product code.
+/// The product code.
 const PRODUCT: u32 = 0x5336_0000;
-/// Revision R1.32: major number in the high word, minor in the low word (R: the manual calls it BCD, but its example is
-/// not).
+/// The revision number of R1.32: major number in the high word, minor number in the low word. (R) The manual calls it
+/// BCD, but its example is not.
 const REVISION: u32 = 0x0001_0020;
 /// The hardware version (A).
 const HARDWARE_VERSION: [u8; 4] = *b"1.00";
-/// The software version (A), matching the revision.
+/// The software version (A), that of the revision.
 const SOFTWARE_VERSION: [u8; 4] = *b"1.32";
-/// The manufacturing date (A), matching the firmware date in 0x100A.
+/// The manufacturing date (A), that of the firmware date in 0x100A.
 const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 
 impl Factory {
-    /// A placeholder until the memory is read.
+    /// The value before the first start.
     pub(super) const UNREAD: Self = Self {
         identity: lss::Address { vendor: 0, product: 0, revision: 0, serial: 0 },
         function_instance: 0,
@@ -122,16 +122,16 @@ impl Factory {
     }
 }
 
-/// Node ID (on ISOBUS the address) and bit rate, in force from the next start.
+/// The node ID and the bit rate, in force from the next start. On ISOBUS the node ID is the address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalLayer {
-    /// The node ID or address; `None` only for a device delivered without node ID.
+    /// The node ID or address; `None` only for a new valve that was delivered without one.
     pub(super) node_id: Option<u8>,
     pub(super) bit_rate: BitRate,
 }
 
 impl LocalLayer {
-    /// A placeholder until the memory is read.
+    /// The value before the first start.
     pub(super) const UNREAD: Self = Self { node_id: None, bit_rate: BitRate::Kbit250 };
 
     /// Returns the local layer of a new memory.
@@ -157,7 +157,6 @@ impl LocalLayer {
     }
 }
 
-/// Encodes the restore flag.
 pub(super) const fn encode_flag(set: bool) -> [u8; 1] {
     [set as u8]
 }
@@ -170,13 +169,13 @@ pub(super) fn decode_flag(payload: &[u8]) -> Option<bool> {
     }
 }
 
-/// The fault log: the occurrence counters.
+/// The fault log, which holds the occurrence counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct FaultLog {
     pub(super) counters: Counters,
 }
 
-/// The last byte of a fault log. Earlier versions stored the previously active faults there, which the counters imply.
+/// The last byte of a fault log. Earlier versions stored the previously active faults there.
 const RESERVED: u8 = 0;
 
 impl FaultLog {

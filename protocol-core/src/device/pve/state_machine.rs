@@ -1,18 +1,18 @@
-//! The device state machine (CiA 408, without the states NOT_READY, FAULT and FAULT_REACTION; SPEC 4.3).
+//! The device state machine of CiA 408, without the states NOT_READY, FAULT and FAULT_REACTION (SPEC 4.3).
 
 /// A state of the device state machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DeviceState {
-    /// Initialised, not enabled.
+    /// INIT: initialised, not enabled.
     #[default]
     Init,
-    /// Disabled.
+    /// DISABLED: the valve is disabled.
     Disabled,
-    /// Held in neutral.
+    /// HOLD: the valve holds neutral.
     Hold,
-    /// Active, in the device mode in force.
+    /// DEVICE_MODE_ACTIVE: the device mode is in force.
     Active,
-    /// Shut down after a fault.
+    /// FAULT_HOLD: a fault or another event has shut the valve down.
     FaultHold,
 }
 
@@ -20,7 +20,7 @@ impl DeviceState {
     /// All states.
     pub const ALL: [Self; 5] = [Self::Init, Self::Disabled, Self::Hold, Self::Active, Self::FaultHold];
 
-    /// Returns the status word, 0x6041: bits 3…0 are ready, mode active enabled, hold activated, disabled.
+    /// Returns the status word, 0x6041. Its bits 3…0 are ready, mode active enabled, hold activated and disabled.
     #[must_use]
     pub const fn status_word(self) -> u16 {
         match self {
@@ -37,15 +37,15 @@ impl DeviceState {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum DeviceMode {
-    /// Follow set-points.
+    /// The valve follows set-points.
     #[default]
     FullOperational = 1,
-    /// Leave the spool to the hand lever.
+    /// The hand lever moves the spool.
     HandOperation = 2,
 }
 
 impl DeviceMode {
-    /// Decodes a value of 0x6042; `None` unless it is 1 or 2.
+    /// Decodes a value of 0x6042; `None` for a value other than 1 and 2.
     #[must_use]
     pub const fn new(raw: u8) -> Option<Self> {
         match raw {
@@ -56,17 +56,18 @@ impl DeviceMode {
     }
 }
 
-/// Bits 3…0 of a control word: reset, mode active, hold, disabled.
+/// The bits 3…0 of a control word: reset, mode active, hold, disabled.
 const COMMAND_MASK: u16 = 0x0F;
-/// The two consecutive control words that lead from fault hold to HOLD (R: to ACTIVE in a use case of the manual).
+/// The two consecutive control words that lead from FAULT_HOLD to HOLD. (R) In a use case of the manual they lead to
+/// ACTIVE.
 const RESET_FIRST: u16 = 0b0011;
 const RESET_SECOND: u16 = 0b1011;
 
-/// The state, and the progress of leaving fault hold.
+/// The state of the machine, and the progress of leaving FAULT_HOLD.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StateMachine {
     state: DeviceState,
-    /// Whether the last control word in fault hold was 0011.
+    /// Whether the last control word in FAULT_HOLD was 0011.
     reset_begun: bool,
 }
 
@@ -79,7 +80,7 @@ impl StateMachine {
         self.state
     }
 
-    /// Applies a control word: at most one of the transitions D2–D7 and D11.
+    /// Applies a control word, which causes at most one of the transitions D2–D7 and D11.
     pub(super) fn control(&mut self, word: u16, fault_active: bool) {
         let command = word & COMMAND_MASK;
         let disabled = command & 0b0001 != 0;
@@ -102,7 +103,7 @@ impl StateMachine {
         };
     }
 
-    /// Enters or re-enters fault hold: D8, and every other event that shuts the device down.
+    /// Enters FAULT_HOLD anew: transition D8, and every other event that shuts the valve down.
     pub(super) const fn shut_down(&mut self) {
         *self = Self { state: DeviceState::FaultHold, reset_begun: false };
     }

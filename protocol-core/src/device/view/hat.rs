@@ -21,7 +21,7 @@ impl Viewable for Hat {
             node_id: self.node_id(),
             bit_rate: self.bit_rate(),
             nmt: Some(application.node.nmt_state()),
-            // Below 16384, which is one turn.
+            // The position is below 16384.
             position: i16::try_from(application.objects.position(now)).unwrap_or(i16::MAX),
             valve: None,
             faults: Error::ALL.into_iter().map(fault).collect(),
@@ -38,7 +38,7 @@ impl Viewable for Hat {
 }
 
 impl Error {
-    /// Returns the error's name, the same in every interface.
+    /// Returns the name of the error, which all interfaces use.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -1,6 +1,6 @@
-//! The view of a device for people and tools: plain data, one type for all products.
+//! The view of a device for people and tools: plain data of one type for all products.
 //!
-//! [`Viewable`] is separate from [`Device`](super::Device), so that an image without a display links none of it.
+//! [`Viewable`] is not part of [`Device`](super::Device), so that an image without a display does not contain it.
 
 mod hat;
 
@@ -20,13 +20,13 @@ pub const FAULTS: usize = Fault::ALL.len();
 /// The state of a device at one moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct View {
-    /// The node ID in force, on ISOBUS the address.
+    /// The node ID in force; on ISOBUS the address.
     pub node_id: Option<u8>,
     /// The bit rate in force.
     pub bit_rate: BitRate,
     /// The NMT state; `None` on ISOBUS.
     pub nmt: Option<nmt::State>,
-    /// The position of the spool, −16384…16384; for an encoder the value of object 0x6004.
+    /// The position of the spool, −16384 … 16384. For an encoder, the value of object 0x6004.
     pub position: i16,
     /// The state of a valve; `None` for another product.
     pub valve: Option<ValveView>,
@@ -39,10 +39,10 @@ pub struct View {
 pub struct ValveView {
     /// The state of the device state machine; `None` on ISOBUS.
     pub dsm: Option<DeviceState>,
-    /// The state of the auxiliary valve as reported in AVEF, blocked during a shutdown. `None` on CANopen.
+    /// The state of the auxiliary valve in AVEF: blocked during a shutdown. `None` on CANopen.
     pub command: Option<ValveState>,
-    /// The set-point: on CANopen the last accepted set-point, object 0x6300; on ISOBUS the set-point of `command`,
-    /// neutral except for extend, retract and float.
+    /// The set-point. On CANopen it is the set-point accepted last, object 0x6300. On ISOBUS it is that of `command`,
+    /// neutral unless the state is extend, retract or float.
     pub set_point: SetPoint,
     /// Whether the solenoids are energised.
     pub solenoids: bool,
@@ -53,26 +53,26 @@ pub struct ValveView {
 /// The state of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultView {
-    /// The fault's name, the same in every interface.
+    /// The name of the fault, which all interfaces use.
     pub name: &'static str,
     /// Whether the fault is active.
     pub active: bool,
-    /// The occurrence counter of a valve, 0–127; for an angle sensor the number of its entries in 0x1003.
+    /// The occurrence counter of a valve, 0–127. For an angle sensor, the number of entries in 0x1003.
     pub count: u8,
 }
 
-/// A device with a [`View`].
+/// A device that has a [`View`].
 pub trait Viewable {
-    /// Returns the view at `now`, which must not be earlier than any time given to the device.
+    /// Returns the view at `now`. An earlier time than that of the previous call to the device is not permitted.
     fn view(&self, now: Instant) -> View;
 
-    /// Returns the [key](crate::frame::Frame::key) of TPDO 1 and its mapped objects; `None` while the TPDO is off, and
-    /// on ISOBUS.
+    /// Returns the [key](crate::frame::Frame::key) of TPDO 1 and its mapped objects. Returns `None` while the TPDO is
+    /// off, and on ISOBUS.
     fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
         None
     }
 
-    /// Returns whether LSS is changing the bit rate: the device is silent from activate bit timing to the end of the
+    /// Returns whether LSS is changing the bit rate. The device is silent from activate bit timing to the end of the
     /// second delay (SPEC 4.4, CiA 305).
     fn is_switching_bit_rate(&self) -> bool {
         false

@@ -1,4 +1,4 @@
-//! The frames that a node receives, selected by identifier only: most frames on the bus are for other nodes.
+//! The frames that a node receives, selected by their identifiers. Most frames on the bus are for other nodes.
 
 use core::ops::RangeInclusive;
 
@@ -7,29 +7,29 @@ use crate::controller::{Filter, Filters};
 use crate::frame::{Frame, extended, key};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 
-/// The service that a frame belongs to.
+/// The service that handles a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Service {
-    /// The product's command group.
+    /// The command group of the product.
     Command,
-    /// A request, to this node or to all.
+    /// A request to this node or to all.
     Request,
     /// A claim of the own address.
     Claim,
-    /// A frame of a multi-packet broadcast.
+    /// A frame of a broadcast of several packets.
     Broadcast,
     /// A frame of a transport connection with this node.
     Connection,
-    /// No service: a foreign frame with the own source address.
+    /// No service, but another node uses the own address as source.
     Objection,
-    /// The product's non-J1939 protocol.
+    /// The protocol of the product other than J1939.
     OtherProtocol,
 }
 
-/// Bits 8–25 of an identifier, at their original positions: the group and, in PDU1 format, the destination.
+/// Bits 8–25 of an identifier, not shifted: the group and, in PDU1 format, the destination.
 type Group = u32;
 
-/// The identifiers of the services.
+/// The groups and the address that the services of the node receive.
 #[derive(Clone, Debug)]
 pub(super) struct Groups {
     own: Address,
@@ -37,15 +37,13 @@ pub(super) struct Groups {
     request: Group,
     connection: Group,
     other_protocol: Filter,
-    /// Whether these filters have been handed out to the controller.
-    told: bool,
+    /// Whether the controller has these filters.
+    handed_out: bool,
 }
 
-/// A request to all.
 const REQUEST_TO_ALL: Group = group(Pgn::REQUEST, Address::GLOBAL);
 
-/// The range of groups that contains TP.DT, TP.CM and address claimed, with any destination. Most frames are outside
-/// this range.
+/// The range of groups that holds TP.DT, TP.CM and address claimed, for any destination. Most frames lie outside.
 const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
     group(Pgn::TP_DATA, Address::new(0))..=group(Pgn::ADDRESS_CLAIMED, Address::GLOBAL);
 
@@ -55,7 +53,7 @@ const GROUP: u32 = 0x3_FFFF << 8;
 const NONE: Group = u32::MAX;
 /// The bits of a key that hold the source.
 const SOURCE: u32 = 0xFF;
-/// The bits of a key above the 29 bits of an identifier, which distinguish extended from standard identifiers.
+/// The bits of a key above the 29 bits of an identifier. Bit 29 marks a 29-bit identifier.
 const EXTENDED: u32 = !0x1FFF_FFFF;
 
 const fn group(pgn: Pgn, destination: Address) -> Group {
@@ -71,20 +69,20 @@ impl Groups {
             request: group(Pgn::REQUEST, own),
             connection: group(Pgn::TP_CONNECTION, own),
             other_protocol: (rules.other_protocol)(own),
-            told: false,
+            handed_out: false,
         }
     }
 
-    /// Stops receiving commands after the loss of the address.
+    /// Stops the reception of commands, after the loss of the address.
     pub(super) const fn lose(&mut self) {
         self.command = NONE;
     }
 
-    /// Returns the service that a frame belongs to. A foreign frame with the own source address can belong to any
-    /// service.
+    /// Returns the service that handles a frame. A frame of any service can come from another node under the own
+    /// address.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
-        // The key of a standard identifier has at most three bits in the group field, so it matches no group.
+        // The key of an 11-bit identifier has at most three bits in the group field, and so no known group.
         let group: Group = frame.key() & GROUP;
         if group == self.command {
             return Some(Service::Command);
@@ -101,7 +99,7 @@ impl Groups {
         None
     }
 
-    /// Returns the service of a frame in the transport and claim groups.
+    /// Returns the service of a frame in the groups of transport and claims.
     fn neighbour(&self, frame: &Frame, group: Group) -> Option<Service> {
         let id = J1939Id::from_raw(frame.key());
         match id.format() {
@@ -112,7 +110,7 @@ impl Groups {
         }
     }
 
-    /// Returns the service of a frame outside the transport and claim groups whose identifier ends in the own address.
+    /// Returns the service of a frame in any other group whose identifier ends in the own address.
     #[inline]
     fn ends_in_own_address(&self, frame: &Frame) -> Option<Service> {
         if self.other_protocol.passes(frame) {
@@ -121,21 +119,21 @@ impl Groups {
         self.is_foreign_use(frame).then_some(Service::Objection)
     }
 
-    /// Returns whether a frame that is not a claim uses the own address. Both page bits set mark other protocols, such
-    /// as UDS, whose identifiers have no source address in that place.
+    /// Returns whether another node uses the own address as source of a J1939 frame. Identifiers of other protocols,
+    /// such as UDS, have both page bits set and no source address there.
     #[inline]
     pub(super) fn is_foreign_use(&self, frame: &Frame) -> bool {
         let id = J1939Id::from_raw(frame.key());
         id.source() == self.own && frame.is_extended() && id.is_j1939()
     }
 
-    /// Returns the controller filters, once after every start.
+    /// Returns the filters for the controller, once after every start.
     #[inline]
     pub(super) fn take_filters(&mut self) -> Option<Filters> {
-        if self.told {
+        if self.handed_out {
             return None;
         }
-        self.told = true;
+        self.handed_out = true;
         Some(self.filters())
     }
 
@@ -144,7 +142,7 @@ impl Groups {
         let to_all = |pgn: Pgn| group(pgn, Address::GLOBAL);
         let broadcasts = [to_all(Pgn::TP_CONNECTION), to_all(Pgn::TP_DATA)];
         let groups = [self.command, self.request, REQUEST_TO_ALL, self.connection].into_iter().chain(broadcasts);
-        // Claims of the own address and the identifiers of the other protocol also end in the own address.
+        // Claims of the own address and frames of the other protocol end in the own address, too.
         let under_own = of(self.own.get().into(), SOURCE);
         groups.map(|group| of(group, GROUP)).chain([under_own]).collect()
     }

@@ -1,11 +1,10 @@
-//! The status messages of a node: at most one frame of each kind is pending.
+//! The kinds of messages that a node sends by itself or on request. At most one message of each kind is pending.
 
-/// A status message, in order of arbitration. The message is encoded when the controller can take a frame, with the
-/// present state.
+/// A kind of message. The order is that of arbitration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Message {
-    /// The product's cyclic report.
+    /// The cyclic report of the product.
     Report,
     /// The claim or cannot-claim.
     Claim,
@@ -13,12 +12,12 @@ pub(super) enum Message {
     Dm1,
     /// DM2.
     Dm2,
-    /// The next frame of a multi-packet broadcast.
+    /// The next frame of a broadcast of several packets.
     Packet,
 }
 
 impl Message {
-    /// All messages, in order of arbitration.
+    /// All kinds of messages, in the order of arbitration.
     pub(super) const ALL: [Self; 5] = [Self::Report, Self::Claim, Self::Dm1, Self::Dm2, Self::Packet];
 
     const fn bit(self) -> u8 {
@@ -26,7 +25,7 @@ impl Message {
     }
 }
 
-/// A set of messages.
+/// A set of kinds of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct MessageSet(u8);
 
@@ -61,7 +60,6 @@ impl MessageSet {
         Message::ALL.into_iter().find(|message| self.contains(*message))
     }
 
-    /// Returns the messages in both sets.
     #[inline]
     pub(super) const fn intersection(self, other: Self) -> Self {
         Self(self.0 & other.0)

@@ -1,14 +1,14 @@
-//! The node: the product-independent services combined (SPEC 5).
+//! The ISOBUS node, which combines the product-independent services (SPEC 5).
 //!
 //! ```text
-//! mod       the interface: frames, time, bus state
-//! groups    the frames for the node, and its filters
-//! messages  the status messages
-//! serve     the handling of received frames
+//! mod       interface: frames to send, time, bus state
+//! groups    identifiers of received frames
+//! messages  kinds of pending messages
+//! serve     handling of received frames
 //! ```
 //!
-//! The services hold the pending messages; the node encodes the most urgent message when the controller can take a
-//! frame. A frame waiting in the controller is aborted before a newer message of its kind is queued.
+//! When the controller can take a frame, the node encodes the most urgent pending message. A new message of a kind
+//! replaces an older one, which is aborted in the controller.
 
 mod groups;
 mod messages;
@@ -33,23 +33,24 @@ use crate::wire::dm::{self, Trouble};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::wire::name::{COMMANDED_ADDRESS_LEN, Name};
 
-/// The number of senders whose commanded addresses can be received at once.
+/// The number of senders whose commanded addresses the node receives at the same time.
 const SENDERS: usize = 16;
 
-/// The groups received as multi-packet broadcasts.
+/// The groups that the node receives as broadcasts of several packets.
 const BROADCASTS: &[Pgn] = &[Pgn::COMMANDED_ADDRESS];
 
 /// The rules of a product for its node.
 #[derive(Debug)]
 pub struct Rules {
-    /// Returns the command group for a node with this address.
+    /// Returns the command group of a node with this address.
     pub command: fn(Address) -> Pgn,
-    /// Returns the filter for the product's non-J1939 protocol; its identifiers end in the node's address.
+    /// Returns the filter for the product's protocol other than J1939. The identifiers of its frames end in the address
+    /// of the node.
     pub other_protocol: fn(Address) -> Filter,
-    /// Returns the group of the cyclic report from a node with this address.
+    /// Returns the group of the cyclic report of a node with this address.
     pub report: fn(Address) -> Pgn,
-    /// The period of the report, a control message with precedence over all other messages of the node. The first
-    /// report is sent at the end of the wait after the claim.
+    /// The period of the report. The first report is sent at the end of the wait after the claim. Its identifier is
+    /// more urgent than that of all other messages of the node.
     pub report_period: Duration,
 }
 
@@ -58,7 +59,7 @@ pub trait Product {
     /// Returns the data of the report at `now`.
     fn report(&self, now: Instant) -> [u8; 8];
 
-    /// Returns the previously active trouble codes in DM2 order.
+    /// Returns the previously active trouble codes, in the order of DM2.
     fn previously_active(&self) -> impl Iterator<Item = Trouble> + Clone;
 }
 
@@ -74,12 +75,12 @@ pub struct Node<const DM2: usize> {
     report: J1939Id,
     next_report: Instant,
     bus_off: bool,
-    /// The messages permitted by the bus state and the claim.
+    /// The messages that bus state and claim permit.
     permitted: MessageSet,
     pending: MessageSet,
-    /// The messages that may have a frame in the controller.
+    /// The messages of which the controller may hold a frame.
     in_controller: MessageSet,
-    /// The filters for frames that the controller must no longer send.
+    /// The filters of frames that the controller must no longer send.
     aborts: Vec<Filter, { Message::ALL.len() }>,
     answers: Answers,
     dropped: u32,
@@ -87,7 +88,7 @@ pub struct Node<const DM2: usize> {
 }
 
 impl<const DM2: usize> Node<DM2> {
-    /// Creates a node that begins to claim an address.
+    /// Creates a node that begins to claim its address.
     #[must_use]
     pub fn new(rules: &'static Rules, name: Name, own: Address) -> Self {
         Self {
@@ -110,8 +111,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Restarts with this NAME and address, as after power-up. The bus state and the count of dropped frames stay; a
-    /// running broadcast is abandoned.
+    /// Restarts the node with this NAME and address, as after power-up. A running broadcast is abandoned. The bus state
+    /// and the count of dropped frames stay.
     pub fn restart(&mut self, name: Name, own: Address) {
         self.give_up_all();
         let Self { bus_off, dropped, .. } = *self;
@@ -121,28 +122,28 @@ impl<const DM2: usize> Node<DM2> {
         self.permit();
     }
 
-    /// Returns the address, claimed or being claimed; `None` once it is lost.
+    /// Returns the address, which the node has claimed or is claiming; `None` after its loss.
     #[inline]
     #[must_use]
     pub const fn address(&self) -> Option<Address> {
         self.claim.address()
     }
 
-    /// Returns the address while messages other than claims may be sent; otherwise `None`.
+    /// Returns the address if messages other than claims may be sent.
     #[inline]
     #[must_use]
     pub const fn voice(&self) -> Option<Address> {
         if self.claim.may_send() && !self.bus_off { self.claim.address() } else { None }
     }
 
-    /// Returns the number of dropped or abandoned answers and messages.
+    /// Returns the number of answers and messages that were dropped or abandoned.
     #[must_use]
     pub const fn dropped(&self) -> u32 {
         self.dropped
     }
 
-    /// Sets whether the controller is bus-off. Bus-off drops all pending messages except an unsent first claim and DM1.
-    /// The DM1 reports the state at the time of its sending.
+    /// Sets whether the controller is bus-off. Bus-off drops all pending messages but DM1 and an unsent first claim.
+    /// DM1 reports the state at the time of its transmission.
     pub fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.give_up_all();
@@ -155,14 +156,14 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Sets the active trouble code of DM1, and queues DM1 on a change.
+    /// Sets the active trouble code of DM1. A change queues DM1.
     pub fn set_active(&mut self, active: Option<Trouble>, now: Instant) {
         let outcome = self.dm1.set(active, if self.bus_off { NEVER } else { now });
         self.note(outcome, Message::Dm1);
         self.schedule();
     }
 
-    /// Queues an answer. If the node may not send or the queue is full, the answer is dropped and counted.
+    /// Queues an answer. A full queue, and a node that may not send, drop and count the answer.
     pub fn answer(&mut self, frame: Frame) {
         if self.voice().is_none() || !self.answers.push(frame) {
             self.count_dropped(1);
@@ -197,25 +198,25 @@ impl<const DM2: usize> Node<DM2> {
         self.deadline
     }
 
-    /// Returns the controller filters, once after every start.
+    /// Returns the filters for the controller, once after every start.
     #[inline]
     pub fn take_filters(&mut self) -> Option<Filters> {
         self.groups.take_filters()
     }
 
-    /// Returns a filter for frames that the controller must no longer send.
+    /// Returns a filter of frames that the controller must no longer send.
     #[inline]
     pub fn take_abort(&mut self) -> Option<Filter> {
         self.aborts.pop()
     }
 
-    /// Encodes the most urgent pending frame.
+    /// Encodes the most urgent pending message or answer.
     #[inline]
     pub fn next_frame(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         if self.has_frame() { self.render_first(now, product) } else { None }
     }
 
-    /// Requeues a frame that the controller returned, if it may still be sent.
+    /// Requeues a frame that the controller returned. A frame that may no longer be sent is dropped.
     pub fn give_back(&mut self, frame: Frame) {
         match self.message_of(&frame) {
             Some(message) if self.in_controller.contains(message) => {
@@ -229,12 +230,12 @@ impl<const DM2: usize> Node<DM2> {
                 let had_room = self.answers.take_back(frame);
                 self.count_dropped(u32::from(!had_room));
             }
-            // Outdated.
+            // The frame is outdated.
             _ => {}
         }
     }
 
-    /// Records that by `now` the controller has sent all frames handed to it.
+    /// Records that the controller has sent all its frames by `now`.
     pub fn all_sent(&mut self, now: Instant) {
         if self.in_controller.contains(Message::Claim) {
             self.claim.sent(now);
@@ -250,14 +251,14 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns the trouble code of the last DM1; `None` while a DM1 is unsent, or if the last DM1 had no code.
+    /// Returns the trouble code that the last DM1 on the bus had. Returns `None` while a DM1 is unsent.
     #[must_use]
-    pub fn told(&self) -> Option<Trouble> {
+    pub fn reported(&self) -> Option<Trouble> {
         let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.pending.contains(Message::Dm1);
         self.dm1.rendered().filter(|_| on_the_bus)
     }
 
-    /// Updates the permitted messages after a change of the bus state or the claim.
+    /// Updates the permitted messages, after a change of bus state or claim.
     fn permit(&mut self) {
         self.permitted = match self.bus_off {
             true => MessageSet::EMPTY,
@@ -266,7 +267,7 @@ impl<const DM2: usize> Node<DM2> {
         };
     }
 
-    /// Returns the pending messages that are permitted.
+    /// Returns the pending messages that may be sent.
     #[inline]
     const fn sendable(&self) -> MessageSet {
         self.pending.intersection(self.permitted)
@@ -279,7 +280,7 @@ impl<const DM2: usize> Node<DM2> {
         !self.sendable().is_empty() || !self.answers.is_empty()
     }
 
-    // −20 instructions on a claim and on an AVEF.
+    // `inline(never)` saves 20 instructions on a claim and on an AVEF.
     #[inline(never)]
     fn render_first(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         if !self.answers.is_empty() {
@@ -289,8 +290,8 @@ impl<const DM2: usize> Node<DM2> {
         self.render(now, product, message)
     }
 
-    /// Encodes the most urgent of the pending messages and answers. Comparing keys suffices, because every frame here
-    /// is an extended data frame.
+    /// Encodes the most urgent of the pending messages and answers. All of them are data frames with 29-bit
+    /// identifiers, so their keys can be compared.
     fn render_among_answers(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let before_answers =
             |message: &Message| self.answers.first().is_none_or(|answer| self.key_of(*message) < answer.key());
@@ -323,9 +324,9 @@ impl<const DM2: usize> Node<DM2> {
         Some(frame)
     }
 
-    /// Encodes DM2: a single frame for at most one code, otherwise the announcement of a broadcast, even for an
-    /// addressed request (R).
-    // −11 instructions on a claim, −10 on an AVEF.
+    /// Encodes DM2: a single frame for at most one trouble code, otherwise the announcement of a broadcast, even if the
+    /// request was addressed (R).
+    // `inline(never)` saves 11 instructions on a claim, 10 on an AVEF.
     #[inline(never)]
     fn render_dm2(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let mut codes = product.previously_active();
@@ -337,7 +338,7 @@ impl<const DM2: usize> Node<DM2> {
             }
             _ => {
                 self.pending.remove(Message::Dm2);
-                // Cannot fail: no other broadcast is running, and two codes exceed the minimum size of a broadcast.
+                // Cannot fail, because no broadcast is running and two codes exceed the minimum size.
                 let _ = self.bam.start(Pgn::DM2, dm::payload(all), now);
                 self.render_packet()
             }
@@ -356,13 +357,12 @@ impl<const DM2: usize> Node<DM2> {
         self.in_controller.insert(message);
     }
 
-    /// Returns the source address of sent frames: the null address once the own address is lost.
+    /// Returns the source address of sent frames, the null address after the loss of the address.
     #[inline]
     fn own(&self) -> Address {
         self.claim.address().unwrap_or(Address::NULL)
     }
 
-    /// Returns the key of a message's identifier.
     #[inline]
     fn key_of(&self, message: Message) -> u32 {
         let global = |priority, pgn| J1939Id::global(priority, pgn, self.own()).key();
@@ -375,8 +375,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Returns the message that a frame in the controller carries; `None` for an answer and, once the address is lost,
-    /// for every frame but a cannot-claim.
+    /// Returns the message that a frame from the controller carries. Returns `None` for an answer and, after the loss
+    /// of the address, for all frames but a cannot-claim.
     fn message_of(&self, frame: &Frame) -> Option<Message> {
         Message::ALL.into_iter().find(|message| self.key_of(*message) == frame.key())
     }

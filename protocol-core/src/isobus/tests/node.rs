@@ -353,20 +353,20 @@ fn a_broadcast_that_has_not_begun_waits() {
 #[test]
 fn a_code_is_told_when_its_dm1_is_on_the_bus() {
     let mut rig = Rig::claimed();
-    assert_eq!(rig.node.told(), None);
+    assert_eq!(rig.node.reported(), None);
     rig.block(true);
     rig.set_active(Some(LEAK));
-    assert_eq!(rig.node.told(), None);
+    assert_eq!(rig.node.reported(), None);
     rig.node.give_back(rig.mailboxes.remove(0));
-    assert_eq!(rig.node.told(), None);
+    assert_eq!(rig.node.reported(), None);
     rig.pump();
     rig.mailboxes.clear();
     rig.node.set_bus_off(true);
     rig.block(false);
-    assert_eq!(rig.node.told(), None);
+    assert_eq!(rig.node.reported(), None);
     rig.node.set_bus_off(false);
     rig.pump();
-    assert_eq!(rig.node.told(), Some(LEAK));
+    assert_eq!(rig.node.reported(), Some(LEAK));
 }
 
 /// The node does not object during the wait after the claim; it objects once after the wait, and again after five

@@ -1,39 +1,40 @@
-//! The progress of a "load" and its execution in the memory (SPEC 4.5, 6).
+//! The restore flag: the execution of a "load" at a start, and the "load" that a client demands (SPEC 4.5, 6).
 //!
-//! A start that finds the restore flag set executes a "load": the device uses the defaults, stores them, and then
-//! clears the flag. A "save" in the meantime stores its parameters instead of the defaults. The "save" is acknowledged
-//! only after the flag is cleared, because the next start would otherwise overwrite the saved parameters. A client's
-//! "load" sets the flag for the next start, and a later "save" leaves the flag set (R). Once the defaults are stored, a
-//! write that sets the flag for a client also completes the executed "load".
+//! A start that finds the restore flag set executes a "load": the valve uses the defaults, stores them, and then clears
+//! the flag. A "save" in between stores its parameters instead of the defaults. It is answered only after the flag is
+//! cleared, because the next start would overwrite its parameters otherwise.
+//!
+//! The "load" of a client sets the flag for the next start, and a later "save" leaves the flag set (R). Once the
+//! defaults are stored, such a write of the flag also completes the executed "load".
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// The delay before a failed write of an executed "load" is repeated (A).
+/// The delay after which a failed write of an executed "load" is repeated (A).
 const RETRY: Duration = Duration::from_secs(10);
 
-/// The progress of the "load" executed at this start.
+/// The progress of the "load" that this start executes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Executed {
-    /// No "load" was executed, or its writes are complete.
+    /// No "load" was executed, or all its writes are done.
     Done,
-    /// The flag is set; the stored parameters are older than the "load".
+    /// The flag is set. The stored parameters are older than the "load".
     DefaultsUnstored,
-    /// The flag is set; the stored parameters are newer than the "load".
+    /// The flag is set. The stored parameters are newer than the "load".
     FlagUncleared,
 }
 
-/// The "load" that a client requested for the next start. While a request exists, the flag is written as set.
+/// The "load" that a client demands for the next start. A write of the flag sets it while there is a demand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Demanded {
-    /// No request, or a request that could not be stored.
+    /// No demand, or one that could not be stored.
     No,
     /// The write of the flag is queued or in progress.
     Unstored,
-    /// The memory holds the flag, and the client has received a positive answer.
+    /// The memory holds the flag, and the client has its positive answer.
     Stored,
 }
 
-/// The restore flag: the progress of the executed "load", and the requested "load".
+/// The progress of the executed "load", and the demanded "load".
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     pub(super) executed: Executed,
@@ -42,25 +43,24 @@ pub(super) struct Load {
 }
 
 impl Load {
-    /// Creates the state for a memory whose flag is not set.
+    /// Creates the state of a memory whose flag is not set.
     pub(super) const fn new() -> Self {
         Self { executed: Executed::Done, demanded: Demanded::No, retry_at: NEVER }
     }
 
-    /// Creates the state at a start; `executes` states whether the start executes a "load".
+    /// Creates the state at a start. `executes` says whether the start executes a "load".
     pub(super) const fn found(executes: bool) -> Self {
         let executed = if executes { Executed::DefaultsUnstored } else { Executed::Done };
         Self { executed, ..Self::new() }
     }
 
-    /// Returns whether the defaults replace the stored parameters, because an executed "load" has not stored them yet
+    /// Returns whether the defaults replace the stored parameters. This is so until an executed "load" has stored them
     /// (A).
     pub(super) fn replaces_stored(&self) -> bool {
         self.executed == Executed::DefaultsUnstored
     }
 
-    /// Records that parameters newer than the executed "load" are stored. Returns whether the flag must still be
-    /// cleared.
+    /// Records that parameters newer than the executed "load" are stored. Returns whether the flag must be cleared.
     pub(super) fn parameters_stored(&mut self) -> bool {
         if self.executed == Executed::DefaultsUnstored {
             self.executed = Executed::FlagUncleared;
@@ -68,20 +68,20 @@ impl Load {
         self.executed == Executed::FlagUncleared
     }
 
-    /// Records a client's "load".
+    /// Records the "load" of a client.
     pub(super) fn demand(&mut self) {
         if self.demanded == Demanded::No {
             self.demanded = Demanded::Unstored;
         }
     }
 
-    /// Returns the value of the flag to write: whether a client has requested a "load".
+    /// Returns the flag to write: whether a client demands a "load".
     pub(super) fn flag(&self) -> bool {
         self.demanded != Demanded::No
     }
 
-    /// Handles the result of a write of the flag. If `is_last`, no equal write is queued, and the result also decides a
-    /// client's "load".
+    /// Handles the result of a write of the flag. If `is_last`, no equal write waits, and the result decides the "load"
+    /// of a client.
     pub(super) fn flag_written(&mut self, stored: bool, is_last: bool, now: Instant) {
         if is_last && self.demanded == Demanded::Unstored {
             self.demanded = if stored { Demanded::Stored } else { Demanded::No };
@@ -89,8 +89,8 @@ impl Load {
         if !stored {
             self.failed(now);
         } else if self.executed == Executed::FlagUncleared {
-            // Before the defaults are stored, the flag is written only for a client, as set. Such a write does not
-            // complete the executed "load".
+            // Before the defaults are stored, only a client can have the flag written. Such a write sets the flag and
+            // does not complete the executed "load".
             self.executed = Executed::Done;
             self.retry_at = NEVER;
         }
@@ -109,7 +109,7 @@ impl Load {
         self.retry_at
     }
 
-    /// Returns whether to retry now. While the memory is busy, a due retry is postponed.
+    /// Returns whether a retry is due. A busy memory postpones it.
     pub(super) fn retry(&mut self, now: Instant, busy: bool) -> bool {
         let due = now >= self.retry_at;
         if due {

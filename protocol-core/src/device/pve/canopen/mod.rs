@@ -1,10 +1,10 @@
-//! A valve on CANopen: the node of `canopen/` with the valve's objects (SPEC 4, 7).
+//! The application of a valve on CANopen, made of the node of `canopen/` and the objects of the valve (SPEC 4, 7).
 //!
 //! ```text
-//! mod        the application: connects the node and the valve
-//! emergency  EMCYs and the error history
-//! storing    writes to the memory, and their clients
-//! load       the progress of a "load" and its execution
+//! mod        the application: node and valve
+//! emergency  EMCYs and error history
+//! storing    writes to the memory
+//! load       restore flag
 //! ```
 
 mod emergency;
@@ -49,9 +49,9 @@ pub struct CanopenValve {
     /// The stored node ID and bit rate.
     local_layer: LocalLayer,
     load: Load,
-    /// The node ID and bit rate in the write in progress; `None` for an unchanged value.
+    /// The node ID and bit rate that the write in progress changes.
     layer_in_flight: Configuration,
-    /// The counters cleared by the write in progress; restored if the write fails.
+    /// The counters that the write in progress clears. A failed write restores them.
     cleared: Counters,
     causes: Causes,
 }
@@ -63,7 +63,7 @@ impl CanopenValve {
         &self.objects.control.valve
     }
 
-    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base) {
+    fn execute(&mut self, demand: Demand<Task>, base: &mut Base) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
             Demand::StoreConfiguration => base.writes.request(Write::new(RecordKey::LocalLayer, Requester::Lss)),
@@ -120,11 +120,11 @@ impl Application for CanopenValve {
             return self.serve_uds(frame, base);
         }
         if let Some(demand) = self.node.handle(service, frame, &mut self.objects, base.now()) {
-            self.demanded(demand, base);
+            self.execute(demand, base);
         }
     }
 
-    /// Handles a frame while a restart is pending. A reset request of wider scope replaces the pending restart.
+    /// Handles an NMT reset while a restart is pending. A wider scope replaces the pending one.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -189,11 +189,11 @@ impl Application for CanopenValve {
         self.node.take_bit_rate()
     }
 
-    /// Starts with the contents of the memory (SPEC 4.3, 4.5, 6). On reset communication the application enters
-    /// FAULT_HOLD and keeps its parameters; active faults are reported again.
+    /// Starts with the contents of the memory (SPEC 4.3, 4.5, 6). Reset communication leads to FAULT_HOLD, keeps the
+    /// own objects of the product, and reports active faults again.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
-        let mut found = Found::look(&self.setup, memory);
+        let mut found = Found::read(&self.setup, memory);
         let parameters =
             found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY.entries(), Group::All, payload));
         let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
@@ -205,8 +205,7 @@ impl Application for CanopenValve {
         let reset = match scope {
             Restart::Communication => {
                 self.objects.control.shut_down(now);
-                // A fault that fell due while the restart was pending must be counted and entered before it is reported
-                // again.
+                // A fault that became due while the restart was pending must be counted before it is reported again.
                 self.apply_changes(base);
                 Reset::Communication
             }
@@ -218,13 +217,13 @@ impl Application for CanopenValve {
         };
         let node_id = self.node.reset(reset, stored);
         if scope == Restart::Application {
-            // The defaults depend on the node ID: without a node ID, the "load" waits for a start with a node ID.
+            // The defaults depend on the node ID. Without a node ID the "load" waits for a start with one.
             self.load = Load::found(load_is_set && node_id.is_some());
         }
         let parameters = parameters.filter(|_| !self.load.replaces_stored());
         self.node.boot(reset, [(Group::All, parameters)], &mut self.objects, now);
-        self.tell_start(scope, base);
-        found.tell_faults(&mut self.objects.control.valve, now);
+        self.report_start(scope, base);
+        found.raise_faults(&mut self.objects.control.valve, now);
         base.fill(&found.reading);
         self.continue_load(base);
     }

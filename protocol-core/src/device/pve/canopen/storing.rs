@@ -1,4 +1,4 @@
-//! Writes to the memory: their payloads, and the clients that wait for them (SPEC 4.5, 6).
+//! The writes to the memory: their payloads and the clients that wait for them (SPEC 4.5, 6).
 
 use heapless::VecView;
 
@@ -15,15 +15,15 @@ use crate::memory::RecordKey;
 use crate::uds::node_id_written;
 use crate::wire::lss::LssNodeId;
 
-/// "save": writes the present parameters.
+/// The write of the present parameters, for "save".
 const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
-/// Executed "load": writes the defaults.
+/// The write of the defaults, for an executed "load".
 const RESTORE: Write = Write::new(RecordKey::Parameters, Requester::Device);
-/// Writes the present value of the restore flag.
+/// The write of the restore flag.
 const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Requester::Device);
-/// Writes the restore flag as the second half of a "save", whose client waits for it.
+/// The write of the restore flag for the client of a "save", as its second half.
 const FLAG_OF_SAVE: Write = Write::new(RecordKey::RestoreFlag, Requester::Sdo);
-/// Writes the fault log with all counters cleared.
+/// The write of the fault log with all counters cleared.
 const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Requester::Sdo);
 
 pub(super) const WRITES: [Write; 7] = [
@@ -49,14 +49,14 @@ impl CanopenValve {
         });
     }
 
-    /// Repeats a failed write of an executed "load", if due.
+    /// Repeats a failed write of an executed "load" when it is due.
     pub(super) fn retry_load(&mut self, base: &mut Base) {
         if self.load.retry(base.now(), !base.writes.is_idle()) {
             self.continue_load(base);
         }
     }
 
-    /// Requests the next write of an executed "load": the defaults, then the restore flag.
+    /// Requests the next write of an executed "load": first the defaults, then the restore flag.
     pub(super) fn continue_load(&mut self, base: &mut Base) {
         match self.load.executed {
             Executed::Done => {}
@@ -65,7 +65,7 @@ impl CanopenValve {
         }
     }
 
-    /// Returns the local layer as changed by the write in progress.
+    /// Returns the local layer that the write in progress stores.
     fn layer_to_store(&self) -> LocalLayer {
         let Configuration { node_id, bit_rate } = self.layer_in_flight;
         LocalLayer {
@@ -74,7 +74,7 @@ impl CanopenValve {
         }
     }
 
-    /// Answers the SDO client of a task if `is_last`: the last of the equal writes has ended.
+    /// Answers the SDO client of a task if `is_last`, which means that no equal write waits.
     fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
         if is_last {
             self.node.end_task(task, stored);
@@ -102,7 +102,7 @@ impl Storing for CanopenValve {
             RecordKey::FaultLog => {
                 let valve = &mut self.objects.control.valve;
                 if write.requester == Requester::Sdo {
-                    // Activations from now on are counted from zero.
+                    // Activations from now on count from zero.
                     self.cleared = valve.take_counters();
                 }
                 &FaultLog { counters: valve.counters() }.encode()
@@ -112,7 +112,7 @@ impl Storing for CanopenValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Handles the result of a write. Of several equal writes, the last write decides the answer to the SDO client.
+    /// Handles the result of a write. The last of several equal writes decides the answer to the SDO client.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;

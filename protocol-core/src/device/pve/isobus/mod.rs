@@ -1,9 +1,9 @@
-//! A valve on ISOBUS: the node of `isobus/` with an auxiliary valve (SPEC 5, 7).
+//! The application of a valve on ISOBUS, made of the node of `isobus/` and an auxiliary valve (SPEC 5, 7).
 //!
 //! ```text
-//! mod      the application: connects the node and the valve
+//! mod      the application: node and valve
 //! product  groups, NAME and address
-//! storing  writes to the memory, and their clients
+//! storing  writes to the memory
 //! ```
 
 mod product;
@@ -35,10 +35,10 @@ use crate::wire::dm::payload_len;
 use crate::wire::j1939_id::Address;
 use crate::wire::valve::Command;
 
-/// The length of the longest DM2: all faults were previously active.
+/// The length of the longest DM2, in which all faults were previously active.
 const DM2_MAX: usize = payload_len(Fault::ALL.len());
 
-/// The number of DM3s that can wait for the memory (A): one for each tool on a large bus.
+/// The number of DM3s that can wait for the memory (A).
 const CLEARINGS: usize = 8;
 
 /// A PVEA or PVEO on ISOBUS.
@@ -54,7 +54,7 @@ pub struct IsobusValve {
     node: Node<DM2_MAX>,
     pub(super) auxiliary: AuxiliaryValve,
     clearing: Vec<Clearing, CLEARINGS>,
-    /// The faults that a DM3 asked to clear and that have not occurred since that DM3.
+    /// The faults that a waiting DM3 will clear. A fault that occurs again leaves the set.
     clearable: FaultSet,
     causes: Causes,
 }
@@ -66,8 +66,8 @@ impl IsobusValve {
         &self.auxiliary.valve
     }
 
-    /// Reports the fault changes in DM1 and to the fault log. A waiting DM3 no longer clears a fault that has occurred
-    /// again.
+    /// Reports the changes of faults to DM1 and to the fault log. A waiting DM3 will not clear a fault that has
+    /// occurred again.
     fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         let changes = self.auxiliary.take_changes(now);
@@ -75,7 +75,7 @@ impl IsobusValve {
         let active = self.auxiliary.valve.faults();
         let trouble = |fault| self.auxiliary.trouble(fault);
         if !changes.activated.is_empty() {
-            // A fault can clear as soon as it activates.
+            // A fault that cleared at once is reported as well.
             self.node.set_active(active.union(changes.cleared).highest().map(trouble), now);
         }
         self.node.set_active(active.highest().map(trouble), now);
@@ -84,8 +84,8 @@ impl IsobusValve {
         }
     }
 
-    /// Requests the write of a commanded address if the product permits the address. The valve restarts once the
-    /// address is stored.
+    /// Requests the write of a commanded address that the product permits. The valve restarts once the address is
+    /// stored.
     fn store_address(&self, address: Address, base: &mut Base) {
         if self.setup.kind.node_ids().contains(&address.get()) {
             let write = Write::new(RecordKey::LocalLayer, Requester::CommandedAddress);
@@ -155,8 +155,7 @@ impl Application for IsobusValve {
         }
     }
 
-    /// While a restart is pending, handles address claims only, to defend or lose the address (A). The valve is already
-    /// off, and a commanded address received now is ignored.
+    /// Handles address claims while a restart is pending, to defend or lose the address (A). The valve is already off.
     fn handle_restarting(&mut self, service: Service, frame: &Frame, base: &mut Base) {
         if service == Service::Claim {
             self.node.handle(service, frame, base.now());
@@ -207,9 +206,9 @@ impl Application for IsobusValve {
     fn all_sent(&mut self, base: &mut Base) -> bool {
         self.node.all_sent(base.now());
         let valve = &mut self.auxiliary.valve;
-        // A watchdog reset is momentary: its cause is cleared once the fault has been reported on the bus.
+        // A watchdog reset is momentary: its cause ends once DM1 has reported the fault.
         if valve.is_active(Fault::Internal)
-            && self.node.told().is_some_and(|told| told.dtc == codes(Fault::Internal).dtc)
+            && self.node.reported().is_some_and(|trouble| trouble.dtc == codes(Fault::Internal).dtc)
         {
             valve.set_internal(InternalCause::Watchdog, false, base.now());
         }
@@ -225,18 +224,18 @@ impl Application for IsobusValve {
         None
     }
 
-    /// Starts with the contents of the memory: claims the address, and requests the writes that fill a new memory.
+    /// Starts with the contents of the memory, and claims the address.
     fn start(&mut self, _: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
-        let found = Found::look(&self.setup, memory);
+        let found = Found::read(&self.setup, memory);
         self.factory = found.factory;
         self.local_layer = found.local_layer;
         self.clearing.clear();
         self.clearable = FaultSet::EMPTY;
         self.auxiliary.restart(found.fault_log.counters, now);
         let valve = &mut self.auxiliary.valve;
-        found.tell_faults(valve, now);
-        self.causes.tell(valve, now);
+        found.raise_faults(valve, now);
+        self.causes.apply(valve, now);
         let own = address(&self.setup, self.local_layer);
         self.node.restart(name(&self.factory), own);
         base.fill(&found.reading);
@@ -255,7 +254,7 @@ impl Application for IsobusValve {
         self.local_layer.bit_rate
     }
 
-    /// Returns the address in force; `None` once it is lost.
+    /// Returns the address in force; `None` after its loss.
     fn node_id(&self) -> Option<u8> {
         self.node.address().map(Address::get)
     }

@@ -1,4 +1,4 @@
-//! The product on ISOBUS: groups, NAME and address (SPEC 1, 5).
+//! The groups, the NAME and the address of a valve on ISOBUS (SPEC 1, 5).
 
 use super::super::Setup;
 use super::super::records::{Factory, LocalLayer};
@@ -9,7 +9,7 @@ use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{Fields, Name};
 use crate::wire::uds;
 
-/// The rules of the node: commanded by AVC, reports AVEF, answers UDS.
+/// The rules of the node: AVC is the command, AVEF the report, UDS the other protocol.
 pub(super) const RULES: Rules = Rules {
     command: |own| Pgn::avc(own.get()),
     other_protocol: |own| Filter { key: uds::key_to(uds::Address::node(own.get())), mask: uds::ANY_SOURCE },
@@ -17,16 +17,16 @@ pub(super) const RULES: Rules = Rules {
     report_period: Duration::from_millis(100),
 };
 
-/// Manufacturer code in the NAME.
+/// The manufacturer code in the NAME.
 const MANUFACTURER: u16 = 57;
-/// Function in the NAME: not available.
+/// The function in the NAME: not available.
 const FUNCTION: u8 = 255;
-/// Vehicle system in the NAME.
+/// The vehicle system in the NAME.
 const VEHICLE_SYSTEM: u8 = 1;
-/// Industry group in the NAME: agricultural and forestry equipment.
+/// The industry group in the NAME: agricultural and forestry equipment.
 const INDUSTRY_GROUP: u8 = 2;
 
-/// Returns the NAME (SPEC 1); with the manual's serial number it is `01 00 20 07 08 FF 02 20`.
+/// Returns the NAME (SPEC 1). With the serial number of the manual it is `01 00 20 07 08 FF 02 20`.
 pub(super) fn name(factory: &Factory) -> Name {
     Name::new(&Fields {
         arbitrary_address_capable: false,
@@ -37,12 +37,12 @@ pub(super) fn name(factory: &Factory) -> Name {
         function_instance: factory.function_instance,
         ecu_instance: 0,
         manufacturer_code: MANUFACTURER,
-        // The NAME holds the low 21 bits.
+        // The NAME takes the low 21 bits.
         identity_number: factory.identity.serial,
     })
 }
 
-/// Returns the address of a local layer; without a stored address, the default address.
+/// Returns the address in a local layer or, without one, the default address.
 pub(super) fn address(setup: &Setup, layer: LocalLayer) -> Address {
     Address::new(layer.node_id.unwrap_or(setup.kind.default_node_id()))
 }

@@ -1,4 +1,4 @@
-//! Writes to the memory, and their clients (SPEC 5, 6).
+//! The writes to the memory, and the clients that wait for them (SPEC 5, 6).
 
 use heapless::VecView;
 
@@ -22,12 +22,12 @@ pub(super) const WRITES: [Write; 3] = [
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clearing {
     request: Request,
-    /// The previously active faults when the DM3 was received.
+    /// The previously active faults at the time of the DM3.
     asked: FaultSet,
 }
 
 impl IsobusValve {
-    /// Handles DM3. If no fault was previously active, DM3 is acknowledged without a write.
+    /// Handles a DM3. Without previously active faults it is acknowledged at once.
     pub(super) fn clear_previously_active(&mut self, request: Request, base: &mut Base) {
         let asked = self.auxiliary.previously_active_faults();
         if asked.is_empty() {
@@ -40,7 +40,7 @@ impl IsobusValve {
         }
     }
 
-    /// Returns the local layer after a write.
+    /// Returns the local layer that a write stores.
     fn layer_after(&self, write: Write) -> LocalLayer {
         match write.requester {
             Requester::Uds | Requester::CommandedAddress => {
@@ -50,9 +50,11 @@ impl IsobusValve {
         }
     }
 
-    /// Handles the result of a DM3 write for the faults `asked`. On success, clears their counters. Then answers every
-    /// DM3 whose faults are all in `asked`; after a failure, a DM3 that a queued write also covers is answered after
-    /// that write (A).
+    /// Handles the result of a write for DM3. If the write was `stored`, the counters of the faults in `asked` are
+    /// cleared.
+    ///
+    /// Each DM3 whose faults are all in `asked` gets its answer. After a failure, a DM3 that the waiting write also
+    /// covers gets its answer after that write (A).
     fn end_clearing(&mut self, asked: FaultSet, stored: bool, base: &Base) {
         let mut later = FaultSet::EMPTY;
         if stored {
@@ -86,9 +88,8 @@ impl Storing for IsobusValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Handles the result of a write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        // While a restart is pending no timer runs: a fault due by now must be counted before DM3 clears its counter.
+        // No timer runs while a restart is pending. A fault that is due must count before DM3 clears its counter.
         self.auxiliary.valve.poll(base.now());
         self.apply_changes(base);
         let position = write.record.position() as u8;
