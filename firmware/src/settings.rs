@@ -1,4 +1,4 @@
-//! The settings of the board, such as its kind of device, stored in the memory beside the device's records.
+//! The settings of the board, such as its kind of device. The memory holds them beside the records of the device.
 
 use protocol_core::device::{Kind, Setup, pve};
 
@@ -18,23 +18,22 @@ const SERIAL: u8 = 8;
 pub struct Settings {
     /// The kind of device.
     pub kind: Kind,
-    /// Whether a device with a new memory has no node ID. An ISOBUS device has an address in any case, because an
-    /// address is mandatory.
+    /// Whether a device with a new memory has no node ID. A device on ISOBUS has an address in any case.
     pub blank: bool,
-    /// Whether the memory still holds the records of the previous device and must be cleared first.
+    /// Whether the memory still holds the records of the previous device, which must be removed.
     pub fresh: bool,
-    /// Whether the kind was chosen at the console. Otherwise the kind is that of the image, also after an update.
+    /// Whether the console has chosen the kind. Otherwise the kind is that of the image, after an update, too.
     pub chosen: bool,
     /// The serial number of a new memory; `None` for the default of all boards.
     pub serial: Option<u32>,
 }
 
 impl Settings {
-    /// The settings of an unconfigured board: the kind for which the image was built.
+    /// The settings of a new board, with the kind of the image.
     pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false, serial: None };
 
-    /// Returns the settings at a start. If the kind was not chosen at the console and differs from the kind for which
-    /// the image was built, the board becomes a new device of the image's kind.
+    /// Returns the settings at a start. If the image has another kind than the board, the board becomes a new device,
+    /// unless the console has chosen its kind.
     #[must_use]
     pub fn at_start(stored: Option<Self>) -> Self {
         match stored {
@@ -44,7 +43,7 @@ impl Settings {
         }
     }
 
-    /// Returns the settings of a new device of this kind, chosen at the console, with an optional serial number.
+    /// Returns the settings of a new device of this kind, chosen at the console.
     #[must_use]
     pub const fn new(kind: Kind, serial: Option<u32>) -> Self {
         Self { kind, blank: false, fresh: true, chosen: true, serial }
@@ -56,10 +55,10 @@ impl Settings {
         if kind.can_be_blank() { Some(Self { blank: true, ..Self::new(kind, serial) }) } else { None }
     }
 
-    /// Returns the setup of a new memory.
+    /// Returns the setup of the device for a new memory.
     #[must_use]
-    pub const fn setup(&self) -> Setup {
-        let setup = Setup { serial: self.serial, ..Setup::<Kind>::new(self.kind) };
+    pub fn setup(&self) -> Setup {
+        let setup = Setup { serial: self.serial, ..Setup::new(self.kind) };
         if self.blank { Setup { node_id: None, ..setup } } else { setup }
     }
 
@@ -75,7 +74,7 @@ impl Settings {
         [VERSION, self.kind.number() - FIRST, flags, a, b, c, d]
     }
 
-    /// Decodes settings; `None` if they are invalid or of another version.
+    /// Decodes settings; `None` for invalid ones and for those of another version.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, kind, flags, a, b, c, d] = bytes else { return None };
@@ -87,16 +86,17 @@ impl Settings {
     }
 }
 
-/// The offset between stored kinds, which count from 0, and their [number](Kind::number), which counts from 1.
+/// The difference between the [number](Kind::number) of a kind, which counts from 1, and the stored number, which
+/// counts from 0.
 const FIRST: u8 = 1;
 
-/// The value of `PVE_KIND` at build time.
+/// The kind of the image, from `PVE_KIND` at build time.
 const DEFAULT_KIND: Kind = match option_env!("PVE_KIND") {
     None => Kind::Pve(pve::Kind::PveaCanopen),
     Some(name) => named(name),
 };
 
-/// Returns the kind with this name, at build time.
+/// Returns the kind of this name, at build time.
 const fn named(name: &str) -> Kind {
     let mut i = 0;
     while i < Kind::ALL.len() {
@@ -180,6 +180,6 @@ mod tests {
         }
         assert_eq!(Settings::new_blank(ISOBUS, None), None);
         assert_eq!(Settings::new(ISOBUS, Some(7)).setup().serial, Some(7));
-        assert_eq!(Settings::DEFAULT.setup(), Setup::<Kind>::new(Settings::DEFAULT.kind));
+        assert_eq!(Settings::DEFAULT.setup(), Setup::new(Settings::DEFAULT.kind));
     }
 }

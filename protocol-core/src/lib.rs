@@ -1,23 +1,24 @@
-//! CAN hydraulic valves and angle sensors without hardware: a sans-IO protocol core for CANopen and ISOBUS.
+//! A sans-IO protocol core that simulates Danfoss PVE valves and HYDAC HAT angle sensors on CANopen and ISOBUS.
 //!
-//! The crate uses no allocator, clock, I/O or `unsafe`. It computes in integers, and no bus input makes it panic.
+//! The crate uses no allocator, clock, I/O or `unsafe`. It computes in integers, and no input from the bus makes it
+//! panic.
 //!
 //! # Layers
 //!
-//! Modules import only from modules below them. At the bottom, [`wire`] converts between bytes and messages by
-//! stateless total functions. Above it are the product-independent services: [`canopen`], [`isobus`], and [`uds`],
-//! which both protocols share. Beside them are the protocol-independent machines: [`actuator`] is the valve,
-//! [`encoder`] the angle sensor. [`device`] combines services and machines into products, behind the trait
-//! [`Device`](device::Device). At the top, [`pump`] moves frames between a CAN controller and a device.
+//! A module imports only modules below it. At the bottom, [`wire`] converts between bytes and messages. Above it are
+//! the product-independent services: [`canopen`], [`isobus`], and [`uds`], which both protocols use. Beside them stand
+//! the protocol-independent machines: [`actuator`] is the valve, [`encoder`] the angle sensor. [`device`] makes
+//! products of services and machines, behind the trait [`Device`](device::Device). At the top, [`pump`] moves frames
+//! between a CAN controller and a device.
 //!
 //! ```text
 //! pump        moves frames between a CAN controller and a device
 //! device/     the products, and their common trait Device
-//! canopen/    the CANopen services              uds         the identifier server
+//! canopen/    the CANopen services              uds         the UDS lite server
 //! isobus/     the J1939 and ISO 11783 services  answers     the answer queue of both nodes
 //! actuator/   the protocol-independent valve    encoder     the protocol-independent angle sensor
 //! memory/     records and their encoding
-//! wire/       messages: one file each
+//! wire/       messages, one file each
 //! frame, time, controller, outcome              common types
 //! ```
 //!
@@ -32,7 +33,7 @@
 //!
 //! let now = Instant::from_secs(1);
 //! let kind = Kind::Pve(pve::Kind::PveaCanopen);
-//! let mut valve = AnyDevice::power_on(Setup::<Kind>::new(kind), &Image::empty(), StartCause::PowerOn, now);
+//! let mut valve = AnyDevice::power_on(Setup::new(kind), &Image::empty(), StartCause::PowerOn, now);
 //! let valve = valve.as_dyn_mut();
 //! valve.sense(&Inputs::healthy(kind), now);
 //! assert_eq!(valve.next_frame(now).unwrap().to_string(), "720: 00"); // boot-up
@@ -43,8 +44,7 @@
 //! assert_eq!(valve.next_frame(now).unwrap().to_string(), "5A0: 4B 17 10 00 00 00 00 00");
 //! ```
 //!
-//! The repository's `docs/behaviour.md` specifies the devices, with every table; "SPEC 4.2" in a comment is its section
-//! 4.2.
+//! The repository's `docs/behaviour.md` specifies the devices. "SPEC 4.2" in a comment is section 4.2 of this page.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(

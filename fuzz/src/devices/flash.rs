@@ -30,7 +30,7 @@ pub fn flash(bytes: &[u8]) {
     let kind = kind(bytes.u8());
     let flash = content(&mut bytes, kind);
     let mut rig = Rig::new(BitRate::Kbit250);
-    rig.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::with_flash(flash), false);
+    rig.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::new(kind) }, Memory::with_flash(flash), false);
     rig.power_on(0);
     rig.follow_bit_rate(0);
     let ending = bytes.u8();
@@ -104,8 +104,8 @@ fn patch(image: &mut [u8], bytes: &mut Bytes<'_>) {
     }
 }
 
-/// Records that hold anything, each intact or with a wrong checksum: of these, and of those of another version, nothing is
-/// read. Not the parameters: their values are checked when a client writes them, and believed when they are intact.
+/// Records that hold anything, each intact or with a wrong checksum: of these, and of those of another version, nothing
+/// is read. Not the parameters: their values are checked when a client writes them, and believed when they are intact.
 fn any_records(bytes: &mut Bytes<'_>) -> Flash {
     let mut memory = Memory::in_ram();
     let mut stored = BTreeMap::new();
@@ -149,7 +149,7 @@ fn made(kind: Kind) -> &'static Made {
 
 fn use_up(kind: Kind) -> Flash {
     let mut rig = Rig::new(BitRate::Kbit250);
-    rig.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::in_ram(), true);
+    rig.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::new(kind) }, Memory::in_ram(), true);
     rig.power_on(0);
     for internal_fault in [true, false] {
         let node = rig.units[0].node;

@@ -50,11 +50,11 @@ pub fn devices(bytes: &[u8]) {
     let rates = kind.bit_rates();
     let mut rig = Rig::new(rates[usize::from(how >> 1) % rates.len()]);
     let blank = how & 1 == 1 && kind.protocol() == Protocol::Canopen;
-    let setup = Setup::<Kind>::new(kind);
+    let setup = Setup::new(kind);
     let node_id = setup.node_id.filter(|_| !blank);
     rig.add(Setup { node_id, bit_rate: Some(rig.world.bit_rate()), ..setup }, Memory::in_ram(), true);
     if let Some(second) = second.checked_sub(0x80) {
-        let setup = Setup::<Kind>::new(self::kind(second));
+        let setup = Setup::new(self::kind(second));
         rig.add(Setup { serial: Some(SECOND_SERIAL), ..setup }, Memory::in_ram(), true);
     }
     (0..rig.units.len()).for_each(|unit| rig.power_on(unit));

@@ -81,9 +81,9 @@ const SENSOR: Rules = Rules {
 const SENSOR_BIT_RATES: [(u8, BitRate); 8] =
     [(0, Kbit1000), (1, Kbit800), (2, Kbit500), (3, Kbit250), (4, Kbit125), (6, Kbit50), (7, Kbit20), (8, Kbit10)];
 
-const fn valve(kind: pve::Kind) -> Kind {
+fn valve(kind: pve::Kind) -> Kind {
     Kind {
-        setup: Setup::<device::Kind>::new(device::Kind::Pve(kind)),
+        setup: Setup::new(kind.into()),
         node_id: 0x20,
         identity: [0x0100_0019, 0x5336_0000, 0x0001_0020, 0x5B2E_0100],
         bit_rate: Kbit250,
@@ -92,9 +92,9 @@ const fn valve(kind: pve::Kind) -> Kind {
     }
 }
 
-const fn sensor(kind: hat::Kind, product_code: u32) -> Kind {
+fn sensor(kind: hat::Kind, product_code: u32) -> Kind {
     Kind {
-        setup: Setup::<device::Kind>::new(device::Kind::Hat(kind)),
+        setup: Setup::new(kind.into()),
         node_id: 1,
         identity: [0xDA, product_code, 0x0001_0007, 1],
         bit_rate: Kbit500,
@@ -103,12 +103,14 @@ const fn sensor(kind: hat::Kind, product_code: u32) -> Kind {
     }
 }
 
-pub(super) const KINDS: [Kind; 4] = [
-    valve(pve::Kind::PveaCanopen),
-    valve(pve::Kind::PveoCanopen),
-    sensor(hat::Kind::Hat1000, 925_010),
-    sensor(hat::Kind::Hat3000, 925_011),
-];
+pub(super) fn kinds() -> [Kind; 4] {
+    [
+        valve(pve::Kind::PveaCanopen),
+        valve(pve::Kind::PveoCanopen),
+        sensor(hat::Kind::Hat1000, 925_010),
+        sensor(hat::Kind::Hat3000, 925_011),
+    ]
+}
 
 /// Runs a test of every kind. One that fails is named.
 pub(super) fn each_kind(test: impl Fn(&Kind)) {
@@ -120,7 +122,7 @@ pub(super) fn each_kind(test: impl Fn(&Kind)) {
             }
         }
     }
-    for kind in KINDS {
+    for kind in kinds() {
         let _named = Named(kind.setup.kind.to_string());
         test(&kind);
     }

@@ -14,7 +14,7 @@ use tests::lss::{INQUIRE_NODE_ID, TO_CONFIGURATION, TO_WAITING, answer};
 use tests::nmt::{ENTER_PRE_OPERATIONAL, START};
 use tests::{Inputs, Rig};
 
-use super::kinds::{KINDS, Kind};
+use super::kinds::{Kind, kinds};
 
 /// What one frame or one change of the inputs can set free at the most: all that can wait in the node.
 const BURST: u64 = 64;
@@ -213,7 +213,7 @@ proptest! {
         events in vec(event(), 1..150),
     ) {
         // A valve, and a sensor.
-        for kind in [&KINDS[number], &KINDS[2 + number]] {
+        for kind in [&kinds()[number], &kinds()[2 + number]] {
             let mut rig = if has_node_id { Rig::power_on(kind.setup) } else { kind.blank() };
             for event in &events {
                 kind.act(&mut rig, event);

@@ -26,7 +26,7 @@ impl Machine {
         let [valve, sensor, other] =
             [("pvea-canopen", 0x20), ("hat1000", 1), ("pvea-isobus", 0x83)].map(|(name, id)| {
                 let kind = Kind::from_name(name).expect("a kind");
-                let setup = Setup { node_id: Some(id), bit_rate: Some(RATE), ..Setup::<Kind>::new(kind) };
+                let setup = Setup { node_id: Some(id), bit_rate: Some(RATE), ..Setup::new(kind) };
                 let node = world.add(name, setup);
                 world.power(node, true);
                 node

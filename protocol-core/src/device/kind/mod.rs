@@ -1,4 +1,4 @@
-//! All products (SPEC 1), and the setup of a device.
+//! The products (SPEC 1), and the setup of a device.
 
 pub(super) mod hat;
 pub(super) mod pve;
@@ -31,7 +31,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// Returns the protocol's term for the address of a device: node ID or address.
+    /// Returns the word of the protocol for the number of a device: node ID or address.
     #[must_use]
     pub const fn id_name(self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl Protocol {
 }
 
 impl Kind {
-    /// All kinds, in the order shown to the user.
+    /// All kinds, in the order in which users see them.
     pub const ALL: [Self; 6] = [
         Self::Pve(pve::Kind::PveaCanopen),
         Self::Pve(pve::Kind::PveoCanopen),
@@ -52,7 +52,7 @@ impl Kind {
         Self::Hat(hat::Kind::Hat3000),
     ];
 
-    /// Returns the kind's name, the same in every interface.
+    /// Returns the name of the kind, which all interfaces use.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,13 +61,13 @@ impl Kind {
         }
     }
 
-    /// Returns the kind with this name; `None` for an unknown name.
+    /// Returns the kind of this name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Returns the number of the kind in stored memories; numbers start at 1 and never change.
+    /// Returns the number of the kind in stored memories. The numbers start at 1 and never change.
     #[must_use]
     pub const fn number(self) -> u8 {
         match self {
@@ -80,7 +80,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind with this number; `None` for an unknown number.
+    /// Returns the kind of this number; `None` for an unknown number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.number() == number)
@@ -95,14 +95,15 @@ impl Kind {
         }
     }
 
-    /// Returns whether a device can be without node ID. A device on ISOBUS always has an address.
+    /// Returns whether a device can lack a node ID. A device on ISOBUS always has an address.
     #[must_use]
     pub const fn can_be_blank(self) -> bool {
         matches!(self.protocol(), Protocol::Canopen)
     }
 
-    /// Returns the number that distinguishes a device on the bus: on CANopen the serial number, part of the LSS
-    /// address; on ISOBUS its low 21 bits, the identity number of the NAME (SPEC 1).
+    /// Returns the number that must be unique on a bus, with its protocol. On CANopen it is the serial number, a part
+    /// of the LSS address. On ISOBUS it is the low 21 bits of the serial number, the identity number of the NAME (SPEC
+    /// 1).
     #[must_use]
     pub const fn known_by(self, serial: u32) -> (Protocol, u32) {
         match self.protocol() {
@@ -120,7 +121,7 @@ impl Kind {
         }
     }
 
-    /// Returns the permitted node IDs, on ISOBUS addresses.
+    /// Returns the permitted node IDs; on ISOBUS the permitted addresses.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         match self {
@@ -129,7 +130,7 @@ impl Kind {
         }
     }
 
-    /// Returns the node ID or address as delivered.
+    /// Returns the node ID or address of a new device.
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         match self {
@@ -138,7 +139,7 @@ impl Kind {
         }
     }
 
-    /// Returns the serial number as delivered.
+    /// Returns the serial number of a new device.
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         match self {
@@ -157,18 +158,17 @@ impl Kind {
     }
 }
 
-/// The setup of a device. The node ID, serial number and bit rate apply to a new memory; an existing memory takes
-/// precedence.
+/// The setup of a device. Node ID, serial number and bit rate fill a new memory; an existing memory keeps its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup<K = Kind> {
     /// The product.
     pub kind: K,
-    /// The node ID, on ISOBUS the address, of a new memory. A value that the product does not permit counts as `None`:
-    /// on CANopen no node ID, on ISOBUS the default address.
+    /// The node ID of a new memory; on ISOBUS the address. A value that the product does not permit counts as `None`:
+    /// no node ID on CANopen, the default address on ISOBUS.
     pub node_id: Option<u8>,
-    /// The serial number of a new memory; `None` for the product's default.
+    /// The serial number of a new memory; `None` for the default of the product.
     pub serial: Option<u32>,
-    /// The bit rate of a new memory. `None` or an unsupported bit rate selects the product's default.
+    /// The bit rate of a new memory. `None` and an unsupported rate mean the default of the product.
     pub bit_rate: Option<BitRate>,
 }
 
@@ -178,45 +178,31 @@ impl fmt::Display for Kind {
     }
 }
 
-impl Setup {
-    /// Returns the setup of this kind with the default node ID and serial number.
+impl<K: Copy + Into<Kind>> Setup<K> {
+    /// Returns the setup of a device with the default node ID, serial number and bit rate of its kind.
     #[must_use]
-    pub const fn new(kind: Kind) -> Self {
-        Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
+    pub fn new(kind: K) -> Self {
+        Self { kind, node_id: Some(kind.into().default_node_id()), serial: None, bit_rate: None }
     }
+}
 
-    /// Converts the setup to another type of kind.
+impl<K> Setup<K> {
+    /// Returns the setup with another type of kind.
     #[must_use]
-    pub fn with_kind<K>(self, kind: K) -> Setup<K> {
+    pub fn with_kind<L>(self, kind: L) -> Setup<L> {
         Setup { kind, node_id: self.node_id, serial: self.serial, bit_rate: self.bit_rate }
-    }
-}
-
-impl Setup<pve::Kind> {
-    /// Returns the setup of this valve with the default node ID and serial number.
-    #[must_use]
-    pub const fn new(kind: pve::Kind) -> Self {
-        Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
-    }
-}
-
-impl Setup<hat::Kind> {
-    /// Returns the setup of this sensor with the default node ID and serial number.
-    #[must_use]
-    pub const fn new(kind: hat::Kind) -> Self {
-        Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
     }
 }
 
 impl From<Setup<pve::Kind>> for Setup {
     fn from(setup: Setup<pve::Kind>) -> Self {
-        Self { kind: Kind::Pve(setup.kind), node_id: setup.node_id, serial: setup.serial, bit_rate: setup.bit_rate }
+        setup.with_kind(setup.kind.into())
     }
 }
 
 impl From<Setup<hat::Kind>> for Setup {
     fn from(setup: Setup<hat::Kind>) -> Self {
-        Self { kind: Kind::Hat(setup.kind), node_id: setup.node_id, serial: setup.serial, bit_rate: setup.bit_rate }
+        setup.with_kind(setup.kind.into())
     }
 }
 
