@@ -1,5 +1,5 @@
 //! Copies and fills memory on the processor, in all alignments and overlaps, and compares each result with the expected
-//! one.
+//! bytes.
 //!
 //! `tests/firmware-in-the-loop/run --test firmware memory_functions` observes which of the last two functions is
 //! reached.

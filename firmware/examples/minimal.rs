@@ -99,7 +99,7 @@ mod image {
         }
     }
 
-    /// The driver of the CAN controller. It receives every frame and holds one to send.
+    /// The driver of the CAN controller. It receives every frame, and holds one frame to send.
     struct Controller;
 
     impl Controller {
@@ -140,8 +140,8 @@ mod image {
         fn set_filters(&mut self, _: &Filters) {}
     }
 
-    /// The memory of a board without one. It accepts every record and keeps none, so that each start is that of a new
-    /// device.
+    /// The memory of a board without memory. It accepts every record and stores no record, so that each start is that
+    /// of a new device.
     struct NoMemory;
 
     impl Memory for NoMemory {

@@ -43,11 +43,11 @@ impl Line {
         &self.text
     }
 
-    /// Adds a character. `is_damaged` says that this character or one received with it is damaged. Returns the
-    /// condition of a line that the character ends.
+    /// Adds a character. `is_damaged` says whether this character, or a character received with it, is damaged. Returns
+    /// the condition of a line that the character ends.
     ///
     /// If the beginning of a line is lost together with the previous line, the rest is not [damaged](Arrival::Damaged).
-    /// It cannot be parsed, because no command ends with another one.
+    /// It cannot be parsed, because no command ends with another command.
     pub fn push(&mut self, character: u8, is_damaged: bool) -> Option<Arrival> {
         let last = core::mem::replace(&mut self.last, character);
         if character == b'\n' && last == b'\r' {

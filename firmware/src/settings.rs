@@ -74,7 +74,7 @@ impl Settings {
         [VERSION, self.kind.number() - FIRST, flags, a, b, c, d]
     }
 
-    /// Decodes settings; `None` for invalid ones and for those of another version.
+    /// Decodes settings; `None` if they are invalid or of another version.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, kind, flags, a, b, c, d] = bytes else { return None };

@@ -74,7 +74,7 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(is_intact)
     }
 
-    /// Returns whether the items of the first sector are newer than those of the second.
+    /// Returns whether the first sector has newer items than the second.
     pub(crate) fn is_legacy_newer_in_front(&mut self) -> Result<bool, F::Error> {
         Ok(self.is_legacy_full(1)? && !self.is_legacy_full(0)?)
     }

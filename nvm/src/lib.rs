@@ -3,9 +3,9 @@
 //!
 //! # Layers
 //!
-//! The log writes entries to one sector until it is full, then copies the newest ones to the other. Above the log, the
-//! store manages a record of each key, an inventory of the keys ever stored, and a setting of the platform. Beside the
-//! log, a reader of the previous layout takes over the records of older flashes.
+//! The log writes entries to one sector until it is full, then copies the newest entries to the other sector. Above the
+//! log, the store manages a record of each key, an inventory of the keys ever stored, and a setting of the platform.
+//! Beside the log, a reader of the previous layout takes over the records of older flashes.
 //!
 //! ```text
 //! store    records by key, inventory and setting
@@ -91,7 +91,7 @@ const INVENTORY: u8 = 0;
 /// The key of the setting. It differs from the record keys in many bits.
 const SETTING: u8 = 0xFF;
 
-/// The number of keys: those of the inventory, the records and the setting.
+/// The number of keys: inventory, records and setting.
 const KEYS: usize = RecordKey::ALL.len() + 2;
 
 fn record_key(key: u8) -> Option<RecordKey> {

@@ -8,8 +8,8 @@
 //! there, and finally writes the new entry, which completes the move. The full sector does not change until the next
 //! move. A sector with copies only is that of an interrupted move, which begins again with the erase.
 //!
-//! No word is written twice between two erases. An unreadable word counts as damage; a flash with error correction has
-//! one after an interrupted write.
+//! No word is written twice between two erases. An unreadable word counts as damage. In a flash with error correction,
+//! an interrupted write leaves such words.
 
 use core::ops::Range;
 
@@ -44,7 +44,7 @@ pub(crate) struct Log<'buffer, F> {
 /// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A copy of an older entry: of one that will be erased, or of the version before a damaged one.
+    /// A copy of an older entry, because that will be erased, or because the newer entry of its key is damaged.
     Copy = 0,
     /// New content.
     Stored = 1,
@@ -134,7 +134,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Appends an entry. The previous entry of its key stays valid until the new one is complete.
+    /// Appends an entry. The previous entry of its key stays valid until the new entry is complete.
     pub(crate) fn append(&mut self, key: u8, bytes: &[u8]) -> Result<(), StoreError> {
         let source = Source::New(Kind::Stored, key, bytes);
         let survey = self.gather()?;
@@ -172,7 +172,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
         self.erase(1 - home)?;
         let survey = self.survey().map_err(|_| StoreError)?;
-        // The slot extends over words that do not read as erased. An entry that meets one is written again behind it.
+        // The slot extends over words that do not read as erased. An entry that meets such a word is written again
+        // behind the word.
         let mut slot = Slot { end: (2 - home) * F::ERASE_SIZE, ..survey.slot_in(1 - home) };
         let kept = survey.newest.iter().flatten().filter(|found| is_kept(found));
         for source in kept.copied().map(Source::Copy).chain([last]) {
@@ -390,7 +391,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         let is_intact = self.checksum(length) == self.buffer[CHECKSUM];
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
         let found = Found { at, sequence, key, length: length as u8, kind };
-        // No entry could follow one with the highest sequence number.
+        // No entry could follow the highest sequence number.
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
 

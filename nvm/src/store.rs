@@ -1,7 +1,7 @@
 //! The records by key, stored in a [log](crate::log) of entries.
 //!
-//! The store adds to the log an inventory of the keys ever stored. The inventory tells a lost record from one that was
-//! never written.
+//! The store adds to the log an inventory of the keys ever stored. The inventory distinguishes lost records from
+//! records that were never written.
 //!
 //! The store keeps no state between operations. Each operation scans the flash as a start does, from the oldest entry
 //! to the newest.
@@ -66,7 +66,7 @@ struct Survey {
 }
 
 impl Survey {
-    /// Adds a scanned entry, which replaces earlier ones of its key. A beginning invalidates all earlier records.
+    /// Adds a scanned entry, which replaces earlier entries of its key. A beginning invalidates all earlier records.
     fn note(&mut self, key: u8, bytes: &[u8], is_beginning: bool) {
         self.any = true;
         if is_beginning {
@@ -100,7 +100,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Self { log: Log::new(flash, buffer) }
     }
 
-    /// Writes a record. The previous version stays valid until the new one is complete.
+    /// Writes a record. The previous version stays valid until the new version is complete.
     ///
     /// # Errors
     /// Returns [`StoreError`] if the flash fails or is full.
@@ -145,7 +145,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         if is_noise { Err(Unreadable) } else { Ok(()) }
     }
 
-    /// Writes the setting of the platform. The previous one stays valid until the new one is complete.
+    /// Writes the setting of the platform. The previous setting stays valid until the new setting is complete.
     ///
     /// # Errors
     /// Returns [`StoreError`] for a setting longer than [`SETTING_MAX`], and if the flash fails.
@@ -193,7 +193,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         scanned.map(|()| (survey, holds)).map_err(|_| StoreError)
     }
 
-    /// Removes all records, old versions included, so that no flipped bit can bring one back. The setting stays.
+    /// Removes all records, old versions included, so that no flipped bit can restore a record. The setting stays.
     ///
     /// A power cut leaves all records or none, and another call completes an interrupted removal. A memory without
     /// records is not written.
@@ -210,7 +210,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         })
     }
 
-    /// Returns whether the flash holds neither records nor remains of records.
+    /// Returns whether the flash is free of records and of their remains.
     fn is_clear(&mut self) -> Result<bool, StoreError> {
         let (found, _) = self.survey(INVENTORY, &[])?;
         let has_leftovers = self.log.has_leftovers().map_err(|_| StoreError)?;

@@ -1,4 +1,4 @@
-//! The unsent answers of a node. An answer does not become outdated, so a newer one never replaces it.
+//! The unsent answers of a node. An answer does not become outdated, so a newer answer never replaces it.
 
 use heapless::Vec;
 
@@ -75,8 +75,8 @@ impl Answers {
         self.taken = 0;
     }
 
-    /// Drops all answers, those in the controller included. Returns their number, or more if the controller has sent
-    /// some of them.
+    /// Drops all answers, also those that the controller holds. Returns their number, or more if the controller has
+    /// sent some of them.
     pub(crate) fn clear(&mut self) -> u32 {
         let in_controller = core::mem::take(&mut self.taken).min(MAILBOXES);
         let all = self.waiting.len().saturating_add(in_controller);

@@ -70,8 +70,8 @@ impl Ratio {
         let exact = (numerator as u128) << (64 + shift);
         let scaled = exact / odd + 1;
         assert!(scaled <= u64::MAX as u128);
-        // The fractional part of the exact product is at most 1 − 1/odd, and the computed product exceeds the exact one
-        // by less than 1/odd. Both have the same integer part.
+        // The fractional part of the exact product is at most 1 − 1/odd, and the computed product exceeds the exact
+        // product by less than 1/odd. Both have the same integer part.
         let excess = scaled * odd - exact;
         assert!((max >> twos) as u128 * excess < 1 << (64 + shift));
         Self { twos, scaled: scaled as u64, shift }

@@ -5,7 +5,7 @@ use heapless::Vec;
 use crate::frame::{Frame, Id, extended};
 use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, id, single_frame};
 
-/// The identifier of the node ID, the only writable one.
+/// The identifier of the node ID. No other identifier is writable.
 pub const NODE_ID: Identifier = 0x1001;
 
 /// The CAN identifier of every answer to a write of the node ID (R). It does not depend on the node: the manual says so

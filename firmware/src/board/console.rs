@@ -21,8 +21,8 @@ const STATUS: usize = 352;
 /// The lines of `status`, or one line of `help`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A received line, with a buffer for the lines of `status`. There is one exchange. The task of the console hands it to
-/// the task of the device, and gets it back with the answer.
+/// A received line, with a buffer for the lines of `status`. The only exchange belongs to the task of the console. It
+/// goes to the task of the device with the line, and comes back with the answer.
 pub(super) struct Exchange {
     /// The received line.
     pub(super) line: Line,

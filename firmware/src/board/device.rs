@@ -23,7 +23,7 @@ use super::wake_up::{Event, Events, WakeUp, notify};
 use super::watchdog::{FEED, Watchdog};
 
 /// The polling period of a controller that is not error-active or whose frame is blocked. No interrupt reports the end
-/// of either.
+/// of these states.
 const LOOK: Duration = Duration::from_millis(1);
 
 #[embassy_executor::task]

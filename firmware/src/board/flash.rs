@@ -90,8 +90,8 @@ fn erase_by_words() {
 /// The disabled data cache. Dropping the value enables the cache, which is then empty.
 ///
 /// Cached data are outdated after an erase or a write (RM0090 3.6.4, RM0390 3.5.4). In a flash with two banks, a read
-/// of one during a write of the other can also corrupt the cache (ES0206). The driver has a workaround, but takes the
-/// STM32F429 for a part with one bank.
+/// of one bank during a write of the other can also corrupt the cache (ES0206). The driver has a workaround, but takes
+/// the STM32F429 for a part with one bank.
 struct Uncached;
 
 impl Uncached {

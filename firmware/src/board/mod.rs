@@ -75,7 +75,7 @@ struct Nucleo {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    // The channels and signals between the task of the device and those of memory, console, button and LEDs.
+    // The channels and signals between the task of the device and the tasks of memory, console, button and LEDs.
     static REQUESTS: storage::Requests = Channel::new();
     static RESULTS: storage::Results = Channel::new();
     static LINES: console::Lines = Signal::new();

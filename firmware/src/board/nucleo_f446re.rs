@@ -29,7 +29,8 @@ pub(super) const WATCHDOG_US: u32 = 1_000_000;
 /// The maximum time for which the processor stalls: the erase of a sector.
 pub(super) const STANDSTILL: Duration = LONGEST_ERASE;
 
-/// The ticks between two interrupts of the 16-bit clock. The clock would lose time if two came during one erase.
+/// The ticks between two interrupts of the 16-bit clock. The clock would lose time if two interrupts came during one
+/// erase.
 const CLOCK_HALF: u64 = 0x8000;
 const _: () = assert!(CLOCK_HALF * 1000 > STANDSTILL.as_millis() * TICK_HZ);
 

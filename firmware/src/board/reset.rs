@@ -37,8 +37,8 @@ pub(super) fn power_cycle() -> ! {
     SCB::sys_reset()
 }
 
-/// Logs that a panic occurred. Message and location are not logged, because those of all panics take 10 KiB of flash. A
-/// debugger that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
+/// Logs that a panic occurred. Message and location are not logged, because the texts of all panics take 10 KiB of
+/// flash. A debugger that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     fail(|| defmt::error!("panic"))

@@ -2,8 +2,9 @@
 //! erase stalls the processor.
 //!
 //! The drivers of embassy-stm32 0.6 do not report all damage. `BufferedUart` drops the error flags of the receiver.
-//! `RingBufferedUartRx` continues after an error with old positions, and takes two rounds of its ring during an erase
-//! for one. Here the DMA fills a buffer once and stops. More characters cause an overrun, which the receiver reports.
+//! `RingBufferedUartRx` continues after an error with old positions, and counts two rounds of its ring during an erase
+//! as one round. Here the DMA fills a buffer once and stops. More characters cause an overrun, which the receiver
+//! reports.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,7 +20,7 @@ use embassy_sync::signal::Signal;
 
 use super::nucleo::UART;
 
-/// The number of bytes of a DMA transfer: a line and the beginning of the next one.
+/// The number of bytes of a DMA transfer: a line and the beginning of the next line.
 pub(super) const BUFFER: usize = 64;
 
 /// The signal that the line is idle after a character, or that a character is damaged.
@@ -92,7 +93,7 @@ impl Receiver {
 }
 
 /// Waits for characters or damage, and stops the transfer. Returns the number of characters, and whether any were
-/// damaged or lost. Damage without characters is reported with the next ones.
+/// damaged or lost. Damage without characters is reported with the next characters.
 pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     select(&mut transfer, ARRIVED.wait()).await;
     transfer.request_pause();

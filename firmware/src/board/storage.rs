@@ -75,7 +75,7 @@ impl Client {
         Ok(())
     }
 
-    /// Returns the next result, if there is one.
+    /// Returns the next result, if any.
     pub(super) fn take(&mut self) -> Option<Done> {
         let done = self.results.try_receive().ok()?;
         self.awaited -= 1;

@@ -12,8 +12,8 @@ use super::storage::Client;
 /// The maximum time between two feedings by an idle task of the device.
 pub(super) const FEED: Duration = Duration::from_millis(100);
 
-/// The frequencies of the oscillator of the watchdog (LSI), in kHz: the nominal one, which defines the time of the
-/// watchdog, and the highest one (DS9405, DS10693).
+/// The nominal and the highest frequency of the oscillator of the watchdog (LSI), in kHz (DS9405, DS10693). The time of
+/// the watchdog is that at the nominal frequency.
 const TYPICAL_LSI_KHZ: u64 = 32;
 const FASTEST_LSI_KHZ: u64 = 47;
 

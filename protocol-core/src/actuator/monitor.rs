@@ -88,7 +88,7 @@ impl Monitor {
         delayed(now, Duration::from_micros(self.delay_us as u64))
     }
 
-    /// Cancels the running delay. The next tripping reading starts a new one.
+    /// Cancels the running delay. The next tripping reading starts a new delay.
     pub(super) const fn restart(&mut self) {
         self.due = NEVER;
     }

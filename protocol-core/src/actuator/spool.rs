@@ -48,7 +48,7 @@ pub enum SpoolFault {
     NoFloat,
 }
 
-/// The stroke times of a healthy spool. They can be set to those of a measured valve.
+/// The stroke times of a healthy spool. A user can set the measured times of a real valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpoolTimes {
     stroke_ms: u16,
@@ -110,7 +110,7 @@ pub struct SpoolSense {
     pub fault: SpoolFault,
     /// The position to which the hand lever pushes the spool.
     pub lever: Option<Position>,
-    /// The position measured by a sensor, on boards that have one. It overrides the model.
+    /// The position that a sensor has measured. It overrides the model. Boards without a sensor have none.
     pub measured: Option<Position>,
     /// The stroke times.
     pub times: SpoolTimes,

@@ -91,8 +91,8 @@ pub enum Drive {
 ///
 /// Every call first handles the timers due up to its `now`. Additional [`poll`](Self::poll)s therefore change nothing,
 /// nor does their order among frames of the same time. A late call handles each timer at its due time until a fault
-/// changes, and the remaining timers at `now`. Time does not run backwards: an earlier `now` than that of the previous
-/// call is replaced by the previous one.
+/// changes, and the remaining timers at `now`. Time does not run backwards: a `now` before the previous call counts as
+/// the time of the previous call.
 #[derive(Clone, Debug)]
 pub struct Valve {
     /// The earliest deadline.

@@ -7,7 +7,7 @@
 
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
-/// The maximum length of a text object. The longest one, the manufacturer software version, has 47 characters.
+/// The maximum length of a text object. The longest text, the manufacturer software version, has 47 characters.
 pub const TEXT_MAX: usize = 64;
 
 /// The type of an object.
@@ -411,8 +411,8 @@ impl Entries {
     /// Finds an object.
     ///
     /// # Errors
-    /// Returns [`AbortCode::NO_OBJECT`] if no object has the index, and [`AbortCode::NO_SUB`] if none of those has the
-    /// sub-index.
+    /// Returns [`AbortCode::NO_OBJECT`] if no object has the index, and [`AbortCode::NO_SUB`] if none of its objects
+    /// has the sub-index.
     pub fn find(self, object: Multiplexer) -> Result<Place, AbortCode> {
         let least = key(object) << 8;
         let position = self.0.partition_point(|entry| entry.packed < least);

@@ -98,7 +98,7 @@ struct Waiting {
     entered: bool,
 }
 
-/// The unsent EMCYs in order. A full queue drops its oldest message, so that the newest one is always sent.
+/// The unsent EMCYs in order. A full queue drops its oldest message, so that the newest message is always sent.
 ///
 /// A message in the controller stays in the queue until it is known to be sent.
 #[derive(Clone, Debug)]

@@ -69,12 +69,12 @@ impl HeartbeatProducer {
         self.next = self.following(now);
     }
 
-    /// Returns whether a heartbeat is due, and schedules the next one a period after it.
+    /// Returns whether a heartbeat is due, and schedules the following heartbeat.
     pub(crate) fn poll(&mut self, now: Instant) -> bool {
         let due = now >= self.next;
         if due {
             let planned = self.following(self.next);
-            // After a pause longer than a period, the next one begins now: missed heartbeats are not sent.
+            // After a pause longer than a period, the next period begins now: missed heartbeats are not sent.
             self.next = if planned > now { planned } else { self.following(now) };
         }
         due

@@ -25,7 +25,7 @@ pub(crate) enum State {
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// A device without a node ID boots with the pending one, once that is stored (CiA 305). Otherwise reset
+    /// A device without a node ID boots with the pending node ID, once it is stored (CiA 305). Otherwise reset
     /// communication puts the pending node ID in force.
     Boot,
 }
@@ -266,8 +266,8 @@ impl LssSlave {
         }
     }
 
-    /// Returns whether the device must boot (CiA 305, transition 4). This is so in waiting, without a node ID in force,
-    /// once the pending node ID is stored.
+    /// Returns whether the device must boot (CiA 305, transition 4): the slave is in waiting, no node ID is in force,
+    /// and the pending node ID is stored.
     #[must_use]
     pub(crate) fn must_boot(&self, node_id: Option<NodeId>) -> bool {
         let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());

@@ -38,7 +38,7 @@ pub(crate) struct Rules {
     pub(crate) entries_while_counted: bool,
     /// Whether the PDO has an inhibit time and an event timer.
     pub(crate) timers: bool,
-    /// Whether a TPDO carries the values at its due time, not those at its transmission.
+    /// Whether a TPDO carries the values of its due time. Otherwise it carries the values of its transmission.
     pub(crate) sampled_when_due: bool,
 }
 
@@ -329,7 +329,7 @@ impl Pdo {
         if self.sends() { self.transmission.sync() } else { AtSync::Nothing }
     }
 
-    /// Returns whether a sample differs from the one sent last.
+    /// Returns whether a sample differs from the last sent sample.
     #[inline]
     pub(crate) fn has_changed(&self, sample: Sample) -> bool {
         self.last != Some(sample)
@@ -351,7 +351,7 @@ impl Pdo {
         self.transmission.restart(now, self.sends());
     }
 
-    /// Returns the due time of a transmission, if the event timer has made one due.
+    /// Returns the due time of a transmission, if the event timer has ended and no inhibit time runs.
     #[inline]
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         self.transmission.poll(now)

@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::dictionary::{Place, TEXT_MAX};
 use crate::wire::sdo::{AbortCode, Segment};
 
-/// A segmented download in progress. It collects the segments; the object is written after the last one.
+/// A segmented download in progress. It collects the segments. The object is written after the last segment.
 #[derive(Clone, Debug)]
 pub(super) struct Download {
     place: Place,

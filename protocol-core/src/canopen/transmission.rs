@@ -22,7 +22,7 @@ pub(crate) enum AtSync {
     Nothing,
     /// The TPDO is due.
     Due,
-    /// The TPDO is due if its data differ from those sent last.
+    /// The TPDO is due if its data differ from the last sent data.
     OnChange,
 }
 

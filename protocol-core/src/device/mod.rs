@@ -71,8 +71,8 @@ pub enum StartCause {
 
 /// A simulated device on the bus, of any protocol and product.
 ///
-/// The time of a device never runs backwards. An earlier `now` than that of the previous call is replaced by the
-/// previous one. So is a `now` of 2^63 µs or more, which no clock reaches.
+/// The time of a device never runs backwards. A `now` before the previous call counts as the time of the previous call.
+/// So does a `now` of 2^63 µs or more, which no clock reaches.
 pub trait Device {
     /// Handles a received frame. Returns whether the device took it; any other frame has no effect.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;

@@ -18,8 +18,8 @@ impl<'a> Reading<'a> {
         Self { memory, corrupt: 0 }
     }
 
-    /// Decodes a record of this version. Returns `None` for a record that was never written, and for a corrupt one,
-    /// which [`is_corrupt`](Self::is_corrupt) then reports.
+    /// Decodes a record of this version. Returns `None` for a record that was never written or is corrupt.
+    /// [`is_corrupt`](Self::is_corrupt) then tells which.
     pub fn record<T>(&mut self, key: RecordKey, version: u8, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         let decoded = decode(self.payload(key, version)?);
         if decoded.is_none() {

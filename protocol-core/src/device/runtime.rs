@@ -1,7 +1,7 @@
 //! The runtime, which implements [`Device`] for all applications.
 //!
 //! An [`Application`] combines the node of a protocol with a product. The runtime keeps the time monotonic, polls the
-//! application at its deadlines, hands out its writes one by one, and restarts it.
+//! application at its deadlines, hands out its writes one by one, and executes its restarts.
 
 use heapless::VecView;
 
@@ -44,7 +44,7 @@ pub trait Application: Storing + Sized {
     const FAULT_LOG: bool;
     /// The payload version of the records.
     const RECORD_VERSION: u8;
-    /// The kinds of write of the product: pairs of record and requester. The queue has room for one of each.
+    /// The kinds of write of the product: pairs of record and requester. The queue has room for a write of each kind.
     const WRITES: &'static [Write];
 
     /// Creates an application without power.
@@ -62,7 +62,7 @@ pub trait Application: Storing + Sized {
     /// Handles the timers that are due.
     fn poll(&mut self, base: &mut Base);
 
-    /// Applies the changes that the preceding call has caused. The runtime calls this function after every other one,
+    /// Applies the changes that the preceding call has caused. The runtime calls this function after every other call,
     /// before it reads the deadline.
     fn apply_changes(&mut self, base: &mut Base);
 
@@ -364,7 +364,7 @@ impl<A: Application> Device for Runtime<A> {
 
     fn sense(&mut self, inputs: &Inputs, now: Instant) {
         self.base.go_to(now);
-        // A deadline before `now` is handled with the old inputs, a deadline at `now` with the new ones.
+        // A deadline before `now` is handled with the old inputs, a deadline at `now` with the new inputs.
         if self.base.now > self.deadline {
             self.run_timers();
         }

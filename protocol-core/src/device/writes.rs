@@ -8,7 +8,7 @@ use crate::memory::RecordKey;
 /// [`Runtime`](super::runtime::Runtime) refuses to compile for a device with more.
 pub(super) const KINDS: usize = 10;
 
-/// The capacity of the queue: a waiting write of each kind, the write in progress, and one [requested
+/// The capacity of the queue: a waiting write of each kind, the write in progress, and a write [requested
 /// first](Writes::request_first).
 const CAPACITY: usize = KINDS + 2;
 
@@ -74,8 +74,9 @@ impl Writes {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into a waiting write of the same kind. The new value then replaces the old one;
-    /// the faults of DM3 are added up. The write in progress does not change, because its record is already encoded.
+    /// Appends a write, or merges it into a waiting write of the same kind. The new value then replaces the old value;
+    /// the faults of two DM3s are combined. The write in progress does not change, because its record is already
+    /// encoded.
     pub fn request(&mut self, write: Write) {
         let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {

@@ -98,8 +98,8 @@ impl Default for Dm1 {
     }
 }
 
-/// Returns the time one `period` after `due`. After a pause longer than a period it is one `period` after `now`, so
-/// that missed messages are not sent.
+/// Returns the time one `period` after `due`. After a pause longer than a period, returns the time one `period` after
+/// `now`, so that missed messages are not sent.
 pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
     let planned = delayed(due, period);
     if planned > now { planned } else { delayed(now, period) }

@@ -223,7 +223,7 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
     }
 
     /// Handles the announcement of a message. It ends the previous message of its sender, even if the receiver ignores
-    /// the new one.
+    /// the new message.
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
         if id.destination() != Address::GLOBAL {

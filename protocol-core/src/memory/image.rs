@@ -2,7 +2,7 @@
 
 use super::record::{RECORD_MAX, Record, RecordKey, open};
 
-/// A memory at the start of a device. It returns records unchecked.
+/// The memory of a device at its start. The records are not checked.
 pub trait Memory {
     /// Returns the [sealed](super::seal) bytes of a record; `None` for a record that was never written.
     ///

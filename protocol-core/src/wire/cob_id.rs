@@ -150,8 +150,8 @@ impl CobId {
     }
 
     /// Returns whether a PDO, SYNC, EMCY or EMCY consumer may use the identifier. `extended` permits every 29-bit
-    /// identifier. An 11-bit identifier must not be one that CiA 301 (7.3.5) restricts, such as those of NMT, the
-    /// default SDOs and LSS (SPEC 4.1).
+    /// identifier. CiA 301 (7.3.5) restricts some 11-bit identifiers, such as the identifiers of NMT, the default SDOs
+    /// and LSS (SPEC 4.1).
     #[must_use]
     pub const fn is_usable(self, extended: bool) -> bool {
         if self.is_extended() {

@@ -3,7 +3,7 @@
 
 use crate::frame::{Frame, Id, extended, key};
 
-/// An address on the bus; a controller has one of 0–253.
+/// An address on the bus. The addresses 0–253 are those of controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address(u8);
 

@@ -43,7 +43,7 @@ pub struct Segment {
     pub last: bool,
     /// The number of used bytes of `data`, 0–7.
     pub len: u8,
-    /// The bytes. A server fills those beyond `len` with zeros.
+    /// The bytes. A server fills the bytes beyond `len` with zeros.
     pub data: [u8; 7],
 }
 

@@ -3,8 +3,8 @@
 use embassy_stm32::pac::CAN1;
 use protocol_core::frame::{Frame, Id, extended, standard};
 
-/// Converts a frame of the core to one of `bxcan`, or back. Returns `None` only for more than eight bytes, which
-/// neither type holds.
+/// Converts a frame between the core and `bxcan`. Returns `None` for more than eight bytes only, which no frame here
+/// has.
 pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame: &From) -> Option<To> {
     if frame.is_remote_frame() { To::new_remote(frame.id(), frame.dlc()) } else { To::new(frame.id(), frame.data()) }
 }

@@ -1,7 +1,7 @@
 //! The CAN controller, bxCAN 1 (RM0090 chapter 32), with the driver crate `bxcan`.
 //!
-//! The registers are accessed directly only for what `bxcan` 0.8 lacks: error modes and their interrupts, changes of
-//! filters during operation, initialisation without busy-waiting, and the cases that the child modules name.
+//! The registers are accessed directly only for functions that `bxcan` 0.8 lacks: error modes and their interrupts,
+//! changes of filters during operation, initialisation without busy-waiting, and the cases that the child modules name.
 //!
 //! ```text
 //! mod       joining and leaving the bus, error modes, filters
@@ -91,7 +91,7 @@ impl Can1 {
     pub(super) fn new(rx: Peri<'static, impl Pin>, tx: Peri<'static, impl Pin>, priority: Priority) -> Self {
         let (mut rx, mut tx) = (Flex::new(rx), Flex::new(tx));
         rx.set_as_af_unchecked(AF_CAN, AfType::input(Pull::Up));
-        // Edges of 10 ns (DS9405, DS10693) are 1 % of the shortest bit, with less noise than faster ones.
+        // Edges of 10 ns (DS9405, DS10693) are 1 % of the shortest bit, and cause less noise than faster edges.
         tx.set_as_af_unchecked(AF_CAN, AfType::output(OutputType::PushPull, Speed::Medium));
         // Dropping the pins would disconnect them.
         core::mem::forget((rx, tx));
@@ -199,7 +199,7 @@ impl Controller for Can1 {
     }
 }
 
-/// Returns the contents of a filter bank; `None` for an inactive one.
+/// Returns the contents of a filter bank; `None` for an inactive bank.
 fn bank(number: usize) -> Option<Bank> {
     let registers = CAN1.fb(number);
     let is_active = CAN1.fa1r().read().fact(number);

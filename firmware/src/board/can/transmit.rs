@@ -1,7 +1,7 @@
 //! The transmission: the most urgent frame first, and frames back to back (RM0090 32.7.1).
 //!
-//! `bxcan` holds up to three frames. While frames are pending, it accepts only a more urgent one. A fourth frame
-//! replaces the least urgent one, which `bxcan` returns. The next frame in the order of arbitration is *staged* here;
+//! `bxcan` holds up to three frames. While frames are pending, it accepts only a more urgent frame. A fourth frame
+//! replaces the least urgent frame, which `bxcan` returns. The next frame in the order of arbitration is *staged* here;
 //! the transmit interrupt loads it within the intermission.
 
 use core::cell::RefCell;
@@ -75,16 +75,16 @@ impl Transmission {
     /// # Errors
     /// Returns [`nb::Error::WouldBlock`] if the staged frame is at least as urgent.
     pub(super) fn put(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        // A mailbox that has just become free takes the staged frame first, which is older than an equally urgent new
-        // one.
+        // A mailbox that has just become free takes the staged frame first, because it is older than an equally urgent
+        // new frame.
         self.load();
         if self.staged.is_some_and(|staged| staged.arbitration() <= frame.arbitration()) {
             return Err(nb::Error::WouldBlock);
         }
         match self.offer(frame) {
             Ok(None) => Ok(None),
-            // The more urgent of the displaced and the staged frame becomes the staged one. Of equally urgent frames it
-            // is the displaced one, which is older.
+            // The more urgent of the displaced and the staged frame is staged. Of equally urgent frames this is the
+            // displaced frame, which is older.
             Ok(Some(displaced)) => match self.staged {
                 Some(staged) if staged.arbitration() < displaced.arbitration() => Ok(Some(displaced)),
                 _ => Ok(self.staged.replace(displaced)),
@@ -105,7 +105,7 @@ impl Transmission {
         }
     }
 
-    /// Loads the staged frame if the controller accepts it. A displaced frame becomes the staged one.
+    /// Loads the staged frame if the controller accepts it. A displaced frame is then staged.
     fn load(&mut self) {
         if let Some(staged) = self.staged
             && let Ok(displaced) = self.offer(&staged)
@@ -116,7 +116,7 @@ impl Transmission {
 
     /// Loads a frame into a mailbox through `bxcan`. Returns a frame that it displaces from the mailbox.
     fn offer(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        // With all mailboxes full, `bxcan` aborts one, and would busy-wait for the end of a frame on the wire. No
+        // With all mailboxes full, `bxcan` aborts a mailbox, and would busy-wait for the end of a frame on the wire. No
         // interrupt reports that this frame has lost arbitration.
         let blocked = CAN1.tsr().read().0 & ALL_EMPTY == 0 && CAN1.msr().read().txm();
         BLOCKED.store(blocked, Ordering::Relaxed);

@@ -31,7 +31,7 @@ const SERVICES: usize = 6;
 /// A key that no frame has.
 const NONE: u32 = u32::MAX;
 
-// Each service has a filter, and the other protocol has one.
+// Each service has a filter, and so has the other protocol.
 const _: () = assert!(SERVICES < FILTERS);
 
 /// Returns a mask with the bit of a key's group. The group of an 11-bit identifier is its function code.

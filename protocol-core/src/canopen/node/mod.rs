@@ -113,8 +113,8 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Begins a start: resets the communication, and applies the node ID of LSS or, without one, the stored node ID.
-    /// Returns the node ID in force.
+    /// Begins a start: resets the communication, and applies the node ID that LSS has configured, or else the stored
+    /// node ID. Returns the node ID in force.
     ///
     /// Reset application also applies the stored bit rate and clears the error history. Reset communication does not
     /// end a bit-rate activation.
@@ -264,8 +264,8 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Enters a new error into the history, with `manufacturer` in the upper 16 bits, and queues its EMCY. While 0x1014
-    /// is off, or without a node ID, does neither. Returns whether the error was entered.
+    /// Enters a new error into the history, with `manufacturer` in the upper 16 bits, and queues its EMCY. Has no
+    /// effect while 0x1014 is off or the node has no node ID. Returns whether the error was entered.
     pub(crate) fn report_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
@@ -289,7 +289,7 @@ impl<P: Product> Node<P> {
         self.pending.queue_answer(answer, mute);
     }
 
-    /// Answers the SDO client that waits for this task, if there is one: with an abort unless the task was `stored`.
+    /// Answers the SDO client, if any, that waits for this task. The answer is an abort unless the task was `stored`.
     pub(crate) fn end_task(&mut self, task: P::Task, stored: bool) {
         let behind = self.sdo.waits_for().and_then(|place| P::DICTIONARY.behind(place.position));
         let is_awaited = matches!(behind, Some(Object::Signature(awaited)) if awaited == task);
@@ -309,8 +309,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns whether the node must reset communication. This is so in LSS waiting, without a node ID in force, once
-    /// LSS has stored one.
+    /// Returns whether the node must reset communication, because LSS has stored its first node ID and is in waiting.
     pub(crate) fn must_boot(&self) -> bool {
         self.lss.must_boot(self.objects.node_id)
     }

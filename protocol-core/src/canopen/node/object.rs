@@ -1,4 +1,4 @@
-//! The objects behind the rows of the dictionary, those of the node and those of the product.
+//! The objects behind the rows of the dictionary: objects of the node and objects of the product.
 
 use crate::canopen::dictionary::{DataType, Row};
 

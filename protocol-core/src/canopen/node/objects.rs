@@ -73,7 +73,7 @@ impl Communication {
         }
     }
 
-    /// Loads the stored parameters of a group, or its defaults without stored ones. Reset communication does not load
+    /// Loads the stored parameters of a group or, if none are stored, its defaults. Reset communication does not load
     /// the product's own objects.
     pub(super) fn load<P: Product>(
         &mut self,

@@ -42,7 +42,7 @@ enum Candidate {
     Heartbeat,
 }
 
-/// The state of a frame whose newest version replaces an unsent older one.
+/// The state of a heartbeat or TPDO, whose newest version replaces older unsent versions.
 #[derive(Clone, Debug)]
 pub(super) struct Latest {
     pending: bool,
@@ -112,13 +112,13 @@ impl Pending {
         self.boot_up = BootUp::Pending;
     }
 
-    /// Queues a heartbeat. An older one in the controller is aborted.
+    /// Queues a heartbeat. An older heartbeat in the controller is aborted.
     pub(super) fn queue_heartbeat(&mut self) {
         self.clear_heartbeat();
         self.heartbeat.pending = true;
     }
 
-    /// Drops an unsent heartbeat, one in the controller included.
+    /// Drops an unsent heartbeat, also from the controller.
     pub(super) fn clear_heartbeat(&mut self) {
         let taken = self.heartbeat.clear();
         self.abort(taken);
@@ -131,7 +131,7 @@ impl Pending {
         }
     }
 
-    /// Queues a TPDO. An older one in the controller is aborted.
+    /// Queues a TPDO. An older TPDO in the controller is aborted.
     #[inline]
     pub(super) fn queue_tpdo(&mut self, sample: Sample) {
         self.clear_tpdo();
@@ -147,7 +147,7 @@ impl Pending {
         }
     }
 
-    /// Drops an unsent TPDO, one in the controller included.
+    /// Drops an unsent TPDO, also from the controller.
     #[inline]
     pub(super) fn clear_tpdo(&mut self) {
         let taken = self.tpdo.clear();
@@ -174,7 +174,7 @@ impl Pending {
         }
     }
 
-    /// Drops all unsent EMCYs, those in the controller included. `key` is the key of their identifier.
+    /// Drops all unsent EMCYs, also from the controller. `key` is the key of their identifier.
     pub(super) fn drop_emcys(&mut self, key: Option<u32>) {
         self.abort(key.filter(|_| self.emcys.is_taken()));
         self.emcys.clear();
@@ -350,8 +350,8 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns whether an abort would also hit EMCYs in the controller. This is so if a TPDO has their identifier. The
-    /// abort is then skipped: no EMCY is lost, but an outdated TPDO is sent (A).
+    /// Returns whether an abort would also hit EMCYs in the controller, because the TPDO has their identifier. Such an
+    /// abort is skipped: no EMCY is lost, but an outdated TPDO is sent (A).
     fn would_hit_emcys(&self, abort: Filter) -> bool {
         self.pending.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }

@@ -188,7 +188,7 @@ impl Application for HatSensor {
         }
     }
 
-    /// Handles an NMT reset while a restart is pending. A wider scope replaces the pending one.
+    /// Handles an NMT reset while a restart is pending. A wider scope replaces the pending scope.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());

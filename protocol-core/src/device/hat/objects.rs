@@ -44,7 +44,7 @@ pub(in crate::device) const RULES: Rules = Rules {
         fast_scan_selects: true,
         can_remove_node_id: true,
         on_waiting: lss::OnWaiting::Boot,
-        // (A) The manual does not say what NMT start does to a pending node ID or bit rate.
+        // (A) The manual does not define the effect of NMT start on a pending node ID or bit rate.
         start_drops_pending: false,
         node_id_error: 255,
         bit_rate_error: 1,

@@ -4,7 +4,7 @@ use super::Plant;
 use crate::actuator::{SpoolFault, ValveInputs};
 use crate::device::{Inputs, ProductInputs};
 
-/// A fault that the button injects. Each press selects the next one.
+/// A fault that the button injects. Each press selects the next fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Injection {
     /// No fault.

@@ -27,7 +27,7 @@ struct Shutdown {
 #[derive(Clone, Debug)]
 pub(super) struct AuxiliaryValve {
     pub(super) valve: Valve,
-    /// The last valid command; block before the first one.
+    /// The last valid command; block before the first command.
     command: Command,
     /// Whether the time guard runs. The first valid command starts it (A).
     guarded: bool,
@@ -98,7 +98,7 @@ impl AuxiliaryValve {
         changes
     }
 
-    /// Returns the previously active faults: those that have occurred, are not active, and are not part of the
+    /// Returns the previously active faults: the faults that have occurred, are not active, and are not part of the
     /// shutdown.
     pub(super) fn previously_active_faults(&self) -> FaultSet {
         let counters = self.valve.counters();
@@ -141,8 +141,8 @@ impl AuxiliaryValve {
         self.shutdown.map_or(FaultSet::EMPTY, |shutdown| shutdown.faults)
     }
 
-    /// Counts consecutive neutral commands while the spool is in neutral and no fault is active. The second one ends
-    /// the shutdown, and acts as block otherwise.
+    /// Counts consecutive neutral commands while the spool is in neutral and no fault is active. The second command
+    /// ends the shutdown, and acts as block otherwise.
     fn recover(&mut self, now: Instant) {
         let Some(shutdown) = &mut self.shutdown else { return };
         let counts = self.valve.faults().is_empty() && self.command.is_neutral() && self.valve.in_neutral(now);

@@ -7,7 +7,7 @@ use crate::device::reading::Reading;
 use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 
-/// The records of a valve, with defaults for missing and corrupt ones.
+/// The records of a valve. Defaults replace missing and corrupt records.
 pub(super) struct Found<'a> {
     pub(super) reading: Reading<'a>,
     pub(super) factory: Factory,
@@ -31,7 +31,7 @@ impl<'a> Found<'a> {
         if let Some(layer) = found.payload(RecordKey::LocalLayer, |payload| LocalLayer::decode(kind, payload)) {
             found.local_layer = layer;
         } else if found.reading.is_corrupt(RecordKey::LocalLayer) && setup.node_id.is_none() {
-            // The corrupt record held a node ID, because only a new valve can lack one.
+            // The corrupt record held a node ID, because only a new valve can lack a node ID.
             found.local_layer = LocalLayer::new(Setup::new(kind));
         }
         if let Some(log) = found.payload(RecordKey::FaultLog, FaultLog::decode) {
@@ -40,8 +40,8 @@ impl<'a> Found<'a> {
         found
     }
 
-    /// Decodes a record. Returns `None` for a record that was never written, and for a corrupt one, which
-    /// [`Reading::is_corrupt`] then reports.
+    /// Decodes a record. Returns `None` for a record that was never written or is corrupt. [`Reading::is_corrupt`] then
+    /// tells which.
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         self.reading.record(key, VERSION, decode)
     }

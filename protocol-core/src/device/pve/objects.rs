@@ -84,7 +84,7 @@ const PDO: pdo::Rules = pdo::Rules {
     direction: Mappable::No,
     transmission_types: &[],
     extended_ids: false,
-    // (A) The manual does not say what happens when a PDO is switched on with nothing mapped.
+    // (A) The manual does not define the effect of switching on a PDO without mapped objects.
     may_be_empty: false,
     dummies: true,
     // (R) CiA 301 permits writes of entries only while sub-index 0 is 0.

@@ -125,7 +125,7 @@ impl Factory {
 /// The node ID and the bit rate, in force from the next start. On ISOBUS the node ID is the address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalLayer {
-    /// The node ID or address; `None` only for a new valve that was delivered without one.
+    /// The node ID or address; `None` only for a valve that was delivered without a node ID.
     pub(super) node_id: Option<u8>,
     pub(super) bit_rate: BitRate,
 }

@@ -80,7 +80,7 @@ impl StateMachine {
         self.state
     }
 
-    /// Applies a control word, which causes at most one of the transitions D2–D7 and D11.
+    /// Applies a control word. It causes at most one transition, D2–D7 or D11.
     pub(super) fn control(&mut self, word: u16, fault_active: bool) {
         let command = word & COMMAND_MASK;
         let disabled = command & 0b0001 != 0;

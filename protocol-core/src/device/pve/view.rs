@@ -1,4 +1,4 @@
-//! The view of a valve on either protocol.
+//! The views of the valves.
 
 use heapless::Vec;
 

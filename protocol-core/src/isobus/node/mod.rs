@@ -8,7 +8,7 @@
 //! ```
 //!
 //! When the controller can take a frame, the node encodes the most urgent pending message. A new message of a kind
-//! replaces an older one, which is aborted in the controller.
+//! replaces an older message, which is aborted in the controller.
 
 mod groups;
 mod messages;

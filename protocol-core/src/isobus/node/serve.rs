@@ -154,7 +154,7 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Queues a message. An older one in the controller is aborted.
+    /// Queues a message. An older message in the controller is aborted.
     ///
     /// During bus-off only DM1 is queued. It is encoded after recovery, with the state of that time.
     pub(super) fn queue(&mut self, message: Message) {

@@ -26,7 +26,7 @@ pub(super) enum Executed {
 /// The "load" that a client demands for the next start. A write of the flag sets it while there is a demand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Demanded {
-    /// No demand, or one that could not be stored.
+    /// No demand, or a demand that could not be stored.
     No,
     /// The write of the flag is queued or in progress.
     Unstored,
@@ -54,7 +54,7 @@ impl Load {
         Self { executed, ..Self::new() }
     }
 
-    /// Returns whether the defaults replace the stored parameters. This is so until an executed "load" has stored them
+    /// Returns whether the defaults replace the stored parameters, because an executed "load" has not stored them yet
     /// (A).
     pub(super) fn replaces_stored(&self) -> bool {
         self.executed == Executed::DefaultsUnstored

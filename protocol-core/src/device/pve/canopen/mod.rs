@@ -124,7 +124,7 @@ impl Application for CanopenValve {
         }
     }
 
-    /// Handles an NMT reset while a restart is pending. A wider scope replaces the pending one.
+    /// Handles an NMT reset while a restart is pending. A wider scope replaces the pending scope.
     fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
         if let Some(reset) = self.node.reset_demanded(frame) {
             base.request_restart(reset.into());
@@ -217,7 +217,7 @@ impl Application for CanopenValve {
         };
         let node_id = self.node.reset(reset, stored);
         if scope == Restart::Application {
-            // The defaults depend on the node ID. Without a node ID the "load" waits for a start with one.
+            // The defaults depend on the node ID. Without a node ID the "load" waits for a start with a node ID.
             self.load = Load::found(load_is_set && node_id.is_some());
         }
         let parameters = parameters.filter(|_| !self.load.replaces_stored());

@@ -42,7 +42,7 @@ pub(super) fn name(factory: &Factory) -> Name {
     })
 }
 
-/// Returns the address in a local layer or, without one, the default address.
+/// Returns the address in a local layer or, if it has none, the default address.
 pub(super) fn address(setup: &Setup, layer: LocalLayer) -> Address {
     Address::new(layer.node_id.unwrap_or(setup.kind.default_node_id()))
 }
