@@ -1,4 +1,4 @@
-//! Worlds of many valves, for the benches.
+//! Worlds of many valves, for the benchmarks.
 
 use hal_sim::{ClientPortId, World};
 use protocol_core::controller::BitRate;
@@ -6,9 +6,9 @@ use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after};
 
-/// How many node IDs there are.
+/// The number of node IDs.
 const NODE_IDS: usize = 127;
-/// What 20 valves need to bring the bus to 80 %, each sending a TPDO at every SYNC.
+/// The SYNC period at which 20 valves, each with a TPDO at every SYNC, load the bus by 80 %.
 const SYNC_PERIOD: Duration = Duration::from_micros(8_800);
 
 /// Valves and a client on a bus of 250 kbit/s.
@@ -18,13 +18,13 @@ pub(crate) struct Scene {
     client: ClientPortId,
 }
 
-/// A frame as the manuals print it.
+/// Parses a frame in the notation of the manuals.
 pub(crate) fn frame(text: &str) -> Frame {
     text.parse().expect("a frame")
 }
 
 impl Scene {
-    /// So many valves at node IDs 1, 2, 3 …, again from 1 after 127; not powered.
+    /// Creates valves at node IDs 1, 2, 3 …, beginning again after 127, without power.
     fn new(valves: usize) -> Self {
         let mut world = World::new(BitRate::Kbit250, 0);
         let client = world.add_client_port("client");
@@ -37,19 +37,19 @@ impl Scene {
         Self { world, client }
     }
 
-    /// Valves that have booted and have nothing to do.
+    /// Creates valves that have booted and have nothing to do.
     pub(crate) fn idle(valves: usize) -> Box<Self> {
         let mut scene = Self::new(valves);
         scene.world.power_all(Duration::from_millis(5));
         scene.run_for(Duration::from_secs(1));
         scene.hear();
-        // What is allocated once is allocated now.
+        // One-time allocations happen here.
         scene.pass(frame("1A2: 00"), 1);
         scene.pass(frame("601: 40 18 10 01 00 00 00 00"), 2);
         Box::new(scene)
     }
 
-    /// 20 valves that send a TPDO at every SYNC.
+    /// Creates 20 valves that send a TPDO at every SYNC.
     pub(crate) fn sync_driven() -> Box<Self> {
         let mut scene = Self::idle(20);
         for node_id in 1..=20 {
@@ -61,13 +61,13 @@ impl Scene {
         scene
     }
 
-    /// 1,000 valves with heartbeats of 1 s, each at its own phase.
+    /// Creates 1,000 valves with heartbeats of 1 s, each at its own phase.
     pub(crate) fn heartbeats() -> Box<Self> {
         let mut scene = Self::new(1000);
         scene.world.power_all(Duration::from_millis(5));
         scene.run_for(Duration::from_secs(2));
         scene.hear();
-        // Valves that share a node ID give the same answer at the same moment.
+        // Valves with the same node ID give the same answer at the same time.
         for node_id in 1..=NODE_IDS {
             for text in ["2B 17 10 00 E8 03 00 00", "23 10 10 01 73 61 76 65"] {
                 scene.send(frame(&format!("{:03X}: {text}", 0x600 + node_id)));
@@ -84,7 +84,7 @@ impl Scene {
         Box::new(scene)
     }
 
-    /// Sends a frame, and runs until so many frames have been on the bus, that one among them.
+    /// Sends a frame, and runs until a number of frames have been on the bus, this one included.
     pub(crate) fn pass(&mut self, frame: Frame, frames: usize) {
         self.send(frame);
         for _ in 0..2 * frames {
@@ -93,7 +93,7 @@ impl Scene {
         assert_eq!((self.world.pending(self.client), self.hear()), (0, frames - 1));
     }
 
-    /// Sends SYNCs for so many seconds.
+    /// Sends SYNCs for a number of seconds.
     pub(crate) fn sync_for(&mut self, seconds: u64) {
         let cycles = Duration::from_secs(seconds).as_ticks() / SYNC_PERIOD.as_ticks();
         let sync = frame("080:");
@@ -107,11 +107,11 @@ impl Scene {
         assert!((75..=85).contains(&load), "{load} % load");
     }
 
-    /// Lets heartbeats come for so many seconds.
+    /// Runs for a number of seconds of heartbeats.
     pub(crate) fn beat_for(&mut self, seconds: u64) {
         self.run_for(Duration::from_secs(seconds));
         let heard = self.hear() as u64;
-        // Two that start at the same moment under the same node ID are one.
+        // Two heartbeats under the same node ID that start at the same time are one frame.
         assert!((seconds * 950..=seconds * 1000).contains(&heard), "{heard} heartbeats");
     }
 
@@ -124,7 +124,7 @@ impl Scene {
         self.world.run_until(end);
     }
 
-    /// How many frames the client has heard since this was last asked.
+    /// Returns the number of frames that the client has received since the previous call.
     fn hear(&mut self) -> usize {
         self.world.take_received(self.client).count()
     }

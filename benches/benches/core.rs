@@ -1,8 +1,8 @@
-//! The cost of a frame, in instructions of the host: frame in → frame in the controller, through the pump, with
-//! everything due done.
+//! The cost of a frame in instructions of the host: from its reception through the pump and all due timers to the
+//! answer in the controller.
 //!
-//! The limits are budgets: a change that breaks one fails `./test`. The figures of other stacks stand beside them:
-//! CANopenNode's from the calls that the frame needs to its whole millisecond.
+//! The limits are budgets: a change that exceeds one fails `./test`. The figures of other stacks stand beside them.
+//! Those of CANopenNode range from the calls that the frame needs to its whole millisecond.
 
 #![allow(missing_docs, reason = "the macros of gungraun make modules without any")]
 
@@ -18,7 +18,7 @@ use protocol_core::memory::Image;
 use protocol_core::pump::{pump, receive};
 use protocol_core::time::{Duration, Instant, after};
 
-/// A valve and the frame that it is about to receive.
+/// A valve, and the frame that it receives next.
 struct Case<D> {
     valve: D,
     frame: Frame,
@@ -29,7 +29,7 @@ fn frame(text: &str) -> Frame {
     text.parse().expect("a frame")
 }
 
-/// A valve that was booted half a second ago, has then received these frames, a millisecond apart, and has nothing to
+/// Returns a valve that booted half a second ago, has received these frames a millisecond apart, and has nothing to
 /// send.
 fn after_frames<D: Device>(power_on: impl FnOnce(Instant) -> D, texts: &[&str], next: &str) -> Box<Case<D>> {
     let mut now = Instant::from_secs(1);
@@ -71,11 +71,11 @@ fn isobus(now: Instant) -> PveIsobus {
     PveIsobus::power_on(setup, &Image::empty(), StartCause::PowerOn, now)
 }
 
-/// A heartbeat every second.
+/// The write of a heartbeat time of one second.
 const HEARTBEAT: &str = "620: 2B 17 10 00 E8 03 00 00";
 const START: &str = "000: 01 00";
 
-/// A valve in operational, with the heartbeat on.
+/// Returns a valve in operational, with the heartbeat on.
 fn operational(next: &str) -> Box<Exchange<PveCanopen>> {
     after_frames(canopen, &[HEARTBEAT, START], next).into()
 }
@@ -98,8 +98,8 @@ fn hat(now: Instant) -> Hat {
     Hat::power_on(hat::Setup::new(hat::Kind::Hat1000), &Image::empty(), StartCause::PowerOn, now)
 }
 
-/// A sensor with a turning shaft in operational, with the heartbeat and a TPDO of this type on, every 100 ms when that
-/// is the event timer's.
+/// Returns a sensor with a turning shaft in operational, with the heartbeat on and a TPDO of this type. The event timer
+/// is 100 ms.
 fn sensor(kind: u8, next: &str) -> Box<Case<Hat>> {
     let kind = format!("601: 2F 00 18 02 {kind:02X} 00 00 00");
     let (timer, on) = ("601: 2B 00 18 05 64 00 00 00", "601: 23 00 18 01 81 01 00 00");
@@ -109,7 +109,7 @@ fn sensor(kind: u8, next: &str) -> Box<Case<Hat>> {
     case
 }
 
-/// A sensor whose event timer has come to its end.
+/// Returns a sensor whose event timer has just ended.
 fn pdo_due() -> Box<Exchange<Hat>> {
     let mut case = sensor(254, "080:");
     case.now = case.valve.deadline();
@@ -118,7 +118,7 @@ fn pdo_due() -> Box<Exchange<Hat>> {
     exchange
 }
 
-/// A controller that has one frame to be read and takes every frame.
+/// A controller that holds one received frame and accepts every frame to send.
 #[derive(Default)]
 struct ClientEnd {
     received: Option<Frame>,
@@ -152,17 +152,17 @@ impl Controller for ClientEnd {
     fn set_filters(&mut self, _: &Filters) {}
 }
 
-/// A valve, and a controller with the frame that it is about to receive.
+/// A valve, and a controller that holds the frame to receive.
 struct Exchange<D> {
     valve: D,
     can: ClientEnd,
     now: Instant,
-    /// Whether there is something to be done.
+    /// Whether the pump has returned an effect.
     effect: bool,
 }
 
 impl<D> Exchange<D> {
-    /// The whole way: frame in, everything due done, frames in the controller.
+    /// Pumps: reception, due timers, and the answers into the controller.
     #[inline(always)]
     fn run(mut self: Box<Self>) -> Box<Self>
     where
@@ -172,7 +172,7 @@ impl<D> Exchange<D> {
         self
     }
 
-    /// The way of a frame that is for nobody here: there is no need to pump.
+    /// Receives a frame for another node, which needs no pump.
     #[inline(always)]
     fn receive(mut self: Box<Self>) -> Box<Self>
     where
@@ -212,7 +212,7 @@ fn sdo_download(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>
     exchange.run()
 }
 
-// SDO download of the heartbeat time, an object of the node → the answer and the first heartbeat.
+// An SDO download of the heartbeat time, an object of the node: the answer and the first heartbeat.
 #[library_benchmark(config = budget(790))]
 #[bench::heartbeat_time(operational(HEARTBEAT))]
 fn sdo_download_of_node(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
@@ -226,21 +226,21 @@ fn sdo_segment(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>>
     exchange.run()
 }
 
-// RPDO of two objects → TPDO (741–926 in C): the master repeats its set-point.
+// An RPDO of two objects and its TPDO (741–926 in C). The master repeats its set-point.
 #[library_benchmark(config = budget(510))]
 #[bench::same_set_point(active("220: 0F 00 00 10"))]
 fn rpdo_to_tpdo(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
-// The same with another set-point.
+// The same with a new set-point.
 #[library_benchmark(config = budget(565))]
 #[bench::new_set_point(active("220: 0F 00 00 20"))]
 fn rpdo_to_tpdo_new(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
-// A frame for somebody else (56 in C).
+// A frame for another node (56 in C).
 #[library_benchmark(config = budget(32))]
 #[bench::standard(operational("1A1: 0F 00 00 00"))]
 #[bench::extended(operational("18FECA83: FF FF"))]
@@ -248,7 +248,7 @@ fn foreign(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.receive()
 }
 
-// `poll` with nothing due (472 in C).
+// `poll` without a due timer (472 in C).
 #[library_benchmark(config = budget(9))]
 #[bench::idle(operational("080:"))]
 fn nothing_due(mut exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
@@ -263,7 +263,7 @@ fn lss_switch_selective(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<Pve
     exchange.run()
 }
 
-// The same of a sensor, whose shaft turns.
+// The same for a sensor with a turning shaft.
 #[library_benchmark(config = budget(480))]
 #[bench::position(sensor(1, "601: 40 04 60 00 00 00 00 00").into())]
 fn hat_sdo_upload(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
@@ -276,7 +276,7 @@ fn hat_sdo_download(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()
 }
 
-// A SYNC → the TPDO of the position, due by its number, or because the position has changed.
+// A SYNC and the TPDO of the position, due by its number or because the position has changed.
 #[library_benchmark(config = budget(299))]
 #[bench::every(sensor(1, "080:").into())]
 #[bench::on_change(sensor(0, "080:").into())]
@@ -284,7 +284,7 @@ fn hat_sync_to_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()
 }
 
-// The end of the event timer → the TPDO of the position.
+// The end of the event timer and the TPDO of the position.
 #[library_benchmark(config = budget(289))]
 #[bench::due(pdo_due())]
 fn hat_timed_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
@@ -299,7 +299,7 @@ fn driven(next: &str) -> Box<Exchange<PveIsobus>> {
     after_frames(isobus, &["0CFE3327: 40 FF 31 FF FF FF FF FF"], next).into()
 }
 
-/// A driven valve whose spool has arrived, at the instant when its next AVEF is due.
+/// Returns a driven valve whose spool has arrived, at the time of its next AVEF.
 fn avef_due(next: Option<&str>) -> Box<Exchange<PveIsobus>> {
     let mut case = after_frames(isobus, &["0CFE3327: 40 FF 31 FF FF FF FF FF"], next.unwrap_or("080:"));
     let arrived = after(case.now, Duration::from_millis(100));
@@ -314,14 +314,14 @@ fn avef_due(next: Option<&str>) -> Box<Exchange<PveIsobus>> {
     exchange
 }
 
-// A request to all → the claim of the address (83 in sae-j1939-rs, without a pump).
+// A request to all and the address claim (83 in sae-j1939-rs, without a pump).
 #[library_benchmark(config = budget(200))]
 #[bench::to_all(claimed("18EAFF27: 00 EE 00"))]
 fn claim_request(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
     exchange.run()
 }
 
-// A frame for somebody else (41 in sae-j1939-rs).
+// A frame for another node (41 in sae-j1939-rs).
 #[library_benchmark(config = budget(50))]
 #[bench::standard(claimed("1A1: 0F 00 00 00"))]
 #[bench::avc_of_another(claimed("0CFE3427: 40 FF 31 FF FF FF FF FF"))]
@@ -331,7 +331,7 @@ fn isobus_foreign(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>
     exchange.receive()
 }
 
-// A millisecond in which nothing is due.
+// `poll` without a due timer.
 #[library_benchmark(config = budget(9))]
 #[bench::idle(claimed("080:"))]
 fn isobus_nothing_due(mut exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
@@ -339,7 +339,7 @@ fn isobus_nothing_due(mut exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<Pv
     exchange
 }
 
-// An AVC, which winds up the time guard and moves the spool, or lets it be.
+// An AVC, which restarts the time guard. It moves the spool or repeats the command.
 #[library_benchmark(config = budget(390))]
 #[bench::same_flow(driven("0CFE3327: 40 FF 31 FF FF FF FF FF"))]
 #[bench::new_flow(driven("0CFE3327: 80 FF 31 FF FF FF FF FF"))]
@@ -347,7 +347,7 @@ fn avc(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
     exchange.run()
 }
 
-// The same at the instant when an AVEF is due.
+// The same at the time of an AVEF.
 #[library_benchmark(config = budget(450))]
 #[bench::same_flow(avef_due(Some("0CFE3327: 40 FF 31 FF FF FF FF FF")))]
 #[bench::new_flow(avef_due(Some("0CFE3327: 80 FF 31 FF FF FF FF FF")))]
@@ -355,7 +355,7 @@ fn avc_and_avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> 
     exchange.run()
 }
 
-// An AVEF that is due.
+// An AVEF at its time.
 #[library_benchmark(config = budget(260))]
 #[bench::due(avef_due(None))]
 fn avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {

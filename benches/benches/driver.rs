@@ -1,7 +1,7 @@
-//! What an exchange costs from the bytes of a client to the bytes of the answer, in instructions of the host: parser,
-//! driver, bus, valve, trace and the way back. Left out: the sockets, the thread that prints, the waiting.
+//! The cost of an exchange in instructions of the host, from the bytes of a client to the bytes of the answer: parser,
+//! driver, bus, valve, trace and the way back. Sockets, the printing thread and waiting are left out.
 //!
-//! The limits are budgets: at most a fifth above what was measured.
+//! The limits are budgets, at most a fifth above the measured values.
 
 #![allow(missing_docs, reason = "the macros of gungraun make modules without any")]
 
@@ -20,7 +20,7 @@ use pve_sim::gateway::socketcand::{Parser, Request, emit_frame};
 use pve_sim::inbox::{Arrival, ClientEnd, ClientId, ClientQueue, Reply, ToClient, ToWorld};
 use pve_sim::run::{Driver, Platform};
 
-/// A wall clock that passes only when the driver waits, and what clients say.
+/// A wall clock that advances only while the driver waits, and the messages of the clients.
 struct TestPlatform {
     now: Instant,
     messages: Receiver<Arrival>,
@@ -45,7 +45,7 @@ impl Platform for TestPlatform {
     }
 }
 
-/// A simulator of valves at node IDs 1, 2, 3 …, with one client that listens.
+/// A simulator of valves at node IDs 1, 2, 3 …, with one listening client.
 struct Scene {
     driver: Driver<TestPlatform>,
     start: Instant,
@@ -57,7 +57,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// Valves that have booted; nothing is allocated any more.
+    /// Returns a simulator whose valves have booted and allocate nothing more.
     fn idle(valves: u8) -> Box<Self> {
         let mut simulation = Simulation::new(BitRate::Kbit250, 0);
         for id in 1..=valves {
@@ -72,7 +72,7 @@ impl Scene {
         let mut scene = Box::new(Self { driver, start, messages, client, client_end, parser, out });
         scene.tell(ToWorld::Join(client, to_client));
         scene.tell(ToWorld::Listen(client, Reply::new("")));
-        // The start of all valves is over then.
+        // All valves have started by then.
         for _ in 0..1_000 {
             scene.driver.turn();
         }
@@ -87,7 +87,7 @@ impl Scene {
         self.messages.send(Arrival { at: self.start, message }).expect("a driver");
     }
 
-    /// Lets the simulator run until the client gets something.
+    /// Runs the simulator until the client receives a message.
     fn hear(&mut self) -> ToClient {
         loop {
             if let Ok(message) = self.client_end.queue.try_recv() {
@@ -97,7 +97,7 @@ impl Scene {
         }
     }
 
-    /// The client reads an object of valve 1.
+    /// Reads an object of valve 1 for the client.
     fn exchange(&mut self) {
         for byte in "< send 601 8 40 18 10 1 0 0 0 0 >".bytes() {
             if let Some(Ok(Request::Send(frame))) = self.parser.push(byte) {

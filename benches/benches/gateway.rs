@@ -1,8 +1,8 @@
-//! What a frame costs around the world, in instructions of the host: read from a client, written to one, logged and
-//! explained. What clients get by the wall clock, and the processor time of the whole simulator, is measured by
-//! `cargo bench --package benches`.
+//! The cost of a frame outside the world, in instructions of the host: read from a client, written to one, logged and
+//! explained. `cargo bench --package pve-sim` measures clients by the wall clock, and the processor time of the whole
+//! simulator.
 //!
-//! The limits are budgets: at most a fifth above what was measured.
+//! The limits are budgets, at most a fifth above the measured values.
 
 #![allow(missing_docs, reason = "the macros of gungraun make modules without any")]
 
@@ -21,7 +21,7 @@ fn frame(text: &str) -> Frame {
     text.parse().expect("a frame")
 }
 
-/// A bus of twenty valves.
+/// Returns the explainer of a bus with twenty valves.
 fn explainer() -> Explainer {
     let kind = Kind::Pve(pve::Kind::PveaCanopen);
     let node = |id: u8| Node { name: format!("valve-{id}"), kind, node_id: Some(id) };

@@ -1,7 +1,7 @@
 //! Virtual time against the processor time of this machine, for many valves on a busy bus.
 //!
-//! Nothing is limited here: caches and pipelines are shared with whatever else the machine does, and no two machines are
-//! alike. The limits of the same two scenes are those of `world`, in instructions.
+//! There are no limits here, because other programs share caches and pipelines, and machines differ. `world` limits the
+//! same two scenes, in instructions.
 
 use std::time::Duration as WallTime;
 
@@ -19,7 +19,7 @@ fn main() {
     print("1,000 valves with heartbeats of 1 s", 300, |seconds| beating.beat_for(seconds));
 }
 
-/// Prints how many times as fast as real time a scene passes so many seconds.
+/// Runs a scene for a number of seconds, and prints its speed as a multiple of real time.
 fn print(scene: &str, seconds: u64, pass: impl FnOnce(u64)) {
     let start = processor_time();
     pass(seconds);
@@ -28,7 +28,7 @@ fn print(scene: &str, seconds: u64, pass: impl FnOnce(u64)) {
     println!("{scene}: {factor:.0} times as fast as real time");
 }
 
-/// Returns the processor time that this thread has used so far.
+/// Returns the processor time of this thread so far.
 fn processor_time() -> WallTime {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     WallTime::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).unwrap_or(0))

@@ -1,7 +1,7 @@
-//! What the simulated world costs, in instructions of the host: a frame on buses of many sizes, and a second of buses
+//! The cost of the simulated world in instructions of the host: a frame on buses of many sizes, and a second of buses
 //! under load. Traces and gateways are left out.
 //!
-//! The limits are budgets: a change that breaks one fails `./test`. They lie at most 20 % above what was measured.
+//! The limits are budgets, at most 20 % above the measured values. A change that exceeds one fails `./test`.
 
 #![allow(missing_docs, reason = "the macros of gungraun make modules without any")]
 
@@ -30,7 +30,7 @@ fn request(valves: usize) -> (Box<Scene>, Frame) {
     (Scene::idle(valves), scenes::frame("601: 40 18 10 01 00 00 00 00"))
 }
 
-// A frame that no valve listens to, from the moment when a client gives it to the bus.
+// A frame for no valve, from the moment when a client gives it to the bus.
 #[library_benchmark]
 #[bench::valves_1(args = (foreign(1)), config = budget(1_500))]
 #[bench::valves_20(args = (foreign(20)), config = budget(1_500))]
@@ -40,7 +40,7 @@ fn foreign_frame((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
     scene
 }
 
-// An SDO upload, from the moment when the client gives its request to the bus until it has the answer.
+// An SDO upload, from the moment when the client gives the request to the bus to its answer.
 #[library_benchmark]
 #[bench::valves_20(args = (request(20)), config = budget(4_200))]
 fn sdo_round_trip((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
@@ -48,7 +48,7 @@ fn sdo_round_trip((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
     scene
 }
 
-// The clone of a world of two valves: a campaign makes one for each fault.
+// The clone of a world of two valves. A campaign makes one for each fault.
 #[library_benchmark]
 #[bench::valves_2(args = (Scene::idle(2)), config = budget(44_000))]
 fn clone(scene: Box<Scene>) -> [Box<Scene>; 2] {
@@ -63,7 +63,7 @@ fn sync_driven(mut scene: Box<Scene>) -> Box<Scene> {
     scene
 }
 
-// A second of 1,000 valves on one bus that only heartbeat.
+// A second of 1,000 valves on one bus that send heartbeats only.
 #[library_benchmark]
 #[bench::valves_1000(args = (Scene::heartbeats()), config = budget(2_700_000))]
 fn heartbeats(mut scene: Box<Scene>) -> Box<Scene> {

@@ -1,1 +1,1 @@
-//! What a frame costs, in instructions: see `benches/core.rs`.
+//! The cost of a frame in instructions, see `benches/core.rs`.

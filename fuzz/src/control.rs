@@ -1,4 +1,4 @@
-//! Words of users and scripts to a simulator: of its command line, lines on stdin, and calls over HTTP.
+//! Input of users and scripts: command lines, lines on stdin, and calls over HTTP.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -20,24 +20,24 @@ use crate::keyboard::Keyboard;
 use crate::room::assert_one_line;
 use crate::simulator::{Simulator, Stranger, play};
 
-/// Most lines that are taken.
+/// The maximum number of lines.
 const LINES: usize = 16;
 
-/// Most devices of a world.
+/// The maximum number of devices in a world.
 const DEVICES: usize = 4;
 
-/// Ends what is typed without the end of a line.
+/// The character that ends typed input without an end of line.
 const END_OF_INPUT: u8 = 4;
 
-/// Methods of HTTP, by which a line is a call.
+/// The methods of HTTP. A line that begins with one is a call.
 const METHODS: [&str; 7] = ["GET ", "POST ", "PATCH ", "DELETE ", "PUT ", "HEAD ", "OPTIONS "];
 
-/// Lines of any bytes: the first one has the arguments of `pve-sim`; of the others those that begin with a method are
-/// calls, with a body after the path, those that begin with `!` are sent to the server as they are (0x01 is the end of a
-/// line), those with `+` let milliseconds pass, and all else is typed; what ends with 0x04 is no line yet.
+/// Plays lines of any bytes. The first one holds the arguments of `pve-sim`. A line that begins with a method is a
+/// call, with a body after the path. A line with `!` is sent to the server as it is (0x01 stands for an end of line),
+/// and one with `+` lets milliseconds pass. All other lines are typed; A typed line that ends in 0x04 has no end of
+/// line.
 ///
-/// A refusal is told in one line and changes nothing; a change that is accepted is made as a whole; and the next call is
-/// answered.
+/// A refusal has one line and changes nothing. An accepted change is made as a whole. The next call is answered.
 pub fn control(bytes: &[u8]) {
     let mut lines = bytes.split(|byte| *byte == b'\n');
     let options = options(&String::from_utf8_lossy(lines.next().unwrap_or_default()));
@@ -45,7 +45,7 @@ pub fn control(bytes: &[u8]) {
     play(converse(options, &lines));
 }
 
-/// Returns what the arguments come to; where that is no run, what a run is without arguments.
+/// Returns the options of the arguments or, if they start no run, the default options.
 fn options(arguments: &str) -> RunOptions {
     let words = |text: &str| parse(["pve-sim"].into_iter().chain(text.split(' ').filter(|word| !word.is_empty())));
     let options = match words(arguments) {
@@ -66,7 +66,7 @@ fn options(arguments: &str) -> RunOptions {
     })
 }
 
-/// Asserts that the options are read again as they were from what is printed of them.
+/// Asserts that the printed form of the options parses to the same options.
 fn check_words(options: &RunOptions) {
     for device in &options.devices {
         let NamedDevice { name, setup, spool_times, has_oil, electronics } = device;
@@ -110,13 +110,13 @@ fn simulator(options: &RunOptions) -> Simulator {
     Simulator::new(simulation, |driver| driver.controlled(speed))
 }
 
-/// A simulator, and the connection that looks at it.
+/// A simulator, and the connection of an observer.
 struct Desk {
     simulator: Simulator,
     observer: Stranger,
 }
 
-/// An answer of the server: status, and body.
+/// An answer of the server: status and body.
 type Answer = (u16, String);
 
 async fn converse(options: RunOptions, lines: &[&[u8]]) {
@@ -161,7 +161,7 @@ fn connect(simulator: &Simulator) -> Stranger {
 }
 
 impl Desk {
-    /// Returns the states of all devices, the bus, and the trace, at this instant.
+    /// Returns the states of all devices, the bus and the trace at this time.
     async fn look(&mut self) -> [Value; 3] {
         let mut seen = [Value::Null, Value::Null, Value::Null];
         for (seen, resource) in seen.iter_mut().zip(["devices", "bus", "trace?limit=20"]) {
@@ -172,14 +172,14 @@ impl Desk {
         seen
     }
 
-    /// Makes a call without a body on the observer's connection.
+    /// Makes a call without a body on the connection of the observer.
     async fn ask(&mut self, call: &str) -> Answer {
         self.observer.say(format!("{call} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).await;
         self.simulator.settle().await;
         answer(&self.observer.heard().0).unwrap_or_else(|| panic!("no answer to {call}"))
     }
 
-    /// Makes the call of a line, on a connection of its own.
+    /// Makes the call of a line on its own connection.
     async fn call(&mut self, line: &str, before: &[Value; 3]) {
         let mut words = line.splitn(3, ' ');
         let (method, path) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -190,7 +190,7 @@ impl Desk {
         self.simulator.settle().await;
         let (heard, _) = stranger.heard();
         let Some((status, text)) = answer(&heard) else {
-            // It waits for time that does not come: it hangs up.
+            // The call waits for time that does not pass, so the client disconnects.
             assert!(heard.is_empty(), "half an answer: {}", String::from_utf8_lossy(&heard));
             let is_slow = ["/wait", "/time", "/frames"].iter().any(|path| line.contains(path));
             assert!(is_slow, "no answer to {line}");
@@ -231,8 +231,8 @@ impl Desk {
     }
 }
 
-/// Returns the first answer in what a server says; `None` when there is none yet. A stream of events has the body that
-/// has come.
+/// Returns the first complete answer in the output of a server. The body of a stream of events is the part that has
+/// come.
 fn answer(heard: &[u8]) -> Option<Answer> {
     let text = String::from_utf8_lossy(heard);
     let (head, body) = text.split_once("\r\n\r\n")?;
@@ -242,7 +242,7 @@ fn answer(heard: &[u8]) -> Option<Answer> {
 
 /// Asserts that a refusal has one line.
 fn check_refusal(status: u16, body: &str) {
-    // The server of HTTP refuses on its own what is no request.
+    // The HTTP server itself refuses bytes that are no request.
     if body.is_empty() {
         return assert!(matches!(status, 400 | 414), "{status} without a word");
     }
@@ -263,14 +263,14 @@ fn check_plant(asked: &str, state: &str) {
         let is_so = match (&asked, found) {
             (Value::Number(asked), Value::Number(found)) => asked.as_f64() == found.as_f64(),
             (Value::Bool(_) | Value::Null, found) => asked == *found,
-            // It is told by another word, or not at all.
+            // The state shows it by another word, or not at all.
             _ => true,
         };
         assert!(is_so, "{key}: {found} instead of {asked}");
     }
 }
 
-/// Asserts that a typed line changed nothing but what its word says, of one device.
+/// Asserts that a typed line changed nothing but the value of its word, of one device.
 fn check_typed(line: &str, [before, ..]: &[Value; 3], [after, ..]: &[Value; 3]) {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let none = Vec::new();

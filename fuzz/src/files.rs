@@ -1,4 +1,4 @@
-//! Files of others: recordings, and state files.
+//! Foreign files: recordings and state files.
 
 use std::fs;
 use std::io::Cursor;
@@ -15,14 +15,14 @@ use pve_sim::state_file::{Opened, StateFile};
 
 use crate::room::{self, assert_one_line};
 
-/// Longest recording that is replayed, in microseconds.
+/// The longest recording that is replayed, in microseconds.
 const LONGEST: u64 = 10_000_000;
 
-/// Times before the year 9999, beyond which ASC has no dates, in microseconds.
+/// The latest time, in microseconds. ASC has no dates after the year 9999.
 const LAST: u64 = 250_000_000_000_000_000;
 
-/// A file of any bytes is read as a recording, or as the memory of a device. The first byte says which: `c`, `a` and `p`
-/// are recordings whose name ends as those of candump, ASC and pcapng, `m` is a state file.
+/// Reads a file of any bytes as a recording or as the memory of a device. The first byte selects the format: `c`, `a`
+/// and `p` are recordings of candump, ASC and pcapng, `m` is a state file.
 pub fn files(bytes: &[u8]) {
     let Some((kind, content)) = bytes.split_first() else { return };
     match kind {
@@ -33,7 +33,7 @@ pub fn files(bytes: &[u8]) {
     }
 }
 
-/// A recording is read entry by entry, explained in as many lines, written and read again as it was, and replayed.
+/// Reads a recording entry by entry, explains each entry in a line, writes and reads it again, and replays it.
 fn recording(name: &str, content: &[u8]) {
     let file = room::file(name, content);
     let (mut records, mut refused, mut refusal, mut last) = (Vec::new(), Vec::new(), None, 0);
@@ -60,7 +60,7 @@ fn recording(name: &str, content: &[u8]) {
     play(&file, &records, &refused);
 }
 
-/// Every entry becomes a line that is read as that entry, and what is none a warning.
+/// Asserts that every entry becomes a line that parses to the entry, and that invalid lines become warnings.
 fn explain(file: &Path, records: &[Record], refused: &[String], is_cut: bool) {
     let options = DecodeOptions { file: file.to_owned(), devices: Vec::new() };
     let (mut out, mut warnings) = (Vec::new(), Vec::new());
@@ -83,7 +83,7 @@ fn explain(file: &Path, records: &[Record], refused: &[String], is_cut: bool) {
     }
 }
 
-/// Records that are written in a format are read as they were, as far as the format tells them.
+/// Asserts that written records read back the same, as far as the format keeps them.
 fn write(records: &[Record], format: Format) {
     let start = records.iter().map(|record| record.at).min().unwrap_or_default();
     if records.is_empty() || records.iter().any(|record| record.at.as_micros() > LAST) {
@@ -102,7 +102,7 @@ fn write(records: &[Record], format: Format) {
     assert_eq!(read, records.iter().map(told).collect::<Vec<_>>(), "{format:?}");
 }
 
-/// A replay accounts for every entry, and two of them are the same.
+/// Asserts that a replay accounts for every entry, and that two replays are the same.
 fn play(file: &Path, records: &[Record], refused: &[String]) {
     let times = || records.iter().map(|record| record.at.as_micros());
     let span = times().max().unwrap_or(0) - times().min().unwrap_or(0);
@@ -137,12 +137,12 @@ fn play(file: &Path, records: &[Record], refused: &[String]) {
     }
 }
 
-/// A state file of another kind stays as it is; one that is damaged is kept aside; what is there then is read the same
-/// again, and the device starts with it.
+/// Asserts that a state file of another kind is unchanged, and that a damaged one is kept aside. The remaining file
+/// reads the same again, and the device starts with it.
 fn state_file(content: &[u8]) {
     let (number, content) = content.split_first().map_or((0, content), |(number, rest)| (*number, rest));
     let kind = Kind::ALL[usize::from(number) % Kind::ALL.len()];
-    // Any bytes are a header and the begin of a flash whose rest is erased; the highest bit leaves that away.
+    // The bytes are a header and the beginning of a flash, whose rest is erased. The highest bit leaves the flash out.
     let mut content = content.to_vec();
     if number & 0x80 == 0 && content.len() >= HEADER {
         content.resize(HEADER + SIZE, 0xFF);
@@ -180,5 +180,5 @@ fn state_file(content: &[u8]) {
     assert!(world.is_powered(device));
 }
 
-/// Bytes before the flash in a state file.
+/// The number of bytes before the flash in a state file.
 const HEADER: usize = 16;

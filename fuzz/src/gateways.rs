@@ -1,4 +1,4 @@
-//! Streams and datagrams to the gateways.
+//! Streams and datagrams for the gateways.
 
 mod slcan;
 mod socketcand;
@@ -16,20 +16,20 @@ use self::slcan::Slcan;
 use self::socketcand::Socketcand;
 use crate::simulator::{Simulator, Stranger, play};
 
-/// Longest stream, in bytes: each of its pieces is one read.
+/// The maximum length of a stream, in bytes. Each piece is one read.
 const STREAM_MAX: usize = 4096;
 
-/// Socketcand holds everything back for 20 ms after it.
+/// The message after which socketcand holds everything back for 20 ms.
 const RAW_MODE: &[u8] = b"rawmode";
 
-/// Time for the frames of a stream, for each of its bytes: a frame takes more than five, and 540 µs at the most.
+/// The time for the frames of a stream, per byte. A frame takes more than five bytes, and 540 µs at most.
 const BYTE: Duration = Duration::from_micros(108);
 
-/// A client of any bytes. The first one says of which gateway: `l` slcan, `u` a datagram of udp_multicast, others
-/// socketcand; the second one how the stream is cut.
+/// Plays a client of any bytes. The first byte selects the gateway: `l` slcan, `u` a datagram of udp_multicast, others
+/// socketcand. The second byte selects the pieces of the stream.
 ///
-/// The answers are those of a second reading of the bytes, the bus has the frames that it has and no other, and
-/// afterwards the client and the next one are served.
+/// A second parser of the bytes gives the expected answers and the only frames on the bus. Afterwards this client and
+/// the next one are served.
 pub fn gateways(bytes: &[u8]) {
     match bytes {
         [b'u', _, datagram @ ..] => udp_multicast::datagram(datagram),
@@ -39,30 +39,30 @@ pub fn gateways(bytes: &[u8]) {
     }
 }
 
-/// A second reading of a protocol: what a stream comes to.
+/// A second parser of a protocol.
 trait Model {
-    /// The end of a message that is half said, and a question for a sign of life.
+    /// The end of an incomplete message, and a request for a sign of life.
     const LAST_WORD: &'static [u8];
 
-    /// A new client that sends 123#0A, and what it hears.
+    /// The bytes of a new client that sends 123#0A, and its expected answer.
     const NEXT: (&'static [u8], &'static str);
 
-    /// Returns the dialogue with a client that has just come.
+    /// Returns the dialogue with a new client.
     fn dialogue() -> impl Dialogue + 'static;
 
-    /// Takes one read.
+    /// Takes the bytes of one read.
     fn read(&mut self, piece: &[u8]);
 
-    /// Returns whether the connection was closed because no client begins so.
+    /// Returns whether the connection was closed because of foreign first bytes.
     fn is_foreign(&self) -> bool;
 
-    /// Asserts that the answers are those that are due.
+    /// Asserts the answers to the client.
     fn check_answers(&self, heard: &str);
 
-    /// Asserts that the frames on the bus are those that were asked for.
+    /// Asserts the frames on the bus.
     fn check_frames(&self, frames: &[Frame]);
 
-    /// Asserts what the client heard of a frame 7FF#01 of somebody else.
+    /// Asserts the output to the client for a frame 7FF#01 of another node.
     fn check_heard(&self, heard: &str);
 }
 

@@ -1,4 +1,4 @@
-//! Scenario files.
+//! The scenario files.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,17 +9,17 @@ use toml::{Table, Value};
 
 use crate::room::{self, assert_one_line};
 
-/// Longest virtual time of a scenario that is run, in milliseconds.
+/// The longest virtual time of a scenario that is run, in milliseconds.
 const LONGEST_MS: i64 = 20_000;
 
-/// Most devices of a scenario that is run.
+/// The maximum number of devices of a scenario that is run.
 const DEVICES: usize = 6;
 
-/// A frame of a scenario is on the bus, or withdrawn, by then, in milliseconds.
+/// The time after which a frame of a scenario is on the bus or withdrawn, in milliseconds.
 const SENT_MS: i64 = 1000;
 
-/// A scenario file of any bytes is refused with one line that names a line of the file, or runs to its verdict. Two runs
-/// are the same to the last byte, and the bus has no frame of the scenario but those that its steps send.
+/// Plays a scenario file of any bytes. It is refused with one line that names a line of the file, or runs to its
+/// verdict. Two runs are the same to the last byte, and the bus has no frame of the scenario but those of its steps.
 pub fn scenario(bytes: &[u8]) {
     let file = room::file("scenario.toml", bytes);
     let name = file.display().to_string();
@@ -72,7 +72,7 @@ pub fn scenario(bytes: &[u8]) {
     assert_eq!(junit.matches("<failure ").count(), usize::from(!is_success), "{junit}");
 }
 
-/// Asserts that a refusal names the line where the file stops being TOML; where it does not, one that says something.
+/// Asserts that a refusal names the line at which the file stops being TOML, or else a line with content.
 fn check_place(text: &str, number: usize) {
     let error = toml::from_str::<Table>(text).err();
     if let Some(begun) = error.and_then(|error| error.span()).and_then(|place| text.get(..place.start)) {
@@ -83,7 +83,7 @@ fn check_place(text: &str, number: usize) {
     }
 }
 
-/// Asserts that the trace goes forward in time, up to the end, and has no frame of the scenario but these.
+/// Asserts that the times of the trace rise up to the end, and that it has no frame of the scenario but these.
 fn check_trace(trace: &str, asked: &BTreeSet<String>, end: u64) {
     let mut last = 0;
     for line in trace.lines().filter(|line| !line.starts_with("-- ")) {
@@ -98,7 +98,7 @@ fn check_trace(trace: &str, asked: &BTreeSet<String>, end: u64) {
     }
 }
 
-/// Returns the microseconds of a time as it is told.
+/// Parses a printed time to microseconds.
 fn micros(text: &str) -> Option<u64> {
     text.strip_suffix(" ms")?.replace('.', "").parse().ok()
 }
@@ -110,7 +110,7 @@ fn steps(text: &str) -> Vec<Table> {
     steps.into_iter().filter_map(|step| step.try_into().ok()).collect()
 }
 
-/// Returns the longest virtual time that a scenario can take, in milliseconds; `None` for one that takes too long here.
+/// Returns the longest virtual time of a scenario, in milliseconds; `None` if it exceeds the limits.
 fn longest_ms(text: &str) -> Option<i64> {
     let table: Table = toml::from_str(text).ok()?;
     if table.get("devices").and_then(Value::as_array).is_none_or(|devices| devices.len() > DEVICES) {

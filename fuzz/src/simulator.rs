@@ -1,4 +1,4 @@
-//! A simulator without sockets: its wall clock passes only when an attack says so, and clients come over streams in
+//! A simulator without sockets. Its wall clock advances only on demand of the attack, and clients use streams in
 //! memory.
 
 use std::cell::Cell;
@@ -16,29 +16,29 @@ use pve_sim::run::{Driver, Platform};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
 use tokio::task::yield_now;
 
-/// Bytes that a stream takes before somebody reads them.
+/// The number of bytes that a stream holds before they are read.
 const STREAM: usize = 256 * 1024;
 
-/// Turns of the tasks in which an answer is on its way for certain.
+/// The number of turns of the tasks after which an answer has certainly come.
 const YIELDS: usize = 160;
 
-/// Turns of the tasks in which what is due is done.
+/// The number of turns of the tasks after which everything due is done.
 const HOPS: usize = 16;
 
-/// Turns of the driver after which a world that has still something to do is left alone.
+/// The number of turns of the driver after which a busy world is left alone.
 const TURNS: usize = 200;
 
-/// A simulator that is driven by an attack.
+/// A simulator that an attack drives.
 pub(crate) struct Simulator {
     driver: Driver<Clock>,
     state: Rc<ClockState>,
-    /// The way into the world.
+    /// The sender of messages to the world.
     pub(crate) world_sender: WorldSender,
     witness: Client,
     stderr: Receiver<Vec<u8>>,
 }
 
-/// Wall clock of a driver, which passes up to a limit.
+/// The wall clock of a driver, which advances up to a limit.
 pub(crate) struct Clock {
     state: Rc<ClockState>,
     inbox: Inbox,
@@ -47,9 +47,9 @@ pub(crate) struct Clock {
 struct ClockState {
     now: Cell<Instant>,
     limit: Cell<Instant>,
-    /// Set while the driver waits at the limit.
+    /// Whether the driver waits at the limit.
     is_idle: Cell<bool>,
-    /// Number of messages that the world has got.
+    /// The number of messages that the world has received.
     taken: Cell<u64>,
 }
 
@@ -80,7 +80,7 @@ impl Platform for Clock {
     }
 }
 
-/// Content of stderr, handed over at the end.
+/// The content of stderr, which is handed over at the end.
 struct Collected(Vec<u8>, Sender<Vec<u8>>);
 
 impl Write for Collected {
@@ -101,7 +101,7 @@ impl Drop for Collected {
 }
 
 impl Simulator {
-    /// Powers the devices of a simulation; `prepare` may change its driver.
+    /// Switches the devices of a simulation on. `prepare` may change its driver.
     pub(crate) fn new(mut simulation: Simulation, prepare: impl FnOnce(Driver<Clock>) -> Driver<Clock>) -> Self {
         let now = Cell::new(Instant::now());
         let (limit, is_idle, taken) = (now.clone(), Cell::new(false), Cell::new(0));
@@ -115,7 +115,7 @@ impl Simulator {
         Self { driver, state, world_sender, witness, stderr }
     }
 
-    /// Lets a span of wall time pass; returns false when the world is not ready with it after [`TURNS`].
+    /// Advances the wall clock. Returns `false` if the world is not ready after [`TURNS`].
     pub(crate) fn run(&mut self, span: Duration) -> bool {
         self.state.limit.set(self.state.limit.get() + span);
         let turns = TURNS + usize::try_from(span.as_millis()).unwrap_or(TURNS);
@@ -129,7 +129,7 @@ impl Simulator {
         false
     }
 
-    /// Lets everything take effect that clients have said, and their answers come.
+    /// Waits until all messages of clients have taken effect and their answers have come.
     pub(crate) async fn settle(&mut self) {
         for _ in 0..TURNS {
             let before = self.state.taken.get();
@@ -146,7 +146,7 @@ impl Simulator {
         }
     }
 
-    /// Lets a span of time pass, for the world and for its clients, with what comes of it.
+    /// Advances the time of the world and of its clients, with all effects.
     pub(crate) async fn pass(&mut self, span: Duration) {
         const STEP: Duration = Duration::from_millis(10);
         let mut left = span;
@@ -162,17 +162,17 @@ impl Simulator {
         self.settle().await;
     }
 
-    /// Returns the frames that were on the bus since the last call.
+    /// Returns the frames on the bus since the previous call.
     pub(crate) fn witnessed(&mut self) -> Vec<Frame> {
         std::iter::from_fn(|| self.witness.receive().ok()).collect()
     }
 
-    /// Sends a frame to everybody.
+    /// Sends a frame to all clients.
     pub(crate) fn send(&mut self, frame: &Frame) {
         self.witness.transmit(frame).expect("a world");
     }
 
-    /// Ends; returns what stderr has.
+    /// Ends the simulator. Returns the content of stderr.
     pub(crate) fn end(self) -> String {
         let Self { driver, stderr, .. } = self;
         drop(driver);
@@ -187,7 +187,7 @@ pub(crate) struct Stranger {
 }
 
 impl Stranger {
-    /// Returns a client with its server's end.
+    /// Creates a client, and returns it with the end of its server.
     pub(crate) fn new() -> (Self, DuplexStream) {
         let (near, far) = duplex(STREAM);
         let (mut reader, writer) = split(near);
@@ -203,24 +203,24 @@ impl Stranger {
         (Self { writer, heard }, far)
     }
 
-    /// Says something; a server that has hung up does not hear it.
+    /// Sends bytes. A server that has disconnected does not receive them.
     pub(crate) async fn say(&mut self, bytes: &[u8]) {
         let _ = self.writer.write_all(bytes).await;
     }
 
-    /// Takes what was heard so far, and returns whether the server has hung up.
+    /// Returns the bytes received so far, and whether the server has disconnected.
     pub(crate) fn heard(&self) -> (Vec<u8>, bool) {
         let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
         (std::mem::take(&mut heard.0), heard.1)
     }
 
-    /// Hangs up.
+    /// Disconnects.
     pub(crate) async fn leave(mut self) {
         let _ = self.writer.shutdown().await;
     }
 }
 
-/// Plays an attack on a clock that stands still.
+/// Plays an attack on a stopped clock.
 pub(crate) fn play(attack: impl Future<Output = ()>) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build();
     runtime.expect("a runtime").block_on(attack);

@@ -1,4 +1,4 @@
-//! Valves and a master on a simulated bus, with real memories: for what needs bus errors or a flash.
+//! Valves and a master on a simulated bus, with real memories, for tests that need bus errors or a flash.
 
 use hal_sim::bus::Confinement;
 use hal_sim::memory::Flash;
@@ -12,19 +12,19 @@ use protocol_core::time::{Duration, Instant, after};
 
 use super::{Inputs, frame};
 
-/// How long the master waits for an answer.
+/// The time for which the master waits for an answer.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Valves and a master on a bus of 250 kbit/s, in virtual time.
 pub struct BusRig {
-    /// The world that they are in.
+    /// The world of valves and master.
     pub world: World,
     /// The master.
     pub master: ClientPortId,
 }
 
 impl Default for BusRig {
-    /// A bus with a master alone.
+    /// Creates a bus with a master and no valve.
     fn default() -> Self {
         let mut world = World::new(BitRate::Kbit250, 0);
         let master = world.add_client_port("master");
@@ -33,7 +33,8 @@ impl Default for BusRig {
 }
 
 impl BusRig {
-    /// A bus with a master and one `pvea-canopen` with this memory, switched off; of a new memory it becomes node 0x20.
+    /// Creates a bus with a master and one `pvea-canopen` with this memory, switched off. With a new memory it is node
+    /// 0x20.
     #[must_use]
     pub fn with_flash(flash: Flash) -> (Self, NodeId) {
         let mut rig = Self::default();
@@ -41,7 +42,7 @@ impl BusRig {
         (rig, valve)
     }
 
-    /// A bus with a master and one `pvea-canopen` at node 0x20, fresh from the factory, booted; its frames are taken.
+    /// Creates a bus with a master and a new `pvea-canopen` at node 0x20, booted, without the frames of its boot.
     #[must_use]
     pub fn booted() -> (Self, NodeId) {
         let (mut rig, valve) = Self::with_flash(Flash::new());
@@ -56,7 +57,7 @@ impl BusRig {
         self.world.add_device(&name, factory, memory)
     }
 
-    /// Adds a new valve with this node ID, boots it and takes its frames.
+    /// Adds a new valve with this node ID, boots it and drops its frames.
     pub fn add_booted(&mut self, node_id: u8) -> NodeId {
         let setup = Setup { node_id: Some(node_id), ..Setup::new(Kind::PveaCanopen) };
         let valve = self.add(setup, Memory::in_ram());
@@ -64,30 +65,30 @@ impl BusRig {
         valve
     }
 
-    /// Switches a valve on and gives it 50 ms; what was on the bus.
+    /// Switches a valve on and runs for 50 ms. Returns the frames on the bus.
     pub fn boot(&mut self, valve: NodeId) -> Vec<String> {
         self.world.power(valve, true);
         self.run_for(50);
         self.take()
     }
 
-    /// Lets so many milliseconds pass.
+    /// Advances the time by a number of milliseconds.
     pub fn run_for(&mut self, ms: u64) {
         let end = after(self.world.now(), Duration::from_millis(ms));
         self.world.run_until(end);
     }
 
-    /// The master sends a frame.
+    /// Sends a frame from the master.
     pub fn send(&mut self, text: &str) {
         self.world.send(self.master, frame(text));
     }
 
-    /// Takes what the master has heard.
+    /// Takes the frames that the master has received.
     pub fn take(&mut self) -> Vec<String> {
         self.world.take_received(self.master).map(|(_, frame)| frame.to_string()).collect()
     }
 
-    /// Runs until the master hears a frame, and takes it; `None` when it waited in vain.
+    /// Runs until the master receives a frame, and takes it; `None` if none comes in time.
     pub fn hear(&mut self) -> Option<(Instant, Frame)> {
         let end = after(self.world.now(), PATIENCE);
         loop {
@@ -99,19 +100,19 @@ impl BusRig {
         }
     }
 
-    /// Sends a frame; the next frame that the master hears, as the manuals print it.
+    /// Sends a frame. Returns the next frame that the master receives, in the notation of the manuals.
     pub fn ask(&mut self, request: &str) -> Option<String> {
         self.send(request);
         self.hear().map(|(_, frame)| frame.to_string())
     }
 
-    /// Sends a frame; the next frame that the master hears must be this one.
+    /// Sends a frame, and asserts the next frame that the master receives.
     #[track_caller]
     pub fn exchange(&mut self, request: &str, answer: &str) {
         assert_eq!(self.ask(request).as_deref(), Some(answer), "answer to {request}");
     }
 
-    /// Reads a number over SDO; `None` without an answer that gives it.
+    /// Reads a number by SDO; `None` without such an answer.
     pub fn read(&mut self, node_id: u8, index: u16, sub: u8) -> Option<u32> {
         let [low, high] = index.to_le_bytes();
         self.send(&format!("{:03X}: 40 {low:02X} {high:02X} {sub:02X} 00 00 00 00", 0x600 + u16::from(node_id)));
@@ -121,7 +122,7 @@ impl BusRig {
         }
     }
 
-    /// Writes a number of so many bytes over SDO: whether that was confirmed.
+    /// Writes a number of `size` bytes by SDO. Returns whether the device confirmed it.
     pub fn write(&mut self, node_id: u8, (index, sub, size, value): (u16, u8, u8, u32)) -> bool {
         let [low, high] = index.to_le_bytes();
         let [a, b, c, d] = value.to_le_bytes();
@@ -131,29 +132,29 @@ impl BusRig {
         self.hear().is_some_and(|(_, answer)| answer.data()[0] == 0x60)
     }
 
-    /// Changes what a valve senses.
+    /// Changes the inputs of a valve.
     pub fn sense(&mut self, valve: NodeId, change: impl FnOnce(&mut Inputs)) {
         let mut inputs = Inputs::from(*self.world.inputs(valve));
         change(&mut inputs);
         self.world.set_inputs(valve, inputs.into());
     }
 
-    /// What a valve drives.
+    /// Returns the outputs of a valve.
     ///
     /// # Panics
-    /// When it is off.
+    /// Panics for a valve without power.
     #[must_use]
     pub fn outputs(&self, valve: NodeId) -> ValveOutputs {
         self.world.outputs(valve).expect("powered").valve().expect("a valve")
     }
 
-    /// The mode of a valve's CAN controller.
+    /// Returns the error mode of a valve's CAN controller.
     #[must_use]
     pub fn mode(&self, valve: NodeId) -> BusErrorMode {
         self.world.port(valve).mode()
     }
 
-    /// The error counters of a valve's CAN controller.
+    /// Returns the error counters of a valve's CAN controller.
     #[must_use]
     pub fn errors(&self, valve: NodeId) -> Confinement {
         self.world.port(valve).confinement()

@@ -1,5 +1,4 @@
-//! What can happen to any device at any instant, for random tests: time, bus, memory and power, and frames to a CANopen
-//! node.
+//! Disturbances of a device at any time, for random tests: time, bus, memory and power, and frames to a CANopen node.
 
 use std::fmt::Debug;
 
@@ -12,51 +11,51 @@ use protocol_core::time::Duration;
 
 use crate::Rig;
 
-/// Something around the device.
+/// A disturbance of the device.
 #[derive(Clone, Debug)]
 pub enum Disturbance {
-    /// So many milliseconds pass.
+    /// A number of milliseconds passes.
     Advance(u64),
-    /// So many microseconds pass, in which nobody looks at the device.
+    /// A number of microseconds passes without a poll of the device.
     Leap(u64),
-    /// The clock is put back by so many milliseconds.
+    /// The clock is set back by a number of milliseconds.
     TurnBack(u64),
-    /// The bus is held, or let go.
+    /// The bus is held or released.
     HoldBus(bool),
-    /// Writes fail from now on, or succeed.
+    /// Writes fail or succeed from now on.
     WritesFail(bool),
-    /// A write takes so many milliseconds.
+    /// A write takes a number of milliseconds from now on.
     WriteTime(u64),
-    /// Everything is to be stored.
+    /// The platform requests all delayed writes.
     Flush,
-    /// The power fails.
+    /// The power is off for a moment.
     PowerCycle,
     /// The watchdog resets the processor.
     WatchdogReset,
-    /// The next start finds the memory damaged as a whole, or does not.
+    /// The next start finds the entire memory damaged, or does not.
     MemoryDamaged(bool),
-    /// A bit of a record rots.
+    /// A bit of a record flips.
     Rot(RecordKey, usize, u8),
-    /// The bus sends the controller into this mode.
+    /// The CAN controller enters this error mode.
     Bus(BusErrorMode),
-    /// The internal fault is there, or is not.
+    /// An internal fault is injected or removed.
     Internal(bool),
-    /// The internal fault comes and goes so many times.
+    /// An internal fault is injected and removed a number of times.
     Toggle(usize),
-    /// A valve is too hot, or is not.
+    /// The temperature of a valve becomes too high or normal.
     Hot(bool),
-    /// The supply of a valve is too low, or is not.
+    /// The supply of a valve becomes too low or normal.
     SupplyLow(bool),
-    /// Somebody sends a frame.
+    /// Another node sends a frame.
     Send(&'static str),
-    /// Somebody sends a frame so many times.
+    /// Another node sends a frame a number of times.
     Burst(usize, &'static str),
-    /// So many milliseconds pass, in which a frame comes every 100 ms.
+    /// A number of milliseconds passes, with a frame every 100 ms.
     Cyclic(u64, &'static str),
 }
 
 impl Disturbance {
-    /// Any of them; of the times most are short.
+    /// Returns any disturbance. Most times are short.
     pub fn any() -> impl Strategy<Value = Self> {
         let ms = || prop_oneof![4 => 0..=60_u64, 2 => 0..=600_u64, 1 => 0..=6000_u64];
         prop_oneof![
@@ -74,12 +73,12 @@ impl Disturbance {
         ]
     }
 
-    /// The controller is bus-off, or is well.
+    /// Returns a change to bus-off or error-active.
     pub fn bus_off() -> impl Strategy<Value = Self> {
         select(&[BusErrorMode::ErrorActive, BusErrorMode::BusOff][..]).prop_map(Self::Bus)
     }
 
-    /// Faults of a valve come and go.
+    /// Returns a change of a fault of a valve.
     pub fn faults() -> impl Strategy<Value = Self> {
         prop_oneof![
             4 => any::<bool>().prop_map(Self::Internal),
@@ -89,13 +88,13 @@ impl Disturbance {
         ]
     }
 
-    /// How many milliseconds pass, in which the device can send what is cyclic.
+    /// Returns the number of milliseconds in which the device can send cyclic frames.
     #[must_use]
     pub const fn passes_ms(&self) -> u64 {
         if let Self::Advance(ms) = self { *ms } else { 0 }
     }
 
-    /// Lets it happen.
+    /// Applies the disturbance.
     pub fn act(&self, rig: &mut Rig) {
         match self {
             Self::Advance(ms) => rig.advance(*ms),
@@ -126,20 +125,20 @@ impl Disturbance {
     }
 }
 
-/// A request by its number in a list, or something around it.
+/// A request, or a disturbance.
 #[derive(Clone, Debug)]
 pub enum Asked {
-    /// The request of this number.
+    /// The request with this number in a list.
     Request(usize),
-    /// Something else.
+    /// A disturbance.
     Other(Disturbance),
 }
 
-/// Sends requests, each with its answer, amid disturbances, and frees the bus by `free`: each request is answered once, or
-/// counted as dropped.
+/// Sends requests, each with its answer, amid disturbances, and frees the bus by `free`. Each request must be answered
+/// once, or counted as dropped.
 ///
 /// # Panics
-/// When one is answered twice, or more answers are missing than frames were dropped.
+/// Panics if a request is answered twice, or if more answers are missing than were counted.
 #[track_caller]
 pub fn answered_or_counted(rig: &mut Rig, requests: &[(&str, &str)], events: &[Asked], free: impl FnOnce(&mut Rig)) {
     let (mut asked, mut sent) = (vec![0_usize; requests.len()], Vec::new());
@@ -164,9 +163,9 @@ pub fn answered_or_counted(rig: &mut Rig, requests: &[(&str, &str)], events: &[A
     assert!(missing <= dropped, "{missing} answers are missing, {dropped} frames dropped");
 }
 
-/// Lets everything in the way of a device end: what is being written, and the delays of LSS.
+/// Waits for the end of everything that can silence a device: the write in progress, and the delays of LSS.
 pub fn let_be(rig: &mut Rig) {
-    /// LSS keeps a device silent for two delays of up to this.
+    /// The maximum of each of the two delays for which LSS silences a device.
     const LSS_DELAY_MAX: Duration = Duration::from_millis(0xFFFF);
     rig.writes_fail = false;
     rig.write_time = Duration::from_ticks(0);
@@ -177,17 +176,17 @@ pub fn let_be(rig: &mut Rig) {
     }
 }
 
-/// Whom a frame is for.
+/// The destination of a frame.
 #[derive(Clone, Copy, Debug)]
 pub enum To {
-    /// A function of the predefined connection set plus the device's own node ID.
+    /// A function of the predefined connection set, with the node ID of the device.
     Own(u16),
     /// An identifier.
     Any(Id),
 }
 
 impl To {
-    /// The identifier, of a device with this node ID.
+    /// Returns the identifier for a device with this node ID.
     #[must_use]
     pub fn id(self, node_id: u16) -> Id {
         match self {
@@ -197,12 +196,12 @@ impl To {
     }
 }
 
-/// One of those that are known to mean something, seldom any other.
+/// Returns a known value or, seldom, any other.
 pub fn mostly<T: Arbitrary + Clone + Debug + 'static>(known: &'static [T]) -> impl Strategy<Value = T> {
     prop_oneof![9 => select(known), 1 => any::<T>()]
 }
 
-/// The data of an SDO request, most of them about one of these indices.
+/// Returns the data of an SDO request, mostly for one of these indices.
 pub fn sdo(index: &'static [u16], value: impl Strategy<Value = u32>) -> impl Strategy<Value = [u8; 8]> {
     const COMMANDS: &[u8] =
         &[0x40, 0x22, 0x23, 0x27, 0x2B, 0x2F, 0x21, 0x20, 0x60, 0x70, 0x00, 0x10, 0x0B, 0x1D, 0x80, 0xA0, 0xC0];
@@ -213,7 +212,7 @@ pub fn sdo(index: &'static [u16], value: impl Strategy<Value = u32>) -> impl Str
     })
 }
 
-/// The data of an LSS request, most of which begin with these bytes after the command.
+/// Returns the data of an LSS request, mostly with one of these beginnings after the command.
 pub fn lss(commands: &'static [u8], first: &'static [[u8; 2]]) -> impl Strategy<Value = [u8; 8]> {
     let rest = prop_oneof![
         4 => select(first).prop_map(|[a, b]| [a, b, 0, 0, 0, 0, 0]),
@@ -222,13 +221,13 @@ pub fn lss(commands: &'static [u8], first: &'static [[u8; 2]]) -> impl Strategy<
     (mostly(commands), rest).prop_map(|(command, [a, b, c, d, e, f, g])| [command, a, b, c, d, e, f, g])
 }
 
-/// An NMT command to all, or to one of these nodes.
+/// Returns an NMT command to all nodes, or to one of these.
 pub fn nmt(nodes: &'static [u8]) -> impl Strategy<Value = (To, u8, [u8; 8])> {
     (select(&[0x01, 0x02, 0x80, 0x81, 0x82, 0x03][..]), select(nodes))
         .prop_map(|(command, node)| (To::Any(standard(0).into()), 2, [command, node, 0, 0, 0, 0, 0, 0]))
 }
 
-/// Any frame, to anybody.
+/// Returns any frame with any destination.
 pub fn anything() -> impl Strategy<Value = (To, u8, [u8; 8])> {
     let to = prop_oneof![
         (0..=0x7FF_u16).prop_map(|id| To::Any(standard(id).into())),
@@ -238,20 +237,20 @@ pub fn anything() -> impl Strategy<Value = (To, u8, [u8; 8])> {
     (to, 0..=8_u8, any::<[u8; 8]>())
 }
 
-/// A request whose length is seldom another one, and which seldom is a remote frame.
+/// Returns the frame, seldom with another length, and seldom as a remote frame.
 pub fn distorted(frame: impl Strategy<Value = (To, u8, [u8; 8])>) -> impl Strategy<Value = (To, bool, u8, [u8; 8])> {
     let other_len = prop_oneof![9 => Just(None), 1 => (0..=8_u8).prop_map(Some)];
     (frame, other_len, prop::bool::weighted(0.03))
         .prop_map(|((to, len, data), other_len, remote)| (to, remote, other_len.unwrap_or(len), data))
 }
 
-/// Sends a frame to a device; without a node ID it is for the one that it may get.
+/// Sends a frame to a device. Without a node ID the device is addressed by `default`.
 pub fn send(rig: &mut Rig, (to, remote, len, data): (To, bool, u8, [u8; 8]), default: u16) {
     let id = to.id(rig.node_id().map_or(default, u16::from));
     rig.send_frame(if remote { Frame::remote(id, len) } else { Frame::with_len(id, data, len) });
 }
 
-/// Reads a number, when the device answers; every frame that it sends is checked.
+/// Reads a number, if the device answers. Every sent frame is checked.
 pub fn read(rig: &mut Rig, index: u16, check: fn(&Frame)) -> Option<u32> {
     let node_id = u16::from(rig.node_id()?);
     let [low, high] = index.to_le_bytes();
@@ -268,8 +267,8 @@ pub fn read(rig: &mut Rig, index: u16, check: fn(&Frame)) -> Option<u32> {
     number
 }
 
-/// Checks a frame that a CANopen node sends under an identifier of the predefined connection set. PDOs and EMCYs can
-/// have any that is not another service's.
+/// Checks a frame under an identifier of the predefined connection set. PDOs and EMCYs may have any identifier that no
+/// other service has.
 pub fn check_services(frame: &Frame) {
     assert!(!frame.is_remote(), "{frame}");
     let Id::Standard(id) = frame.id() else { return };

@@ -1,4 +1,4 @@
-//! The inputs of a valve, in one piece: the tests change one of its fields at a time.
+//! The inputs of a valve as one value, whose fields the tests change.
 
 use proptest::option;
 use proptest::prelude::*;
@@ -14,16 +14,16 @@ pub struct Inputs {
     pub supply_mv: u32,
     /// Temperature, °C.
     pub temperature_c: i16,
-    /// What acts on the spool.
+    /// The influences on the spool.
     pub spool: SpoolSense,
-    /// An internal fault that is injected from outside.
+    /// Whether an internal fault is injected.
     pub internal_fault: bool,
-    /// The CAN controller's error mode.
+    /// The error mode of the CAN controller.
     pub bus: BusErrorMode,
 }
 
 impl Default for Inputs {
-    /// A healthy valve.
+    /// Returns the inputs of a healthy valve.
     fn default() -> Self {
         device::Inputs::default().into()
     }
@@ -44,7 +44,7 @@ impl From<Inputs> for device::Inputs {
 }
 
 impl Inputs {
-    /// Any of them, most within their limits, for random tests.
+    /// Returns any inputs, mostly within their limits.
     pub fn any() -> impl Strategy<Value = Self> {
         let supply_mv =
             prop_oneof![4 => Just(24_000), 1 => any::<u32>(), 1 => select(&[8_999, 9_000, 36_000, 36_001][..])];

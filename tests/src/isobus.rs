@@ -1,4 +1,4 @@
-//! A valve on ISOBUS on the rig: at 0x83, where the manual's examples have it, and its master at 0x27.
+//! A valve on ISOBUS on the rig: at 0x83, as in the examples of the manual. Its master is at 0x27.
 
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
@@ -20,17 +20,17 @@ pub const STOP: &str = "0CFE3327: 00 FF 3E FF FF FF FF FF";
 
 /// The claim of the manual's valve.
 pub const CLAIM: &str = "18EEFF83: 01 00 20 07 08 FF 02 20";
-/// Its cannot-claim.
+/// The cannot-claim of this valve.
 pub const CANNOT_CLAIM: &str = "18EEFFFE: 01 00 20 07 08 FF 02 20";
-/// A claim of its address that wins.
+/// A claim of the valve's address by a lower NAME, which wins.
 pub const LOWER_NAME: &str = "18EEFF83: 00 00 20 07 08 FF 02 20";
-/// A claim of its address that loses.
+/// A claim of the valve's address by a higher NAME, which loses.
 pub const HIGHER_NAME: &str = "18EEFF83: 02 00 20 07 08 FF 02 20";
 
 /// Estimated flow: blocked and in neutral.
 pub const AVEF_BLOCKED: &str = "0CFE1383: 7D 7D 30 FF FF FF FF FF";
 
-/// DM1 when the last fault has cleared.
+/// DM1 after the last fault has cleared.
 pub const DM1_CLEAR: &str = "18FECA83: 00 FF 00 00 00 00 FF FF";
 
 /// The request for DM1.
@@ -51,14 +51,13 @@ pub const TEMPERATURE: &str = "18FECA83: 04 FF F1 8F 90 01 FF FF";
 pub const TIME_GUARDING: &str = "18FECA83: 04 FF E9 8F 93 01 FF FF";
 
 impl Rig {
-    /// A `pvea-isobus` at 0x83, fresh from the factory, whose wait after the claim is over; claim and first AVEF are
-    /// taken.
+    /// Creates a new `pvea-isobus` at 0x83 after its claim wait, without claim and first AVEF.
     #[must_use]
     pub fn claimed() -> Self {
         Self::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) })
     }
 
-    /// The same of another setup.
+    /// Creates such a valve with another setup.
     #[must_use]
     pub fn claimed_as(setup: Setup) -> Self {
         let mut rig = Self::power_on(setup);
@@ -66,7 +65,7 @@ impl Rig {
         rig
     }
 
-    /// A [`Rig::claimed`] that has been commanded to extend for so many milliseconds.
+    /// Creates a [`Rig::claimed`] that has extended for a number of milliseconds.
     #[must_use]
     pub fn extending(ms: u64) -> Self {
         let mut rig = Self::claimed();
@@ -75,7 +74,8 @@ impl Rig {
         rig
     }
 
-    /// A [`Rig::claimed`] whose internal error and temperature fault are previously active: two packets of DM2.
+    /// Creates a [`Rig::claimed`] whose internal error and temperature fault are previously active: its DM2 has two
+    /// packets.
     #[must_use]
     pub fn with_two_previously_active() -> Self {
         let mut rig = Self::claimed();
@@ -88,10 +88,10 @@ impl Rig {
         rig
     }
 
-    /// Takes the claim, lets the wait pass and takes the first AVEF, blocked and in neutral.
+    /// Takes the claim, waits for the end of the claim wait, and takes the first AVEF, blocked and in neutral.
     ///
     /// # Panics
-    /// When these are not what is sent.
+    /// Panics if the valve sends anything else.
     #[track_caller]
     pub fn take_claim(&mut self) {
         let address = self.node_id().expect("an address");
@@ -102,33 +102,34 @@ impl Rig {
         self.expect(&format!("0CFE1{:X}{address:02X}: 7D 7D 30 FF FF FF FF FF", address & 0xF));
     }
 
-    /// Takes all frames that the valve has sent, without its estimated flow.
+    /// Takes all frames that the valve has sent but AVEF.
     pub fn take_news(&mut self) -> Vec<String> {
         self.take().into_iter().filter(|frame| !frame.starts_with("0CFE1")).collect()
     }
 
-    /// The valve must have sent these, beside its estimated flow, and nothing more.
+    /// Asserts that the valve has sent exactly these frames, AVEF aside.
     #[track_caller]
     pub fn expect_news(&mut self, frames: &[&str]) {
         let at = self.now().as_micros();
         assert_eq!(self.take_news(), frames, "at {at} us");
     }
 
-    /// Lets so many milliseconds pass; the valve must have sent these then, beside its estimated flow, and nothing more.
+    /// Advances the time by a number of milliseconds, and asserts that the valve sends exactly these frames, AVEF
+    /// aside.
     #[track_caller]
     pub fn advance_news(&mut self, ms: u64, frames: &[&str]) {
         self.advance(ms);
         self.expect_news(frames);
     }
 
-    /// The same under this command every 100 ms.
+    /// Does the same with this command every 100 ms.
     #[track_caller]
     pub fn advance_cyclic_news(&mut self, ms: u64, command: &str, frames: &[&str]) {
         self.advance_cyclic(ms, command);
         self.expect_news(frames);
     }
 
-    /// The valve must send its estimated flow alone for so many milliseconds less a microsecond, and then these.
+    /// Asserts that the valve sends AVEF only until a microsecond before `ms`, and then exactly these frames.
     #[track_caller]
     pub fn no_news_until(&mut self, ms: u64, frames: &[&str]) {
         const STEP: Duration = Duration::from_micros(1);
@@ -138,17 +139,17 @@ impl Rig {
         self.expect_news(frames);
     }
 
-    /// Changes what the valve senses; it must send these, beside its estimated flow, and nothing more.
+    /// Changes the inputs of the valve, and asserts that it sends exactly these frames, AVEF aside.
     #[track_caller]
     pub fn sense_news(&mut self, change: impl FnOnce(&mut Inputs), frames: &[&str]) {
         self.sense(change);
         self.expect_news(frames);
     }
 
-    /// The estimated flow, as an answer to a request for it: its first three bytes.
+    /// Requests AVEF. Returns its first three bytes.
     ///
     /// # Panics
-    /// When there is no answer.
+    /// Panics without an answer.
     #[track_caller]
     pub fn flow(&mut self) -> [u8; 3] {
         let address = self.node_id().expect("an address");
@@ -159,7 +160,7 @@ impl Rig {
         [byte(0), byte(1), byte(2)]
     }
 
-    /// Commands block twice, as recovery wants it, 100 ms apart, the first after 100 ms.
+    /// Commands block twice, 100 ms apart, which ends a shutdown. The first command comes after 100 ms.
     pub fn recover(&mut self) {
         self.advance_cyclic(200, BLOCK);
     }
@@ -171,14 +172,14 @@ impl Rig {
         self.send(&format!("1CEBFF{source:02X}: 02 20 {address:02X} FF FF FF FF FF"));
     }
 
-    /// Ends a shutdown, and gives the memory time to hold everything.
+    /// Ends a shutdown, and waits until the memory holds everything.
     pub fn recover_and_settle(&mut self) {
         self.recover();
         self.advance_cyclic(20_000, BLOCK);
         self.take();
     }
 
-    /// Takes the power away and gives it back; the claim and the first AVEF are taken.
+    /// Switches the power off and on, and takes claim and first AVEF.
     #[track_caller]
     pub fn restart(&mut self) {
         self.power_cycle();

@@ -1,12 +1,12 @@
-//! What the tests share.
+//! The common parts of the tests.
 //!
 //! ```text
-//! rig                   one device on a bus of its own: for what a device says and does
-//! inputs                the inputs of a valve
-//! hostile               what can happen to any device, for random tests
-//! nmt, lss, sdo, uds    frames of these services, which read like the manuals
+//! rig                   one device on a bus of its own
+//! inputs                inputs of a valve
+//! hostile               disturbances of any device, for random tests
+//! nmt, lss, sdo, uds    frames of these services, in the notation of the manuals
 //! isobus                a valve on ISOBUS on the rig
-//! bus_rig               valves and a master in a simulated world: for bus errors, flashes, several devices
+//! bus_rig               valves and a master in a simulated world, for bus errors, flashes and several devices
 //! ```
 
 mod bus_rig;

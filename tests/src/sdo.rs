@@ -1,29 +1,29 @@
 //! SDO requests and answers, and the signatures of 0x1010 and 0x1011.
 
-/// What 0x1010 takes.
+/// The signature of 0x1010.
 pub const SAVE: u32 = u32::from_le_bytes(*b"save");
-/// What 0x1011 takes.
+/// The signature of 0x1011.
 pub const LOAD: u32 = u32::from_le_bytes(*b"load");
 
-/// The request of these bytes; zeros fill what is not given.
+/// Returns the request with these bytes. Missing bytes are zeros.
 #[must_use]
 pub fn request(node_id: u8, bytes: &str) -> String {
     format!("{:03X}: {}", 0x600 + u16::from(node_id), crate::eight(bytes))
 }
 
-/// The answer of these bytes; zeros fill what is not given.
+/// Returns the answer with these bytes. Missing bytes are zeros.
 #[must_use]
 pub fn answer(node_id: u8, bytes: &str) -> String {
     format!("{:03X}: {}", 0x580 + u16::from(node_id), crate::eight(bytes))
 }
 
-/// A request to read an object.
+/// Returns the request to read an object.
 #[must_use]
 pub fn read(node_id: u8, index: u16, sub: u8) -> String {
     frame(0x600, node_id, 0x40, (index, sub), 0)
 }
 
-/// A request to write an object of this many bytes.
+/// Returns the request to write an object of this many bytes.
 #[must_use]
 pub fn write(node_id: u8, index: u16, sub: u8, data: &[u8]) -> String {
     let mut bytes = [0; 4];
@@ -32,13 +32,13 @@ pub fn write(node_id: u8, index: u16, sub: u8, data: &[u8]) -> String {
     frame(0x600, node_id, 0x23 | (4 - size) << 2, (index, sub), u32::from_le_bytes(bytes))
 }
 
-/// The answer to a write.
+/// Returns the answer to a write.
 #[must_use]
 pub fn written(node_id: u8, index: u16, sub: u8) -> String {
     frame(0x580, node_id, 0x60, (index, sub), 0)
 }
 
-/// The answer that refuses a request.
+/// Returns the abort of a request.
 #[must_use]
 pub fn abort(node_id: u8, index: u16, sub: u8, code: u32) -> String {
     frame(0x580, node_id, 0x80, (index, sub), code)

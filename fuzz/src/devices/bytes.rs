@@ -1,6 +1,6 @@
-//! The bytes of an attack, read from the front.
+//! The bytes of an attack, which are read from the front.
 
-/// The bytes of an attack that are left; beyond their end there are zeros.
+/// The unread bytes of an attack. Zeros follow their end.
 pub(super) struct Bytes<'a>(pub(super) &'a [u8]);
 
 impl Bytes<'_> {
@@ -35,7 +35,7 @@ impl Bytes<'_> {
         all[usize::from(self.u8()) % all.len()]
     }
 
-    /// Returns one of the known ones; for a byte beyond them any number.
+    /// Returns a known number. A byte beyond the known ones selects any number.
     pub(super) fn known_or_any(&mut self, known: &[u32]) -> u32 {
         known.get(usize::from(self.u8())).copied().unwrap_or_else(|| self.u32())
     }

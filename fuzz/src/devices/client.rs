@@ -1,25 +1,25 @@
-//! A client of a CANopen device: it reads and writes objects, and waits for each answer.
+//! A client of a CANopen device. It reads and writes objects, and waits for each answer.
 
 use hal_sim::Frame;
 use protocol_core::frame::standard;
 
 use super::rig::Rig;
 
-/// Index and sub-index of an object.
+/// The index and sub-index of an object.
 pub(super) type Object = (u16, u8);
 
 /// The bytes of an object, or the abort code of the answer.
 pub(super) type Answer = Result<Vec<u8>, u32>;
 
-/// The longest string of a device, in segments.
+/// The maximum number of segments of a string of a device.
 const SEGMENTS_MAX: usize = 10;
 
-/// Sends the request of an SDO transfer; the data of the answer. Answers to earlier clients come before it.
+/// Sends the request of an SDO transfer. Returns the data of the answer. Answers to earlier clients precede it.
 fn transfer(rig: &mut Rig, unit: usize, request: [u8; 8]) -> Option<[u8; 8]> {
     let id = u16::from(rig.id(unit).filter(|id| *id < 0x80)?);
     let answer_id = standard(0x580 + id).into();
     let frame = Frame::full(standard(0x600 + id).into(), request);
-    // Segments have no multiplexer, and other transfers have one.
+    // Segments have no multiplexer, unlike other transfers.
     let is_segment = request[0] >> 5 == 3;
     let answers = |frame: &Frame| {
         let data = frame.bytes();
@@ -56,7 +56,7 @@ pub(super) fn read(rig: &mut Rig, unit: usize, object: Object) -> Option<Answer>
     panic!("the upload of {object:04X?} does not end");
 }
 
-/// Writes up to four bytes to an object; the abort code if it is refused, `None` without an answer.
+/// Writes up to four bytes to an object. Returns the abort code of a refusal, `None` without an answer.
 pub(super) fn write(rig: &mut Rig, unit: usize, object: Object, bytes: &[u8]) -> Option<Result<(), u32>> {
     let mut value = [0; 4];
     value[..bytes.len()].copy_from_slice(bytes);
@@ -73,7 +73,7 @@ pub(super) fn number(rig: &mut Rig, unit: usize, object: Object) -> u32 {
     bytes.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
 }
 
-/// Writes to an object that takes the value now.
+/// Writes to an object, which must accept the value.
 #[track_caller]
 pub(super) fn set(rig: &mut Rig, unit: usize, object: Object, bytes: &[u8]) {
     let answer = write(rig, unit, object, bytes);

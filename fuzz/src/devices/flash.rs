@@ -1,4 +1,4 @@
-//! A device on a memory that holds anything, whose power is cut at any of its writes.
+//! A device on a memory with any content, whose power is cut at any of its writes.
 
 use std::array;
 use std::collections::BTreeMap;
@@ -15,16 +15,16 @@ use super::{STEPS_MAX, kind, ledger, rules, steps};
 /// The version of the records of all devices.
 const VERSION: u8 = 1;
 
-/// So many words are left in a sector that is nearly full: fewer than a few records take.
+/// The number of words left in a nearly full sector. A few records take more.
 const WORDS_LEFT: usize = 150;
 
-/// So many records more are stored there at the most.
+/// The maximum number of records that are stored there later.
 const RECORDS_LATER: usize = 16;
 
-/// The most patches of a content.
+/// The maximum number of patches of a content.
 const PATCHES_MAX: u8 = 32;
 
-/// A device on a memory of any content.
+/// Attacks a device on a memory of any content.
 pub fn flash(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let kind = kind(bytes.u8());
@@ -43,7 +43,7 @@ pub fn flash(bytes: &[u8]) {
     rules::last_word(&mut rig, 0, ending.into());
 }
 
-/// Something well-formed, and patches.
+/// Returns a well-formed content with patches.
 fn content(bytes: &mut Bytes<'_>, kind: Kind) -> Flash {
     let [what, patches, torn_erase, noise] = bytes.array();
     let mut flash = match what % 4 {
@@ -67,7 +67,7 @@ fn content(bytes: &mut Bytes<'_>, kind: Kind) -> Flash {
     flash
 }
 
-/// Asserts that a single bit that flips loses no record unless that is told.
+/// Asserts that a flipped bit loses no record without a report.
 fn assert_told(intact: Flash, damaged: &Flash) {
     let flipped: u32 = intact.image().iter().zip(damaged.image()).map(|(is, was)| (is ^ was).count_ones()).sum();
     let [before, after] = [intact, damaged.clone()].map(|flash| Memory::with_flash(flash).peek_image());
@@ -80,7 +80,7 @@ fn assert_told(intact: Flash, damaged: &Flash) {
     }
 }
 
-/// Damage, somewhere.
+/// Damages the content somewhere.
 fn patch(image: &mut [u8], bytes: &mut Bytes<'_>) {
     let at = usize::from(bytes.u16()) % SIZE;
     let what = bytes.u8();
@@ -104,8 +104,9 @@ fn patch(image: &mut [u8], bytes: &mut Bytes<'_>) {
     }
 }
 
-/// Records that hold anything, each intact or with a wrong checksum: of these, and of those of another version, nothing
-/// is read. Not the parameters: their values are checked when a client writes them, and believed when they are intact.
+/// Returns records with any content, each intact or with a wrong checksum. A record with a wrong checksum or another
+/// version must not be read. Parameters are left out: their values are checked when a client writes them, and an intact
+/// record is trusted.
 fn any_records(bytes: &mut Bytes<'_>) -> Flash {
     let mut memory = Memory::in_ram();
     let mut stored = BTreeMap::new();
@@ -130,11 +131,11 @@ fn any_records(bytes: &mut Bytes<'_>) -> Flash {
     memory.flash().clone()
 }
 
-/// Contents of the memories of each kind, made once.
+/// The contents of the memories of each kind, which are created once.
 struct Made {
-    /// A device whose clients have stored everything, some of it twice.
+    /// The memory of a device whose clients have stored everything, some of it twice.
     used: Flash,
-    /// The same in a sector that is nearly full, and so many records later.
+    /// The same memory in a nearly full sector, after more and more records.
     nearly_full: [Flash; RECORDS_LATER],
 }
 
@@ -163,7 +164,8 @@ fn use_up(kind: Kind) -> Flash {
     rig.world.memory(rig.units[0].node).flash().clone()
 }
 
-/// Stores the local layer until the sector is nearly full, and on from there; without one there is nothing to store.
+/// Stores the local layer until the sector is nearly full, and then further records. Without a local layer there is
+/// nothing to store.
 fn fill(used: &Flash) -> [Flash; RECORDS_LATER] {
     let mut memory = Memory::with_flash(used.clone());
     let image = memory.read_image();

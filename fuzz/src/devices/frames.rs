@@ -1,4 +1,4 @@
-//! Frames that are like those that the devices know, and any others.
+//! Frames similar to those that the devices know, and any others.
 
 use hal_sim::{Frame, Kind};
 use protocol_core::frame::{Id, extended, standard};
@@ -142,7 +142,7 @@ const VALUES: [u32; 40] = [
     0x0001_0001,
 ];
 
-/// The parts of the LSS addresses: of the valves, and of the sensors.
+/// The parts of the LSS addresses of valves and sensors.
 const IDENTITY: [u32; 9] = [0x0100_0019, 0x5336_0000, 0x0001_0020, 0x5B2E_0100, 0xDA, 925_010, 925_011, 0x0001_0007, 1];
 
 fn canopen(id: u16, data: [u8; 8], len: u8) -> Frame {
@@ -153,7 +153,7 @@ fn j1939(id: u32, data: [u8; 8], len: u8) -> Frame {
     Frame::with_len(extended(id & 0x1FFF_FFFF).into(), data, len)
 }
 
-/// A command of the SDO client about one of the device's objects.
+/// Returns a command of an SDO client for an object of the device.
 pub(super) fn sdo(bytes: &mut Bytes<'_>, kind: Kind, id: u8) -> Frame {
     let command = bytes.one_of(&COMMANDS);
     let objects: &[Object] = if matches!(kind, Kind::Pve(_)) { &VALVE } else { &SENSOR };
@@ -182,14 +182,14 @@ pub(super) fn lss(bytes: &mut Bytes<'_>, kind: Kind) -> Frame {
     canopen(0x7E5, [command, a, b, c, d, e, f, g], 8)
 }
 
-/// Control word and set-point, as the default mapping has them.
+/// Returns an RPDO with control word and set-point, as in the default mapping.
 pub(super) fn rpdo(bytes: &mut Bytes<'_>, id: u8) -> Frame {
     let word = bytes.one_of(&[0x0F, 0x03, 0x0B, 0x00, 0x01, 0x07, 0xFF]);
     let [low, high, ..] = bytes.known_or_any(&VALUES).to_le_bytes();
     canopen(0x200 + u16::from(id), [word, 0, low, high, 0, 0, 0, 0], 4)
 }
 
-/// A SYNC, or the EMCY of another node.
+/// Returns a SYNC or the EMCY of another node.
 pub(super) fn sync_or_emcy(bytes: &mut Bytes<'_>) -> Frame {
     match bytes.u8() {
         0x80.. => canopen(0x80, [0; 8], 0),
@@ -209,14 +209,14 @@ pub(super) fn uds(bytes: &mut Bytes<'_>, id: u8) -> Frame {
     j1939(0x1BC0_0000 | u32::from(source) << 11 | u32::from(id), request, len)
 }
 
-/// An auxiliary valve command.
+/// Returns an auxiliary valve command.
 pub(super) fn command(bytes: &mut Bytes<'_>, id: u8) -> Frame {
     let state = bytes.one_of(&[0x30, 0x31, 0x32, 0x33, 0x3A, 0x3E, 0xF0, 0xF1, 0x00, 0x35, 0x71]);
     let flow = bytes.u8();
     j1939(0x0CFE_3027 | u32::from(id & 0xF) << 8, [flow, 0xFF, state, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF], 8)
 }
 
-/// A request for a parameter group, to the valve or to all.
+/// Returns a request for a parameter group, to the valve or to all.
 pub(super) fn request(bytes: &mut Bytes<'_>, id: u8) -> Frame {
     let what = bytes.u8();
     let avef = 0xFE10 | u32::from(id & 0xF);
@@ -228,14 +228,14 @@ pub(super) fn request(bytes: &mut Bytes<'_>, id: u8) -> Frame {
     j1939(0x18EA_0000 | u32::from(destination) << 8 | u32::from(source), [a, b, c, 0, 0, 0, 0, 0], 3)
 }
 
-/// A claim of the valve's address or another, with the valve's NAME or another.
+/// Returns an address claim of the address of the valve or another, with its NAME or another.
 pub(super) fn claim(bytes: &mut Bytes<'_>, id: u8) -> Frame {
     let [serial, source] = bytes.array();
     let source = if source < 0x40 { id } else { source };
     j1939(0x18EE_FF00 | u32::from(source), [serial, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02, 0x20], 8)
 }
 
-/// Any frame of the transport protocol.
+/// Returns any frame of the transport protocol.
 pub(super) fn transport(bytes: &mut Bytes<'_>, id: u8) -> Frame {
     let what = bytes.u8();
     let function = if what & 1 == 0 { 0x1CEC_0000 } else { 0x1CEB_0000 };

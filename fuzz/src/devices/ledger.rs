@@ -1,4 +1,4 @@
-//! Account of what clients were told is stored, and of what a start has to find therefore (SPEC 4.5, 6 and 9).
+//! The account of confirmed stores, and of the contents that a start must therefore find (SPEC 4.5, 6 and 9).
 
 use hal_sim::{BitRate, Frame, Kind, Setup};
 use protocol_core::device::Protocol;
@@ -8,33 +8,33 @@ use super::client::{self, Answer, Object};
 use super::objects::{self, default};
 use super::rig::Rig;
 
-/// A group of objects that is stored as one record: a power cut leaves it old or new.
+/// A group of objects that one record stores. A power cut leaves it old or new.
 #[derive(Debug)]
 struct Group {
     objects: Vec<Object>,
-    /// Contents that the next start can find; `None`: any.
+    /// The contents that the next start can find; `None` for any.
     possible: Option<Vec<Stored>>,
 }
 
-/// Content that a start finds.
+/// A content that a start finds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Stored {
     Defaults,
     Values(Vec<Answer>),
 }
 
-/// Knowledge of the memory of a device.
+/// The knowledge of the memory of a device.
 #[derive(Debug)]
 pub(super) struct Ledger {
     groups: Vec<Group>,
-    /// The node IDs or addresses that the next start can find; `None`: anything.
+    /// The node IDs or addresses that the next start can find; `None` for any.
     ids: Option<Vec<Option<u8>>>,
     rates: Option<Vec<BitRate>>,
-    /// A client may have asked for "load" since the device was last powered up.
+    /// Whether a client may have demanded "load" since the last power-up.
     load_asked: bool,
 }
 
-/// Outcome of a request to store something.
+/// The result of a request to store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Told {
     Stored,
@@ -52,7 +52,7 @@ impl From<Option<Result<(), u32>>> for Told {
     }
 }
 
-/// Notes that one more value is possible, or the only one.
+/// Records a further possible value, or the only one.
 fn note<T>(possible: &mut Option<Vec<T>>, value: T, told: Told) {
     match told {
         Told::Stored => *possible = Some(vec![value]),
@@ -66,7 +66,7 @@ fn note<T>(possible: &mut Option<Vec<T>>, value: T, told: Told) {
 }
 
 impl Ledger {
-    /// A memory that the first start fills, or that holds anything.
+    /// Creates the account of a memory that the first start fills, or that holds anything.
     pub(super) fn of(setup: Setup, is_new: bool) -> Self {
         let groups = objects::groups(setup.kind).into_iter();
         let groups = groups.map(|objects| Group { objects, possible: Some(vec![Stored::Defaults]) }).collect();
@@ -78,18 +78,18 @@ impl Ledger {
         ledger
     }
 
-    /// Forgets everything: any of it may have been stored, and "load" asked for.
+    /// Forgets everything, because any content may have been stored, and "load" demanded.
     fn forget(&mut self) {
         self.groups.iter_mut().for_each(|group| group.possible = None);
         (self.ids, self.rates, self.load_asked) = (None, None, true);
     }
 
-    /// Takes note of a power-up, which executes "load".
+    /// Records a power-up, which executes "load".
     pub(super) fn start(&mut self) {
         self.load_asked = false;
     }
 
-    /// Forgets what a frame that anybody sends may change.
+    /// Forgets the contents that a frame of another node may change.
     pub(super) fn hear(&mut self, kind: Kind, frame: &Frame) {
         let data = frame.bytes();
         match frame.id() {
@@ -110,7 +110,7 @@ impl Ledger {
             Id::Standard(id) if id == standard(0x7E5) => match data[0] {
                 0x11 => self.ids = None,
                 0x13 => self.rates = None,
-                // Stores what any of the earlier ones has configured.
+                // The request stores what any earlier one has configured.
                 0x17 => (self.ids, self.rates) = (None, None),
                 _ => {}
             },
@@ -119,7 +119,7 @@ impl Ledger {
         }
     }
 
-    /// Checks a device that was just powered up, by what its objects read.
+    /// Checks a device after its power-up, by the values of its objects.
     pub(super) fn check(rig: &mut Rig, unit: usize) {
         let id = rig.id(unit);
         let device = &rig.units[unit];
@@ -136,7 +136,7 @@ impl Ledger {
             let is_default =
                 |id| objects.iter().zip(&found).all(|(object, found)| *found == Ok(default(kind, id, *object)));
             let holds = possible.iter().any(|stored| match stored {
-                // Those of a valve are stored at the start that executes "load", for the node ID of then.
+                // The defaults of a valve are stored at the start that executes "load", for the node ID of that start.
                 Stored::Defaults => is_default(id) || matches!(kind, Kind::Pve(_)) && (1..=0x7F).any(is_default),
                 Stored::Values(values) => *values == found,
             });
@@ -149,18 +149,18 @@ fn read_all(rig: &mut Rig, unit: usize, objects: &[Object]) -> Option<Vec<Answer
     objects.iter().map(|object| client::read(rig, unit, *object)).collect()
 }
 
-/// Two devices with one node ID were told to store something: nobody knows which of them has answered.
+/// Forgets everything about two devices with one node ID, because either can have answered a store.
 fn forget_all(rig: &mut Rig) {
     rig.units.iter_mut().for_each(|unit| unit.ledger.forget());
 }
 
-/// The other devices on the bus: one that is kept bus-off hears nothing.
+/// Returns the other devices on the bus, without those that are held bus-off.
 fn others(rig: &Rig, unit: usize) -> impl Iterator<Item = usize> {
     let on_bus = move |other: &usize| !rig.world.is_bus_off_forced(rig.units[*other].node);
     (0..rig.units.len()).filter(move |other| *other != unit).filter(on_bus)
 }
 
-/// Returns whether another device may answer in the place of this one.
+/// Returns whether another device may answer for this one.
 fn has_twin(rig: &Rig, unit: usize) -> bool {
     others(rig, unit).any(|other| rig.id(other) == rig.id(unit))
 }
@@ -170,7 +170,7 @@ fn is_alone(rig: &Rig, unit: usize) -> bool {
     others(rig, unit).all(|other| rig.units[other].kind.protocol() != Protocol::Canopen)
 }
 
-/// A client reads all parameters and stores them with "save". Whether it was told so.
+/// Reads all parameters and stores them with "save". Returns whether the device confirmed it.
 pub(super) fn save(rig: &mut Rig, unit: usize) -> bool {
     let count = rig.units[unit].ledger.groups.len();
     let mut values = Vec::new();
@@ -190,13 +190,13 @@ pub(super) fn save(rig: &mut Rig, unit: usize) -> bool {
     }
     let ledger = &mut rig.units[unit].ledger;
     let was_told = told == Told::Stored;
-    // Of two records one may be written, and the other not.
+    // One of two records may be written, and the other not.
     if told == Told::Refused && count > 1 {
         told = Told::Nothing;
     }
     for (group, values) in ledger.groups.iter_mut().zip(values) {
         note(&mut group.possible, values, told);
-        // The "load" of a valve outlives a "save"; whether a reset has executed it since, nobody knows here.
+        // The "load" of a valve outlives a "save". A reset may have executed it since.
         if ledger.load_asked && was_told && count == 1 {
             note(&mut group.possible, Stored::Defaults, Told::Nothing);
         }
@@ -204,7 +204,7 @@ pub(super) fn save(rig: &mut Rig, unit: usize) -> bool {
     was_told
 }
 
-/// A client asks for the defaults.
+/// Demands the defaults by "load".
 pub(super) fn load(rig: &mut Rig, unit: usize) {
     let twin = has_twin(rig, unit);
     let mut told = Told::from(client::write(rig, unit, (0x1011, 1), b"load"));
@@ -221,7 +221,7 @@ pub(super) fn load(rig: &mut Rig, unit: usize) {
     }
 }
 
-/// A client stores a node ID, and perhaps a bit rate, by LSS.
+/// Stores a node ID and, if given, a bit rate by LSS.
 pub(super) fn store_by_lss(rig: &mut Rig, unit: usize, node_id: u8, rate: Option<BitRate>) -> bool {
     let node_id = node_id.clamp(1, 0x7F);
     let mut lss = |request: [u8; 3]| {
@@ -252,7 +252,7 @@ pub(super) fn store_by_lss(rig: &mut Rig, unit: usize, node_id: u8, rate: Option
     told == Told::Stored
 }
 
-/// A client writes the node ID by UDS.
+/// Writes the node ID by UDS.
 pub(super) fn write_by_uds(rig: &mut Rig, unit: usize, node_id: u8) {
     let Some(present) = rig.id(unit) else { return };
     let id = |raw| protocol_core::frame::extended(raw).into();

@@ -1,7 +1,6 @@
-//! Attacks on the devices: behind their port on a bus, and behind their memory.
+//! Attacks on the devices, behind their ports on a bus and behind their memories.
 //!
-//! The attack is followed by *the last word*: all disturbances are taken away, and what the devices do then is compared
-//! with plain rules, told here again from docs/behaviour.md.
+//! *The last word* follows the attack: all disturbances end, and the behaviour of the devices is compared with plain rules, which repeat docs/behaviour.md.
 //!
 //! ```text
 //! flash        memories that hold anything
@@ -36,13 +35,13 @@ use bytes::Bytes;
 use rig::Rig;
 use rules::Ending;
 
-/// The serial number of the second device: no twin of the first.
+/// The serial number of the second device, which is no twin of the first.
 const SECOND_SERIAL: u32 = 2;
 
-/// The most steps of an attack.
+/// The maximum number of steps of an attack.
 const STEPS_MAX: u32 = 300;
 
-/// Attacks one or two devices on a bus by whatever can happen around them.
+/// Attacks one or two devices on a bus by arbitrary disturbances.
 pub fn devices(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let [first, second, how, ending] = bytes.array();

@@ -1,11 +1,11 @@
-//! The objects that the devices store, with their defaults: the tables of SPEC 4.5 and 9.
+//! The stored objects of the devices and their defaults: the tables of SPEC 4.5 and 9.
 
 use hal_sim::Kind;
 use protocol_core::device::Protocol;
 
 use super::client::Object;
 
-/// Returns the objects that a device stores, those of each record.
+/// Returns the stored objects of a device, record by record.
 pub(super) fn groups(kind: Kind) -> Vec<Vec<Object>> {
     let mapping = |index| (0..=8).map(move |sub| (index, sub));
     match (kind, kind.protocol()) {
@@ -23,7 +23,7 @@ pub(super) fn groups(kind: Kind) -> Vec<Vec<Object>> {
     }
 }
 
-/// Returns what an object reads after "load", of a device with this node ID.
+/// Returns the value of an object after "load", for a device with this node ID.
 pub(super) fn default(kind: Kind, node_id: u8, (index, sub): Object) -> Vec<u8> {
     let n = u32::from(node_id);
     let is_valve = matches!(kind, Kind::Pve(_));

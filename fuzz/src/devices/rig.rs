@@ -9,19 +9,19 @@ use protocol_core::time::{after, since};
 use super::ledger::Ledger;
 use super::well_formed::check;
 
-/// Events of the simulated world that an attack may take: this makes hours of a busy bus short.
+/// The maximum number of events of the simulated world in an attack. It shortens hours of a busy bus.
 const EVENTS: u32 = 30_000;
 
-/// A flash that is told to fail at this operation never does.
+/// The number of an operation that never comes, for a flash that does not fail.
 const NEVER_FAILS: u64 = u64::MAX;
 
-/// Twice the longest delay, and as long as a flood keeps the request waiting.
+/// The maximum silence by LSS: twice the longest delay, and the time for which a flood delays the request.
 const LSS_SILENCE: Duration = Duration::from_secs(135);
 
-/// Time that the answer to a request takes that the bus has had.
+/// The maximum time of an answer after the request was on the bus.
 const ANSWERED: Duration = Duration::from_millis(100);
 
-/// A client waits so many times for the answers to others.
+/// The maximum number of times that a client waits for the answers to others.
 const WAITS: usize = 20;
 
 /// A device on the bus.
@@ -29,26 +29,26 @@ pub(super) struct Unit {
     pub(super) node: NodeId,
     pub(super) kind: Kind,
     name: String,
-    /// Knowledge of its memory.
+    /// The knowledge of its memory.
     pub(super) ledger: Ledger,
-    /// Writes may have failed since it was last powered up.
+    /// Whether writes may have failed since its last power-up.
     pub(super) memory_hurt: bool,
-    /// Its memory held anything: records may be damaged until they are written.
+    /// Whether its memory had any content. Records may then be damaged until they are written.
     pub(super) damaged: bool,
-    /// Frames that it has sent since they were last taken.
+    /// The frames that it has sent since they were last taken.
     sent: Vec<(Instant, Frame)>,
 }
 
 /// Devices and a master on a bus.
 pub(super) struct Rig {
     pub(super) world: World,
-    /// The master, which also acknowledges; `None`: the devices are among themselves.
+    /// The master, which also acknowledges; `None` if only the devices are on the bus.
     master: Option<ClientPortId>,
-    /// Somebody whose frames are more urgent than all others.
+    /// A node whose frames are more urgent than all others.
     flood: Option<ClientPortId>,
     pub(super) units: Vec<Unit>,
     events_left: u32,
-    /// Until then LSS may keep a device silent.
+    /// The time until which LSS may silence a device.
     silent_until: Instant,
 }
 
@@ -60,7 +60,7 @@ impl Rig {
         Self { world, master, flood: None, units: Vec::new(), events_left: EVENTS, silent_until: Instant::MIN }
     }
 
-    /// Adds a device, not yet powered. What its memory holds is known when that is new.
+    /// Adds a device without power. The content of a new memory is known.
     pub(super) fn add(&mut self, setup: Setup, memory: Memory, is_new: bool) {
         let name = format!("device-{}", self.units.len());
         let node = self.world.add_with(&name, setup, memory);
@@ -82,7 +82,7 @@ impl Rig {
         }
     }
 
-    /// Lets time pass, or as much of it as the attack may take.
+    /// Advances the time, as far as the attack may.
     pub(super) fn run(&mut self, time: Duration) {
         let end = after(self.world.now(), time);
         while self.world.next_event() <= end && self.events_left > 0 {
@@ -95,7 +95,7 @@ impl Rig {
         self.listen();
     }
 
-    /// Notes what the devices have sent; each frame is one that such a device may send.
+    /// Records the sent frames of the devices, and asserts that each is well-formed.
     fn listen(&mut self) {
         for event in self.world.take_events() {
             let EventKind::Frame { frame, .. } = event.what else { continue };
@@ -112,13 +112,13 @@ impl Rig {
         }
     }
 
-    /// Forgets what the devices have sent.
+    /// Forgets the sent frames of the devices.
     pub(super) fn forget_sent(&mut self) {
         self.listen();
         self.units.iter_mut().for_each(|unit| unit.sent.clear());
     }
 
-    /// Returns what a device sends in this time from now on.
+    /// Runs for a time. Returns the frames that a device sends.
     pub(super) fn watch(&mut self, unit: usize, time: Duration) -> Vec<(Instant, Frame)> {
         self.forget_sent();
         self.events_left = u32::MAX;
@@ -126,7 +126,7 @@ impl Rig {
         std::mem::take(&mut self.units[unit].sent)
     }
 
-    /// Sends a request and waits for the answer of a device; `None` when there is none in the time that it may take.
+    /// Sends a request. Returns the answer of a device; `None` if none comes in time.
     pub(super) fn ask(&mut self, unit: usize, request: Frame, is_answer: impl Fn(&Frame) -> bool) -> Option<Frame> {
         self.forget_sent();
         self.send(request);
@@ -145,8 +145,8 @@ impl Rig {
         None
     }
 
-    /// Waits until the requests of others are answered: a client takes their answers for its own. Returns false when that
-    /// takes too long.
+    /// Waits until the requests of others are answered, because a client takes their answers for its own. Returns
+    /// `false` if that takes too long.
     pub(super) fn settle(&mut self) -> bool {
         (0..WAITS).any(|_| {
             let all_asked = self.master.is_none_or(|master| self.world.pending(master) == 0);
@@ -160,22 +160,22 @@ impl Rig {
         })
     }
 
-    /// Returns how long an answer takes at the most: a write of each record, and the frames that are more urgent.
+    /// Returns the maximum time of an answer: a write of each record, and all more urgent frames.
     fn patience(&self) -> Duration {
         Duration::from_millis(250) + self.frame_time() * 50
     }
 
-    /// Takes note of an LSS activation of a bit rate: the device is silent for twice the delay that it tells.
+    /// Records an activation of a bit rate by LSS, which silences the device for twice its delay.
     pub(super) fn silence_begins(&mut self) {
         self.silent_until = after(self.world.now(), LSS_SILENCE);
     }
 
-    /// Returns how long LSS may keep a device silent from now on.
+    /// Returns the maximum remaining silence by LSS.
     pub(super) fn silence(&self) -> Duration {
         since(self.silent_until, self.world.now())
     }
 
-    /// Returns how long a frame takes at the most.
+    /// Returns the maximum duration of a frame.
     pub(super) fn frame_time(&self) -> Duration {
         Duration::from_micros(160 * 1_000_000 / u64::from(self.world.bit_rate().bits_per_second()))
     }
@@ -190,7 +190,7 @@ impl Rig {
         self.world.port(self.units[unit].node).mode() == BusErrorMode::ErrorActive
     }
 
-    /// Connects the master, or lets the devices be among themselves.
+    /// Connects the master, or disconnects it.
     pub(super) fn connect_master(&mut self, connected: bool) {
         if connected {
             self.master.get_or_insert_with(|| self.world.add_client_port("master"));
@@ -202,10 +202,10 @@ impl Rig {
         }
     }
 
-    /// Lets somebody send so many frames that nobody is more urgent than.
+    /// Sends a number of frames of the highest priority from another node.
     pub(super) fn flood(&mut self, count: u16) {
         let flood = *self.flood.get_or_insert_with(|| self.world.add_client_port("flood"));
-        // NMT commands to a node that there is not.
+        // The frames are NMT commands to a missing node.
         let frame = Frame::of(protocol_core::frame::standard(0).into(), &[1, 0xFE]).expect("two bytes");
         (0..count).for_each(|_| self.world.send(flood, frame));
     }
@@ -226,7 +226,7 @@ impl Rig {
         }
     }
 
-    /// Powers a device up that is off.
+    /// Switches on a device that is off.
     pub(super) fn power_on(&mut self, unit: usize) {
         let Unit { node, memory_hurt, .. } = &mut self.units[unit];
         if !self.world.is_powered(*node) {
@@ -241,14 +241,14 @@ impl Rig {
         self.world.power(self.units[unit].node, false);
     }
 
-    /// Takes back what the master has not sent yet.
+    /// Withdraws the unsent frames of the master.
     pub(super) fn withdraw(&mut self) {
         if let Some(master) = self.master {
             self.world.withdraw(master);
         }
     }
 
-    /// Takes all disturbances away and leaves a device alone with the master, at the device's bit rate.
+    /// Ends all disturbances and leaves a device alone with the master, at the bit rate of the device.
     pub(super) fn calm(&mut self, unit: usize) {
         self.events_left = u32::MAX;
         self.world.clear_injectors();

@@ -1,4 +1,4 @@
-//! Events around the devices, read from the bytes of an attack.
+//! The steps of an attack, which its bytes select.
 
 use hal_sim::bus::{BitErrors, Disturbance, Injector};
 use hal_sim::memory::TornErase;
@@ -11,14 +11,14 @@ use super::bytes::Bytes;
 use super::rig::Rig;
 use super::{frames, ledger};
 
-/// Time that the bus has after a frame, unless frames pile up.
+/// The pause after a frame, unless frames pile up.
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// Bits of the first byte of a step: frames pile up; the second device. The others say what happens.
+/// The bits of the first byte of a step: frames pile up; the second device is meant. The other bits select the action.
 const PILE_UP: u8 = 0x80;
 const SECOND: u8 = 0x40;
 
-/// Every frame on the bus is destroyed, or the frames of one device.
+/// A jammer, which destroys every frame on the bus, or those of one device.
 #[derive(Clone)]
 struct Jammer(Option<String>);
 
@@ -28,7 +28,7 @@ impl Injector for Jammer {
     }
 }
 
-/// Lets the next step happen.
+/// Executes the next step.
 pub(super) fn act(rig: &mut Rig, bytes: &mut Bytes<'_>) {
     let step = bytes.u8();
     let unit = usize::from(step & SECOND != 0) % rig.units.len();
@@ -55,7 +55,7 @@ pub(super) fn act(rig: &mut Rig, bytes: &mut Bytes<'_>) {
     }
 }
 
-/// Sends a frame of which anybody may know what it does.
+/// Sends a frame, of whose effect the clients know nothing.
 fn send(rig: &mut Rig, frame: Frame) {
     for unit in &mut rig.units {
         unit.ledger.hear(unit.kind, &frame);
@@ -66,7 +66,7 @@ fn send(rig: &mut Rig, frame: Frame) {
     rig.send(frame);
 }
 
-/// Lets something other than a frame happen.
+/// Executes a step other than a frame.
 fn around(rig: &mut Rig, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
     let node = rig.units[unit].node;
     rig.forget_sent();
@@ -74,7 +74,7 @@ fn around(rig: &mut Rig, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
         27..=31 => rig.run(time(bytes.u8())),
         32..=35 => {
             let plant = plant(bytes, rig.units[unit].kind);
-            // Words of the other product, and values that cannot be, are refused.
+            // Words of the other product, and impossible values, are refused.
             let _ = rig.world.set_plant(node, plant);
             rig.units[unit].memory_hurt |= rig.world.memory(node).write_fails();
         }
@@ -135,7 +135,7 @@ fn around(rig: &mut Rig, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
     }
 }
 
-/// A client stores something, and knows what.
+/// Stores something for a client, and records it.
 fn store(rig: &mut Rig, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
     match step {
         47 | 48 => _ = ledger::save(rig, unit),
@@ -149,7 +149,7 @@ fn store(rig: &mut Rig, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
     }
 }
 
-/// From a microsecond to hours, most of them short.
+/// Returns a time from a microsecond to hours. Most times are short.
 fn time(byte: u8) -> Duration {
     Duration::from_micros(u64::from(1 + (byte & 0xF)) << (2 * (byte >> 4)))
 }
@@ -171,7 +171,7 @@ fn plant(bytes: &mut Bytes<'_>, kind: Kind) -> Plant {
     }
 }
 
-/// Somebody gives a valve on ISOBUS another address: three frames.
+/// Commands another address of a valve on ISOBUS, by three frames.
 fn commanded_address(rig: &mut Rig, unit: usize, bytes: &mut Bytes<'_>) {
     let address = 0x80 | bytes.u8() & 0x1F;
     let serial = if unit == 0 { 1 } else { super::SECOND_SERIAL as u8 };
@@ -182,7 +182,7 @@ fn commanded_address(rig: &mut Rig, unit: usize, bytes: &mut Bytes<'_>) {
     rig.run(PAUSE);
 }
 
-/// A machine controller takes the device to work: use case 1, two commands on ISOBUS, NMT start of a sensor.
+/// Activates a device as a machine controller does: use case 1, two commands on ISOBUS, NMT start of a sensor.
 fn activate(rig: &mut Rig, unit: usize) {
     let Some(id) = rig.id(unit) else { return };
     if rig.units[unit].kind.protocol() == Protocol::Canopen {
@@ -193,7 +193,7 @@ fn activate(rig: &mut Rig, unit: usize) {
     }
 }
 
-/// A machine controller's cyclic command: a set-point, and 100 ms.
+/// Sends the cyclic command of a machine controller: a set-point, then 100 ms.
 fn guard(rig: &mut Rig, unit: usize) {
     let Some(id) = rig.id(unit) else { return };
     let frame: (Id, [u8; 8], u8) = match rig.units[unit].kind.protocol() {
@@ -207,7 +207,7 @@ fn guard(rig: &mut Rig, unit: usize) {
     rig.run(Duration::from_millis(100));
 }
 
-/// A client sets a heartbeat and, of a sensor, a TPDO by its event timer.
+/// Sets a heartbeat and, for a sensor, a TPDO by its event timer.
 fn cyclic(rig: &mut Rig, unit: usize, ms: u8) {
     let Some(id) = rig.id(unit).filter(|id| *id < 0x80).map(u16::from) else { return };
     let [low, high] = (0x180 + id).to_le_bytes();

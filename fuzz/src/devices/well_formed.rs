@@ -1,4 +1,4 @@
-//! Frames that a device may send at any time, whatever happens around it.
+//! The frames that a device may send at any time, whatever the disturbances.
 
 use hal_sim::{Frame, Kind};
 use protocol_core::device::Protocol;
@@ -13,7 +13,7 @@ pub(super) fn check(kind: Kind, frame: &Frame) {
     }
 }
 
-/// SPEC 4.1 and 4.2: PDOs and EMCYs can have any identifier that CiA 301 does not restrict.
+/// Checks a CANopen frame (SPEC 4.1, 4.2). PDOs and EMCYs can have any identifier that CiA 301 does not restrict.
 fn check_canopen(kind: Kind, frame: &Frame) {
     let data = frame.data();
     match frame.id() {
@@ -33,7 +33,7 @@ fn check_canopen(kind: Kind, frame: &Frame) {
     }
 }
 
-/// SPEC 5 and 7: the messages of a valve, each of its length, from an address that a valve can have.
+/// Checks an ISOBUS frame (SPEC 5, 7): a message of the right length, from a permitted address of a valve.
 fn check_isobus(frame: &Frame) {
     let Id::Extended(id) = frame.id() else { panic!("11 bits: {frame}") };
     let (id, data) = (id.as_raw(), frame.data());

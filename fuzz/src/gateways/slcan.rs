@@ -1,4 +1,4 @@
-//! A second reading of slcan, line by line as docs/pve-sim.md has it.
+//! A second parser of slcan, line by line after docs/pve-sim.md.
 
 use hal_sim::Frame;
 use pve_sim::gateway::Dialogue;
@@ -19,7 +19,7 @@ pub(super) struct Slcan {
     channel: Channel,
     rate: Option<u32>,
     has_stamps: bool,
-    /// As at the last opening.
+    /// The state of timestamps at the last opening.
     is_stamped: bool,
     answers: String,
     frames: Vec<Frame>,
@@ -84,7 +84,7 @@ impl Model for Slcan {
 }
 
 impl Slcan {
-    /// Returns the answer to a line; `None`: it is not carried out.
+    /// Returns the answer to a line; `None` for a line that is not executed.
     fn execute(&mut self, line: &str) -> Option<&'static str> {
         let is_closed = self.channel == Channel::Closed;
         let mut chars = line.chars();
@@ -139,7 +139,7 @@ impl Slcan {
     }
 }
 
-/// Returns a frame as it is printed, with or without blanks between its bytes.
+/// Parses a printed frame, with or without blanks between its bytes.
 pub(super) fn frame(text: &str) -> Option<Frame> {
     let (id, data) = text.split_once(": ")?;
     let pairs: Vec<&str> = match data.strip_prefix('R') {

@@ -1,4 +1,4 @@
-//! A second reading of socketcand, message by message.
+//! A second parser of socketcand, message by message.
 
 use hal_sim::Frame;
 use pve_sim::gateway::Dialogue;
@@ -97,7 +97,7 @@ impl Model for Socketcand {
             }
         });
         let answers: Vec<Answer> = answers.collect();
-        // A client whose first bytes are foreign may have been greeted before.
+        // A client with foreign first bytes may have been greeted before.
         let expected: Vec<Answer> = [Answer::Hi].into_iter().chain(self.answers.iter().copied()).collect();
         assert_eq!(answers, expected, "{heard}");
     }
@@ -116,7 +116,7 @@ impl Model for Socketcand {
 }
 
 impl Socketcand {
-    /// Returns the answer to a message, which may be none; `None` for a message that is refused.
+    /// Returns the answer to a message, if it has one; the outer `None` stands for a refused message.
     fn execute(&mut self, words: &[&str]) -> Option<Option<Answer>> {
         match words {
             ["echo"] => Some(Some(Answer::Echo)),
@@ -149,7 +149,7 @@ fn frame(id: &str, length: &str, data: &[&str]) -> Option<Frame> {
     format!("{id}: {}", bytes.join(" ")).parse().ok()
 }
 
-/// Returns an identifier as it is printed.
+/// Parses a printed identifier.
 fn identifier(word: &str) -> Option<String> {
     const EXTENDED: u64 = 1 << 31;
     let raw = number(word, 32)?;
@@ -161,7 +161,7 @@ fn identifier(word: &str) -> Option<String> {
     }
 }
 
-/// Returns a number in hex of so many bits, which may be widened as a signed one to 32 or 64 bits.
+/// Parses a hexadecimal number of `bits` bits, which may be sign-extended to 32 or 64 bits.
 fn number(word: &str, bits: u32) -> Option<u64> {
     let (sign, digits) = word.strip_prefix('-').map_or((1, word), |digits| (-1, digits));
     let digits = digits.strip_prefix("0x").or(digits.strip_prefix("0X")).unwrap_or(digits);

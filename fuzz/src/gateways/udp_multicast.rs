@@ -1,13 +1,14 @@
-//! A second reading of the datagrams of python-can's `udp_multicast`.
+//! A second parser of the datagrams of python-can's `udp_multicast`.
 
 use hal_sim::Frame;
 use hal_sim::log::Timestamp;
 use pve_sim::gateway::udp_multicast::{emit, parse};
 
-/// Deepest value that is read here.
+/// The maximum depth of a value.
 const DEPTH: u32 = 64;
 
-/// A datagram is the frame that its map has, or none; the frame becomes a datagram that is read as it.
+/// Asserts that a datagram yields the frame of its map, or none, and that the frame becomes a datagram which yields it
+/// again.
 pub(super) fn datagram(datagram: &[u8]) {
     let read = parse(datagram);
     let is_map = matches!(datagram.first(), Some(0x80..=0x8F | 0xDE | 0xDF));
@@ -41,7 +42,7 @@ enum Value<'a> {
 enum Meaning {
     Frame(Frame),
     None,
-    /// Nobody sends that.
+    /// A value that no client sends.
     Unspecified,
 }
 
@@ -84,10 +85,10 @@ fn frame(pairs: &[(Value<'_>, Value<'_>)]) -> Meaning {
     if fits { format!("{id:0digits$X}:{text}").parse().map_or(Meaning::None, Meaning::Frame) } else { Meaning::None }
 }
 
-/// Reads MessagePack.
+/// A reader of MessagePack.
 struct Reader<'a> {
     bytes: &'a [u8],
-    /// Set once it has met what nobody sends: the rest is not read.
+    /// Whether the reader has met a value that no client sends. The rest is not read.
     is_beyond: bool,
 }
 
@@ -98,7 +99,7 @@ impl<'a> Reader<'a> {
         Some(taken)
     }
 
-    /// Takes a number of so many bytes.
+    /// Takes a number of `length` bytes.
     fn number(&mut self, length: usize) -> Option<u64> {
         Some(self.take(length)?.iter().fold(0, |number, byte| number << 8 | u64::from(*byte)))
     }
@@ -107,7 +108,7 @@ impl<'a> Reader<'a> {
         usize::try_from(self.number(bytes)?).ok()
     }
 
-    /// Takes a value; `None` where it is cut off, or too deep.
+    /// Takes a value; `None` for an incomplete or too deep one.
     fn value(&mut self, depth: u32) -> Option<Value<'a>> {
         let [mark] = *self.take(1)? else { return None };
         self.is_beyond |= depth > DEPTH || mark == 0xC1;

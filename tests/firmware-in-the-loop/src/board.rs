@@ -1,4 +1,4 @@
-//! The boards that an image is built for: what differs between them, as their manuals print it.
+//! The boards that an image is built for, with the properties in which they differ.
 
 use std::ops::Range;
 
@@ -7,53 +7,53 @@ use rigless::soc::Region;
 use crate::flash::Layout;
 use crate::part::Port;
 
-/// A board, with the part on it.
+/// A board with its part.
 #[derive(Debug)]
 pub struct Board {
-    /// Its name.
+    /// The name of the board.
     pub name: &'static str,
-    /// The part's name.
+    /// The name of the part.
     pub part: &'static str,
-    /// The variable that names the ELF file of its image; `./run` sets it.
+    /// The environment variable that names the ELF file of the image. `./run` sets it.
     pub(crate) variable: &'static str,
-    /// The folder that cargo builds its image into.
+    /// The folder into which cargo builds the image.
     pub profile: &'static str,
-    /// Where the image may be.
+    /// The flash that the image may use.
     pub flash: Range<u64>,
-    /// The RAM that it uses.
+    /// The RAM that the image uses.
     pub ram: Range<u64>,
-    /// Plain memory: that of the image, and the RAM. The image is programmed by nobody but tests that break it.
+    /// The plain memory: that of the image, and the RAM. Only tests that break the image program it.
     pub(crate) memory: &'static [Region],
-    /// The region that the processor boots from.
+    /// The region from which the processor boots.
     pub(crate) boot: &'static str,
-    /// Interrupt lines.
+    /// The number of interrupt lines.
     pub(crate) interrupt_lines: u16,
-    /// DBGMCU_IDCODE.
+    /// The value of DBGMCU_IDCODE.
     pub(crate) idcode: u64,
-    /// Whether it selects dedicated clocks in a second register.
+    /// Whether a second register selects dedicated clocks.
     pub(crate) has_dckcfgr2: bool,
-    /// How many ports it has, from A on.
+    /// The number of ports, from A on.
     pub(crate) ports: usize,
     /// The serial port of the console.
     pub(crate) console: Console,
-    /// The sectors that hold the memory.
+    /// The sectors of the memory.
     pub(crate) layout: Layout,
     /// The pins of the LEDs.
     pub leds: &'static [(Port, u8)],
     /// The pin of the button.
     pub button: (Port, u8),
-    /// Its level while it is pressed.
+    /// The level of the pressed button.
     pub pressed: bool,
 }
 
-/// A serial port.
+/// The serial port of a console.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Console {
     Usart2,
     Usart3,
 }
 
-/// The NUCLEO-F429ZI (UM1974, RM0090, DS9405): two flash banks. Its LEDs: red, green.
+/// The NUCLEO-F429ZI (UM1974, RM0090, DS9405), with two flash banks, a red and a green LED.
 pub static NUCLEO_F429ZI: Board = Board {
     name: "NUCLEO-F429ZI",
     part: "STM32F429ZI",
@@ -69,7 +69,7 @@ pub static NUCLEO_F429ZI: Board = Board {
     ],
     boot: "bank 1",
     interrupt_lines: 91,
-    // Revision 3 and later: before it, reads of bank 2 depend on PA12.
+    // The revision is 3 or later. Before it, reads of bank 2 depend on PA12.
     idcode: 0x2003_6419,
     has_dckcfgr2: false,
     ports: 9,
@@ -80,7 +80,7 @@ pub static NUCLEO_F429ZI: Board = Board {
     pressed: true,
 };
 
-/// The NUCLEO-F446RE (UM1724, RM0390, DS10693): one flash bank, of which sectors 1 and 2 are the memory. One LED.
+/// The NUCLEO-F446RE (UM1724, RM0390, DS10693), with one LED and one flash bank, whose sectors 1 and 2 are the memory.
 pub static NUCLEO_F446RE: Board = Board {
     name: "NUCLEO-F446RE",
     part: "STM32F446RE",

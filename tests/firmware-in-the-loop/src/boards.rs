@@ -1,8 +1,8 @@
 //! Emulated boards on the bus of a world, in its virtual time.
 //!
-//! The world goes from event to event, and the boards run up to the next one, unless a board changes what the bus sees
-//! of its controller before: then everything stops there. With one board this is exact to the microsecond that the
-//! world counts in. Several boards run in slices shorter than any frame, within which they do not see each other.
+//! The world goes from event to event, and the boards run up to the next one. If a board changes the state of its
+//! controller on the bus before, everything stops there. With one board this is exact to the microsecond of the world.
+//! Several boards run in slices shorter than any frame, in which they do not see each other.
 
 use hal_sim::{ControllerId, WireEvent, World};
 use protocol_core::controller::BitRate;
@@ -17,27 +17,28 @@ use crate::machine::{Machine, Nanos, Reset};
 use crate::part::{Connections, SharedFlash};
 use crate::stack;
 
-/// How long several boards run without seeing each other: shorter than the shortest frame at the highest bit rate.
+/// The slice in which several boards do not see each other. It is shorter than the shortest frame at the highest bit
+/// rate.
 const SLICE: Duration = Duration::from_micros(20);
 
 /// A board of [`Boards`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardId(usize);
 
-/// An event on the bus as a board's controller notices it.
+/// An event on the bus, from the view of the controller of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Noticed {
-    /// The controller began to listen at so many bits per second, or left the bus.
+    /// The controller joined the bus with this number of bits per second, or left it.
     OnBus(Option<u64>),
     /// The wire changed.
     Wire(WireEvent),
-    /// A frame of the controller itself begins.
+    /// The controller begins to send a frame.
     Sends(Frame),
 }
 
 /// A world with emulated boards.
 pub struct Boards {
-    /// The world; whoever lets time pass does it by [`Boards::run_until`].
+    /// The world. Time passes by [`Boards::run_until`] only.
     pub world: World,
     boards: Vec<Board>,
 }
@@ -46,35 +47,34 @@ struct Board {
     image: &'static Image,
     controller: ControllerId,
     connections: Connections,
-    /// Once it was switched on; it stays when the power goes, for what the emulator has compiled of the image.
+    /// The machine, once it was switched on. It stays without power, for the code that the emulator has compiled.
     machine: Option<Machine>,
     powered: bool,
-    /// The world's time, in nanoseconds, at which the time of the machine began, if there had been no time without
-    /// power.
+    /// The time of the world, in nanoseconds, at which the machine began. Times without power are left out.
     began: u64,
-    /// What the world was told: at how many bits per second it is on the bus, and whether silent.
+    /// The state that the world knows: bits per second, and whether the controller is silent.
     on_bus: Option<(u64, bool)>,
-    /// The length code that the next frames come with, in the place of their own.
+    /// The length code of the next frames, instead of their own.
     length_code: Option<u8>,
-    /// When its frame on the wire began.
+    /// The start of its frame on the wire.
     sending_since: Instant,
-    /// How long its last frame took.
+    /// The duration of its last frame.
     last_sent: Option<Duration>,
     /// The events of its controller, if they are recorded.
     noticed: Option<Vec<(Instant, Noticed)>>,
     power_cuts: u64,
-    /// How many bytes of the stack were used at the most before the last power cut, if that is watched.
+    /// The largest number of used bytes of the stack before the last power cut, if the stack is watched.
     stack: Option<u64>,
 }
 
 impl Boards {
-    /// An empty world at this bit rate.
+    /// Creates an empty world at this bit rate.
     #[must_use]
     pub fn new(bit_rate: BitRate) -> Self {
         Self { world: World::new(bit_rate, 0), boards: Vec::new() }
     }
 
-    /// Adds a board whose memory holds these bytes, switched off.
+    /// Adds a board with this memory, switched off.
     pub fn add_board(&mut self, board: &'static Description, name: &str, memory: &[u8]) -> BoardId {
         let controller = self.world.add_controller(name);
         let flash = SharedFlash::new(Flash::of(board.layout, memory));
@@ -97,15 +97,15 @@ impl Boards {
         BoardId(self.boards.len() - 1)
     }
 
-    /// All boards.
+    /// Returns all boards.
     pub fn boards(&self) -> impl Iterator<Item = BoardId> + use<> {
         (0..self.boards.len()).map(BoardId)
     }
 
-    /// Switches a board on, or cuts its power at this instant.
+    /// Switches a board on, or cuts its power, at this time.
     ///
     /// # Panics
-    /// When the firmware did something that the part does not have or does not allow.
+    /// Panics if the firmware did something that the part lacks or forbids.
     pub fn power(&mut self, id: BoardId, on: bool) {
         let now = self.world.now();
         let board = &mut self.boards[id.0];
@@ -120,13 +120,13 @@ impl Boards {
             if let (Some(_), Some(machine)) = (board.stack, &board.machine) {
                 stack::paint(machine);
             }
-            // It may have gone a few nanoseconds beyond the cut.
+            // The machine may have run a few nanoseconds beyond the cut.
             board.began = (now.as_micros() * 1000).saturating_sub(board.at());
         } else if let Some(machine) = &mut board.machine {
             let at = machine.reached().at;
             board.power_cuts += 1;
             board.stack = board.stack.map(|deepest| deepest.max(stack::used(machine)));
-            // What was under way in the flash is torn by the cut, before the part is made anew.
+            // The cut tears the operation of the flash before the part starts again.
             board.connections.flash.lock().reset(at, board.power_cuts);
             machine.cut_power();
             let mut complaints = machine.summary().complaints;
@@ -140,68 +140,68 @@ impl Boards {
         }
     }
 
-    /// The emulated board itself, while it is powered.
+    /// Returns the emulated board, while it is powered.
     #[must_use]
     pub fn machine(&self, id: BoardId) -> Option<&Machine> {
         self.boards[id.0].running()
     }
 
-    /// What is connected to a board.
+    /// Returns the connections of a board.
     #[must_use]
     pub fn connections(&self, id: BoardId) -> &Connections {
         &self.boards[id.0].connections
     }
 
-    /// The controller of a board on the world's bus.
+    /// Returns the controller of a board on the bus of the world.
     #[must_use]
     pub fn controller(&self, id: BoardId) -> ControllerId {
         self.boards[id.0].controller
     }
 
-    /// The world's time at a time of a board under power.
+    /// Returns the time of the world at a time of a powered board.
     #[must_use]
     pub fn instant(&self, id: BoardId, nanos: Nanos) -> Instant {
         Instant::from_micros((self.boards[id.0].began + nanos) / 1000)
     }
 
-    /// At how many bits per second the controller of a board is on the bus.
+    /// Returns the bit rate of the controller of a board on the bus.
     #[must_use]
     pub fn bits_per_second(&self, id: BoardId) -> Option<u64> {
         self.boards[id.0].on_bus.map(|(rate, _)| rate)
     }
 
-    /// How long the last frame of a board was on the wire, from its start to its end, to the microsecond.
+    /// Returns the duration of the last frame of a board on the wire, in whole microseconds.
     #[must_use]
     pub fn last_sent(&self, id: BoardId) -> Option<Duration> {
         self.boards[id.0].last_sent
     }
 
-    /// The frames that come to a board from now on have this length code in the place of their own.
+    /// Sets the length code of the next frames to a board, instead of their own.
     pub fn set_length_code(&mut self, id: BoardId, code: Option<u8>) {
         self.boards[id.0].length_code = code;
     }
 
-    /// The resets of a board but for those that came with the power.
+    /// Returns the resets of a board, other than power-ups.
     #[must_use]
     pub fn resets(&self, id: BoardId) -> Vec<Reset> {
         self.boards[id.0].machine.as_ref().map(|machine| machine.summary().resets).unwrap_or_default()
     }
 
-    /// Takes the events that the controller of a board has noticed since the last call, oldest first. The first call
+    /// Takes the events that the controller of a board has seen since the previous call, oldest first. The first call
     /// begins the record.
     pub fn take_noticed(&mut self, id: BoardId) -> Vec<(Instant, Noticed)> {
         self.boards[id.0].noticed.replace(Vec::new()).unwrap_or_default()
     }
 
-    /// From the next power-up on, it is watched how much of its stack a board uses.
+    /// Watches the stack of a board from its next power-up on.
     pub fn watch_stack(&mut self, id: BoardId) {
         self.boards[id.0].stack = Some(0);
     }
 
-    /// How many bytes of its stack a board has used at the most.
+    /// Returns the largest number of used bytes of the stack of a board.
     ///
     /// # Panics
-    /// When that is not watched.
+    /// Panics if the stack is not watched.
     #[must_use]
     pub fn stack(&self, id: BoardId) -> u64 {
         let board = &self.boards[id.0];
@@ -215,25 +215,25 @@ impl Boards {
         terminal.typed.extend(line.bytes().chain([b'\n']));
     }
 
-    /// What the console of a board has printed since this was last asked.
+    /// Returns the output of the console of a board since the previous call.
     pub fn printed(&mut self, id: BoardId) -> String {
         let printed = std::mem::take(&mut self.boards[id.0].connections.terminal.lock().printed);
         String::from_utf8_lossy(&printed).into_owned()
     }
 
-    /// Lets time pass.
+    /// Advances the time.
     pub fn run_until(&mut self, until: Instant) {
         while self.world.now() < until {
             self.step(until);
         }
     }
 
-    /// Lets time pass.
+    /// Advances the time.
     pub fn run_for(&mut self, time: Duration) {
         self.run_until(after(self.world.now(), time));
     }
 
-    /// Goes to the next instant at which something happens, at the latest to `until`.
+    /// Goes to the next event, at most to `until`.
     pub fn step(&mut self, until: Instant) {
         self.exchange();
         let now = self.world.now();
@@ -246,8 +246,8 @@ impl Boards {
         self.exchange();
     }
 
-    /// What a board has changed by `reached` counts for a frame that starts there: told later, the bus would send a
-    /// frame that its controller has taken back, and the controller would think of another one that it was sent.
+    /// Offers the changes of a board up to `reached` to a frame that starts there. Otherwise the bus would send a frame
+    /// that its controller has taken back, and the controller would take another one for sent.
     fn offer_anew(&mut self, reached: Instant) {
         let before = Instant::from_ticks(reached.as_ticks().saturating_sub(1));
         for board in &mut self.boards {
@@ -259,7 +259,7 @@ impl Boards {
         }
     }
 
-    /// Runs the boards to `limit`; returns the instant that all of them have reached.
+    /// Runs the boards to `limit`. Returns the time that all of them have reached.
     fn run_boards(&mut self, limit: Instant) -> Instant {
         let running = |board: &mut &mut Board| board.powered && board.reached() < limit;
         let mut started: Vec<&mut Board> =
@@ -279,11 +279,11 @@ impl Boards {
         reached.min().unwrap_or(limit).min(limit)
     }
 
-    /// Tells the boards what happened on the bus, and the bus what the boards want.
+    /// Passes the events of the bus to the boards, and the demands of the boards to the bus.
     fn exchange(&mut self) {
         let now = self.world.now();
         for board in &mut self.boards {
-            // One that has run ahead is looked at when the others have caught up.
+            // A board that has run ahead waits for the others.
             if board.powered && board.passed() <= now {
                 board.exchange(&mut self.world);
             }
@@ -291,7 +291,7 @@ impl Boards {
     }
 }
 
-/// What a board has done wrong is told at a power cut: that at the end is the last one.
+/// Reports the errors of a board, as a power cut does.
 impl Drop for Boards {
     fn drop(&mut self) {
         if !std::thread::panicking() {
@@ -301,17 +301,18 @@ impl Drop for Boards {
 }
 
 impl Board {
-    /// The first instant of the world's time that it has not passed.
+    /// Returns the first time of the world that the board has not passed.
     fn reached(&self) -> Instant {
         Instant::from_micros((self.began + self.at()).div_ceil(1000))
     }
 
-    /// The last instant of the world's time that it has come to. It stops between two instructions, a little late.
+    /// Returns the last time of the world that the board has reached. A board stops between two instructions, a little
+    /// late.
     fn passed(&self) -> Instant {
         Instant::from_micros((self.began + self.at()) / 1000)
     }
 
-    /// The machine, while it is powered.
+    /// Returns the machine, while it is powered.
     fn running(&self) -> Option<&Machine> {
         self.machine.as_ref().filter(|_| self.powered)
     }
@@ -342,7 +343,7 @@ impl Board {
         self.offer(world);
     }
 
-    /// Tells the bus of a reset of the part.
+    /// Reports a reset of the part to the bus.
     fn follow_reset(&mut self, world: &mut World) {
         if std::mem::take(&mut self.connections.can.lock().was_reset) {
             world.reset_controller(self.controller);
@@ -350,7 +351,7 @@ impl Board {
         }
     }
 
-    /// Tells the bus what the controller is to it and would send next.
+    /// Reports the state of the controller and its next frame to the bus.
     fn offer(&mut self, world: &mut World) {
         self.follow_reset(world);
         let mut shared = self.connections.can.lock();
@@ -373,15 +374,15 @@ impl Board {
     }
 }
 
-/// The frame with eight bytes, as a length code above 8 means.
+/// Returns the frame with eight bytes, which a length code above 8 means.
 fn full(frame: &Frame) -> Frame {
     if frame.is_remote() { Frame::remote(frame.id(), 8) } else { Frame::full(frame.id(), *frame.bytes()) }
 }
 
-/// The bit rate of a bit timing.
+/// Returns the bit rate of a bit timing.
 ///
 /// # Panics
-/// When it is none of those that a bus of the world can have.
+/// Panics for a bit rate that a bus of the world does not have.
 fn bit_rate(bits_per_second: u64) -> BitRate {
     let bits = u32::try_from(bits_per_second).ok();
     bits.and_then(BitRate::from_bits_per_second)

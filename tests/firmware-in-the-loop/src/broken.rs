@@ -1,43 +1,43 @@
-//! The image broken in flash while it runs: a function that hangs, panics or faults when it is next called.
+//! The image, broken in flash while it runs: a function that hangs, returns, panics or faults at its next call.
 //!
-//! What is written stays over a reset, as in a flash: it has to be taken back before the restarted image comes there.
+//! The change stays over a reset, as in a flash. It must be mended before the restarted image reaches the function.
 
 use crate::machine::Machine;
 
-/// How a function is broken.
+/// The way in which a function is broken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Break {
-    /// It never returns: a jump to itself.
+    /// The function never returns: it jumps to itself.
     Hang,
-    /// It returns at once.
+    /// The function returns at once.
     Return,
-    /// It calls the panic of an `assert!`.
+    /// The function calls the panic of an `assert!`.
     Panic,
-    /// An undefined instruction.
+    /// The function executes an undefined instruction.
     Fault,
 }
 
-/// What was in the place of the break.
+/// The code in the place of the break.
 #[derive(Clone, Debug)]
 pub struct Mended {
     address: u64,
     bytes: Vec<u8>,
 }
 
-/// Functions that panic, with what they are given in r0 to r2: a message, its length and the place in the source; or
-/// the place alone, in the first of them.
+/// The functions that panic. They receive in r0 to r2 a message, its length and the position in the source. The first
+/// of them can receive the position alone.
 const WITH_MESSAGE: [&str; 2] = ["core::panicking::panic", "core::option::expect_failed"];
 const WITH_PLACE: [&str; 2] = ["core::option::unwrap_failed", "core::panicking::panic_const::"];
 
-/// What is given to a panic is put so far before the end of the flash, where no image is.
+/// The distance from the end of the flash to the arguments of a panic. No image reaches so far.
 const NOTES: u64 = 64;
 const MESSAGE: &[u8; 20] = b"broken on purpose\0\0\0";
 
 impl Break {
-    /// Breaks the first function of the image whose path holds one of `names`.
+    /// Breaks the first function of the image whose path contains one of `names`.
     ///
     /// # Panics
-    /// When there is none, or when the image has no panic to call.
+    /// Panics without such a function, and if the image has no panic to call.
     #[must_use]
     pub fn apply(self, machine: &Machine, names: &[&str]) -> Mended {
         let symbols = machine.image().symbols();
@@ -56,16 +56,16 @@ impl Break {
 }
 
 impl Mended {
-    /// Puts the image right again.
+    /// Restores the image.
     pub fn mend(self, machine: &Machine) {
         machine.write(self.address, &self.bytes);
     }
 }
 
-/// Code at `address` that calls a panic, what it is given being laid down elsewhere.
+/// Returns code for `address` that calls a panic. The arguments of the panic are stored elsewhere.
 fn call_of_panic(machine: &Machine, address: u64) -> Vec<u8> {
     let symbols = machine.image().symbols();
-    // A name in full, or, if it ends so, the beginning of one.
+    // A name is the entire path or its beginning, as the entry says.
     let find = |names: &[&str]| {
         let is = |found: &str, name: &str| found == name || name.ends_with("::") && found.starts_with(name);
         names.iter().find_map(|name| symbols.functions(&[name]).into_iter().find(|symbol| is(&symbol.name, name)))
@@ -73,7 +73,7 @@ fn call_of_panic(machine: &Machine, address: u64) -> Vec<u8> {
     let notes = machine.image().board().flash.end - NOTES;
     let place = notes + MESSAGE.len() as u64;
     machine.write(notes, MESSAGE);
-    // A place in the source: file, its length, line, column.
+    // The position in the source: file, its length, line, column.
     let words = [notes as u32, 6, 7, 8].map(u32::to_le_bytes).concat();
     machine.write(place, &words);
     let (target, given) = match (find(&WITH_MESSAGE), find(&WITH_PLACE)) {
@@ -86,7 +86,7 @@ fn call_of_panic(machine: &Machine, address: u64) -> Vec<u8> {
     code
 }
 
-/// `movw` and `movt` of a value into a register (ARMv7-M, A7.7.76 and A7.7.79).
+/// Encodes `movw` and `movt` of a value into a register (ARMv7-M, A7.7.76 and A7.7.79).
 fn load(register: u32, value: u32) -> Vec<u8> {
     let half = |opcode: u32, value: u32| {
         let (imm4, i, imm3, imm8) = (value >> 12 & 0xF, value >> 11 & 1, value >> 8 & 7, value & 0xFF);
@@ -95,7 +95,7 @@ fn load(register: u32, value: u32) -> Vec<u8> {
     [half(0xF240_0000, value & 0xFFFF), half(0xF2C0_0000, value >> 16)].concat()
 }
 
-/// `b.w` (ARMv7-M, A7.7.12, T4).
+/// Encodes `b.w` (ARMv7-M, A7.7.12, T4).
 fn branch(from: u64, to: u64) -> Vec<u8> {
     let offset = (to as i64 - (from as i64 + 4)) as u32;
     let sign = offset >> 24 & 1;
@@ -104,7 +104,7 @@ fn branch(from: u64, to: u64) -> Vec<u8> {
     thumb(0xF000_9000 | sign << 26 | imm10 << 16 | j1 << 13 | j2 << 11 | imm11)
 }
 
-/// An instruction of two halves as it lies in memory: the upper one first.
+/// Encodes an instruction of two halves, the upper one first.
 fn thumb(instruction: u32) -> Vec<u8> {
     [((instruction >> 16) as u16).to_le_bytes(), (instruction as u16).to_le_bytes()].concat()
 }

@@ -1,5 +1,5 @@
-//! What a board's flash holds when it is switched on: what a host device of the same sort has stored in its own, for
-//! both keep their records in the same way.
+//! The contents of the flash of a board when it is switched on. They come from a host device of the same kind, because
+//! both store their records in the same way.
 
 use firmware::settings::Settings;
 use hal_sim::memory;
@@ -10,20 +10,20 @@ use protocol_core::frame::Frame;
 use protocol_core::memory::{Record, RecordKey, seal};
 use protocol_core::time::{Duration, after};
 
-/// How long a new device takes at most to have stored what it was made with, or a record.
+/// The maximum time in which a new device stores its setup, or a record.
 const STORE: Duration = Duration::from_secs(2);
 /// The version of the record of parameters.
 const PARAMETERS: u8 = 1;
-/// More stores than the flash has room for.
+/// A number of stores for which the flash has no room.
 const MANY: usize = 1000;
 
-/// The flash of a host device that was switched on once, with the setting that makes the image the same kind.
+/// Returns the flash of a host device that was switched on once, with the setting of its kind.
 #[must_use]
 pub fn stored_by(device: impl Into<Setup>) -> Vec<u8> {
     stored_after(device, &[])
 }
 
-/// The same, and then it was sent these frames, with time to store after each.
+/// Returns such a flash after these frames, with time to store after each.
 #[must_use]
 pub fn stored_after(device: impl Into<Setup>, frames: &[Frame]) -> Vec<u8> {
     let setup = device.into();
@@ -39,10 +39,10 @@ pub fn stored_after(device: impl Into<Setup>, frames: &[Frame]) -> Vec<u8> {
     with_setting(world.memory(node).flash().image().to_vec(), setup.kind)
 }
 
-/// The same content, but the parameters were saved so often that saving them once more erases a sector.
+/// Returns the content after so many stores of the parameters that the next one erases a sector.
 ///
 /// # Panics
-/// When no parameters are stored there.
+/// Panics without stored parameters.
 #[must_use]
 pub fn worn(content: &[u8]) -> Vec<u8> {
     let mut memory = of(content);
@@ -57,7 +57,7 @@ pub fn worn(content: &[u8]) -> Vec<u8> {
     panic!("the flash takes {MANY} stores without an erase");
 }
 
-/// Makes the image this kind of device: its setting lies beside the records.
+/// Adds the setting that makes the image this kind of device.
 fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
     let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
     let mut buffer = [0; nvm::BUFFER];
@@ -67,7 +67,7 @@ fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
     flash.image().to_vec()
 }
 
-/// The parameters that are stored there.
+/// Returns the stored parameters.
 fn parameters(memory: &mut Memory) -> Record {
     let image = memory.read_image();
     let payload = image.payload(RecordKey::Parameters, PARAMETERS).expect("they are intact").expect("there are some");

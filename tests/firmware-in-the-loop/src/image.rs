@@ -1,4 +1,4 @@
-//! The image that is flashed: where it is, and what is in it.
+//! The flashed image: its file and its symbols.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -15,10 +15,10 @@ pub struct Image {
 }
 
 impl Image {
-    /// The image for a board: the one that its variable names, or the one that cargo has built.
+    /// Returns the image for a board: that of its environment variable, or the one that cargo has built.
     ///
     /// # Panics
-    /// When there is none.
+    /// Panics without an image.
     #[must_use]
     pub fn of(board: &'static Board) -> &'static Self {
         static IMAGES: [LazyLock<Image>; 2] =
@@ -26,11 +26,11 @@ impl Image {
         &IMAGES[usize::from(std::ptr::eq(board, &NUCLEO_F446RE))]
     }
 
-    /// An image of `firmware/examples`, for the NUCLEO-F429ZI, built in a profile: found beside the image for that
-    /// board.
+    /// Returns an image of `firmware/examples` for the NUCLEO-F429ZI, built in a profile. It lies beside the image for
+    /// that board.
     ///
     /// # Panics
-    /// When there is none.
+    /// Panics without an image.
     #[must_use]
     pub fn example(profile: &str, name: &str) -> &'static Self {
         let path = Image::of(&NUCLEO_F429ZI).path.with_file_name("..").join(profile).join("examples").join(name);
@@ -51,19 +51,19 @@ impl Image {
         Self { board, path, symbols, loaded: vec![image] }
     }
 
-    /// What it is for.
+    /// Returns the board of the image.
     #[must_use]
     pub const fn board(&self) -> &'static Board {
         self.board
     }
 
-    /// What is in it.
+    /// Returns the symbols of the image.
     #[must_use]
     pub const fn symbols(&self) -> &Symbols {
         &self.symbols
     }
 
-    /// The ELF file.
+    /// Returns the path of the ELF file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

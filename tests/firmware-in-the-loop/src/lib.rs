@@ -1,4 +1,4 @@
-//! The stand-in's firmware images, unmodified, in an emulated NUCLEO-F429ZI or NUCLEO-F446RE on the simulated bus.
+//! The unmodified firmware images in an emulated NUCLEO-F429ZI or NUCLEO-F446RE, on the simulated bus.
 //!
 //! ```text
 //! image     the ELF file          symbols  what is in it, by crate     stack   how deep its stack gets

@@ -1,7 +1,7 @@
-//! An emulated board under power: the emulator on a thread of its own, told how far to run and waited for.
+//! An emulated board under power. The emulator runs on a thread of its own, up to a given time.
 //!
-//! One of the two threads runs at a time. The emulator stops at the instant that it was told, or right after an access
-//! by which the firmware changes what the bus sees of its CAN controller.
+//! Only one of the two threads runs at a time. The emulator stops at the given time, or after an access by which the
+//! firmware changes the state of its CAN controller on the bus.
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::ops::Range;
@@ -23,26 +23,26 @@ use crate::image::Image;
 use crate::part::{Can1, Connections, Part, Port, SharedFlash};
 use crate::warm::{self, CoreView};
 
-/// The processor's clock.
+/// The clock of the processor.
 const CORE_HZ: u64 = 160_000_000;
-/// Instructions in a second: one and a half cycles each, with the flash accelerator on (A).
+/// The number of instructions in a second: one and a half cycles each, with the flash accelerator on (A).
 const INSTRUCTIONS_PER_SECOND: u64 = CORE_HZ * 2 / 3;
-/// Where CAN1 is.
+/// The addresses of CAN1.
 const CAN1: Range<u64> = 0x4000_6400..0x4000_6800;
 
-/// Nanoseconds under power, since it came for the first time.
+/// A time under power, in nanoseconds since the first power-up.
 pub type Nanos = u64;
 
-/// Where the emulator has stopped.
+/// The state at which the emulator has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reached {
     /// The time of the arrival.
     pub at: Nanos,
-    /// How many instructions were executed until then.
+    /// The number of executed instructions until then.
     pub instructions: u64,
-    /// How many had been when the processor was first seen asleep since the last stop.
+    /// The number of instructions when the processor was first asleep since the previous stop.
     pub asleep: Option<u64>,
-    /// How many resets there were.
+    /// The number of resets.
     pub resets: usize,
 }
 
@@ -51,27 +51,27 @@ pub struct Reached {
 pub struct Reset {
     /// The time of the arrival.
     pub at: Nanos,
-    /// By what, in the emulator's words.
+    /// The cause, in the words of the emulator.
     pub cause: String,
 }
 
-/// The processor came to a function that is [watched](Machine::watch).
+/// An arrival of the processor at a [watched](Machine::watch) function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// Where the function begins.
+    /// The address of the function.
     pub address: u64,
     /// The time of the arrival.
     pub at: Nanos,
-    /// How many instructions were executed until then.
+    /// The number of executed instructions until then.
     pub instructions: u64,
 }
 
-/// What a run leaves behind.
+/// The results of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// All resets.
     pub resets: Vec<Reset>,
-    /// What the firmware did that the part does not have or does not allow.
+    /// The complaints: actions of the firmware that the part lacks or forbids.
     pub complaints: Vec<String>,
 }
 
@@ -90,13 +90,13 @@ enum Order {
     Write(u64, Vec<u8>),
     Drive(Port, u8, bool),
     IsHigh(Port, u8),
-    /// Of a peripheral.
+    /// A register of a peripheral.
     Register(u64),
     Supply(u32),
     Watch(u64),
     Hits,
     Power(bool),
-    /// RAM without a supply holds anything.
+    /// The RAM loses its content, because it has no supply.
     Forget,
     Sum,
     End,
@@ -113,10 +113,10 @@ enum Answer {
 }
 
 impl Machine {
-    /// A board that is switched on: it stands before its first instruction.
+    /// Creates a board that is switched on, before its first instruction.
     ///
     /// # Panics
-    /// When the image cannot be loaded into the part.
+    /// Panics if the image cannot be loaded into the part.
     #[must_use]
     pub fn power_on(image: &'static Image, connections: Connections) -> Self {
         let (orders, received) = channel();
@@ -134,30 +134,30 @@ impl Machine {
         machine
     }
 
-    /// Its image.
+    /// Returns the image.
     #[must_use]
     pub const fn image(&self) -> &'static Image {
         self.image
     }
 
-    /// Where it stands.
+    /// Returns the state at the last stop.
     #[must_use]
     pub const fn reached(&self) -> Reached {
         self.reached
     }
 
-    /// Lets it run until an instant; to be followed by [`wait`](Self::wait).
+    /// Starts a run up to a time. [`wait`](Self::wait) must follow.
     pub fn start(&self, until: Nanos) {
         self.order(Order::RunUntil(until));
     }
 
-    /// Waits until it has stopped.
+    /// Waits until the run has stopped.
     pub fn wait(&mut self) -> Reached {
         self.reached = self.wait_for_stop();
         self.reached
     }
 
-    /// Reads memory as the processor sees it; not what is behind the flash interface.
+    /// Reads memory as the processor does, but not the memory behind the flash interface.
     #[must_use]
     pub fn read(&self, range: Range<u64>) -> Vec<u8> {
         match self.ask(Order::Read(range)) {
@@ -176,16 +176,16 @@ impl Machine {
         self.ask(Order::Drive(port, pin, high));
     }
 
-    /// Whether the firmware drives a pin high.
+    /// Returns whether the firmware drives a pin high.
     #[must_use]
     pub fn is_high(&self, port: Port, pin: u8) -> bool {
         matches!(self.ask(Order::IsHigh(port, pin)), Answer::Level(true))
     }
 
-    /// Reads a register of a peripheral, as a debugger does: nothing changes by it.
+    /// Reads a register of a peripheral as a debugger does, without an effect.
     ///
     /// # Panics
-    /// When there is none.
+    /// Panics for an unknown register.
     #[must_use]
     pub fn register(&self, address: u64) -> u32 {
         match self.ask(Order::Register(address)) {
@@ -199,12 +199,12 @@ impl Machine {
         self.ask(Order::Supply(millivolts));
     }
 
-    /// Watches, from now on, when the processor comes to the function at an address.
+    /// Watches the function at an address from now on.
     pub fn watch(&self, address: u64) {
         self.ask(Order::Watch(address));
     }
 
-    /// When it came to what is [watched](Self::watch), since this was last asked.
+    /// Returns the arrivals at [watched](Self::watch) functions since the previous call.
     #[must_use]
     pub fn arrivals(&self) -> Vec<Arrival> {
         match self.ask(Order::Hits) {
@@ -213,7 +213,7 @@ impl Machine {
         }
     }
 
-    /// Cuts its power: it stands as long as that is off. What its RAM held is lost.
+    /// Cuts the power. The RAM loses its content.
     pub fn cut_power(&mut self) -> Reached {
         self.ask(Order::Power(false));
         self.ask(Order::Forget);
@@ -221,12 +221,12 @@ impl Machine {
         self.wait()
     }
 
-    /// Gives the power back: it stands before its first instruction.
+    /// Gives the power back. The board is before its first instruction.
     pub fn give_power(&self) {
         self.ask(Order::Power(true));
     }
 
-    /// What the runs until now have left behind.
+    /// Returns the results of all runs so far.
     #[must_use]
     pub fn summary(&self) -> Summary {
         match self.ask(Order::Sum) {
@@ -236,7 +236,7 @@ impl Machine {
     }
 
     fn order(&self, order: Order) {
-        // Should the emulator be gone, whoever waits for the answer finds out why.
+        // If the emulator is gone, the waiting thread reports the cause.
         let _ = self.orders.send(order);
     }
 
@@ -281,7 +281,7 @@ fn run(image: &'static Image, connections: Connections, orders: Receiver<Order>,
     emulator::run(session, &start, conductor).expect("the image fits the part");
 }
 
-/// All resets but those that come with the power.
+/// Returns all resets other than power-ups.
 fn resets(session: &Session<Nucleo>) -> impl Iterator<Item = &rigless::session::Reset> {
     session.resets().iter().filter(|reset| reset.cause != ResetCause::PowerOn)
 }
@@ -291,7 +291,7 @@ fn summary(session: &Session<Nucleo>) -> Summary {
     Summary { resets: resets(session).map(reset).collect(), complaints: complaints(session) }
 }
 
-/// What the firmware did that the part does not have or does not allow.
+/// Returns the actions of the firmware that the part lacks or forbids.
 fn complaints(session: &Session<Nucleo>) -> Vec<String> {
     let unmapped = session.unmapped().into_iter().map(|gap| format!("nothing is there: {gap}"));
     let refused = session.refused().iter().map(|(address, fault)| format!("refused: {address:#x}, {fault}"));
@@ -300,7 +300,7 @@ fn complaints(session: &Session<Nucleo>) -> Vec<String> {
     unmapped.chain(refused).chain(unrouted).chain(told).collect()
 }
 
-/// Fills RAM with noise.
+/// Fills the RAM with noise.
 fn forget(board: &Description, host: &mut dyn Host) {
     let mut random = fastrand::Rng::with_seed(0);
     for ram in board.memory.iter().filter(|region| region.kind == RegionKind::Ram) {
@@ -310,7 +310,7 @@ fn forget(board: &Description, host: &mut dyn Host) {
     }
 }
 
-/// The board as the emulator wants it.
+/// The board, for the emulator.
 #[derive(Debug)]
 struct Nucleo {
     board: &'static Description,
@@ -350,7 +350,7 @@ impl Board for Nucleo {
     }
 }
 
-/// Carries out orders while the emulator stands.
+/// Executes orders while the emulator stands.
 struct Conductor {
     board: &'static Description,
     orders: Receiver<Order>,

@@ -1,7 +1,6 @@
-//! The flashed image on a bus with a master; and as the first device of a scenario.
+//! The flashed image on a bus with a master, or as the first device of a scenario.
 //!
-//! The image is not told what it is: its flash holds what a host device of that node ID and serial number has stored in
-//! its own.
+//! The flash of the image holds the contents of a host device with the same kind, node ID and serial number.
 
 use std::collections::VecDeque;
 
@@ -19,17 +18,17 @@ use crate::board::Board;
 use crate::boards::{BoardId, Boards};
 use crate::content;
 
-/// How long the image runs at most until it is looked at: its timers are not the world's.
+/// The maximum time for which the image runs without a check, because the world does not know its timers.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// The identity of a stand-in.
+/// The identity of a simulated device.
 #[derive(Clone, Copy, Debug)]
 pub struct Device {
     /// The product.
     pub kind: Kind,
-    /// Its node ID.
+    /// The node ID.
     pub node_id: u8,
-    /// Its serial number; `None` for the kind's.
+    /// The serial number; `None` for the default of the kind.
     pub serial: Option<u32>,
 }
 
@@ -39,7 +38,7 @@ impl From<&Device> for Setup {
     }
 }
 
-/// One emulated board and a master.
+/// An emulated board and a master.
 pub struct ImageRig {
     /// The board and its world.
     pub boards: Boards,
@@ -51,13 +50,13 @@ pub struct ImageRig {
 }
 
 impl ImageRig {
-    /// The image as this device, switched off.
+    /// Creates the image as this device, switched off.
     #[must_use]
     pub fn with_device(board: &'static Board, bit_rate: BitRate, device: &Device) -> Self {
         Self::with_memory(board, bit_rate, &content::stored_by(device))
     }
 
-    /// The image with these bytes in its memory, switched off.
+    /// Creates the image with this memory, switched off.
     #[must_use]
     pub fn with_memory(board: &'static Board, bit_rate: BitRate, memory: &[u8]) -> Self {
         let mut boards = Boards::new(bit_rate);
@@ -66,18 +65,18 @@ impl ImageRig {
         Self { boards, board, master, received: VecDeque::new() }
     }
 
-    /// Cuts the power of the board and gives it back; the first time, switches it on.
+    /// Cuts the power of the board and gives it back. The first call switches the board on.
     pub fn power_cycle(&mut self) {
         self.boards.power(self.board, false);
         self.boards.power(self.board, true);
     }
 
-    /// Sends a frame of the master, as soon as the bus lets it.
+    /// Sends a frame of the master as soon as the bus permits.
     pub fn send(&mut self, frame: Frame) {
         self.boards.world.send(self.master, frame);
     }
 
-    /// Returns the next frame of the board, as soon as it comes, at the latest at `until`.
+    /// Returns the next frame of the board, if it comes by `until`.
     pub fn receive(&mut self, until: Instant) -> Option<Frame> {
         loop {
             self.received.extend(self.boards.world.take_received(self.master).map(|(_, frame)| frame));
@@ -96,7 +95,7 @@ impl ImageRig {
         self.boards.world.set_bit_rate(bit_rate);
     }
 
-    /// Returns the present instant.
+    /// Returns the present time.
     #[must_use]
     pub fn now(&self) -> Instant {
         self.boards.world.now()
@@ -115,10 +114,10 @@ pub struct BoardTarget {
 }
 
 impl BoardTarget {
-    /// Returns what a scenario wants, switched off.
+    /// Creates the target of a scenario, switched off.
     ///
     /// # Panics
-    /// When the scenario has no device.
+    /// Panics if the scenario has no device.
     #[must_use]
     pub fn new(board: &'static Board, scenario: &Scenario) -> Self {
         let (first, others) = scenario.devices().split_first().expect("a scenario has a device");
@@ -134,12 +133,12 @@ impl BoardTarget {
         Self { simulation, boards, board, name: first.name.clone() }
     }
 
-    /// Watches how much of its stack the board uses, from its power-up on.
+    /// Watches the stack of the board from its power-up on.
     pub fn watch_stack(&mut self) {
         self.boards.watch_stack(self.board);
     }
 
-    /// Returns how many bytes of its stack the board has used at the most.
+    /// Returns the largest number of used bytes of the stack of the board.
     #[must_use]
     pub fn stack(&self) -> u64 {
         self.boards.stack(self.board)
@@ -151,7 +150,7 @@ impl BoardTarget {
         self.simulation.power_up(SUPPLY_JITTER);
     }
 
-    /// Lends the simulation's world to the boards for the duration of `act`.
+    /// Lends the world of the simulation to the boards for the duration of `act`.
     fn on_boards<T>(&mut self, act: impl FnOnce(&mut Boards, BoardId) -> T) -> T {
         std::mem::swap(self.simulation.world_mut(), &mut self.boards.world);
         let done = act(&mut self.boards, self.board);
@@ -198,7 +197,7 @@ impl Target for BoardTarget {
     }
 }
 
-/// What a board has done wrong is told at its power cut.
+/// Reports the errors of a board, as a power cut does.
 impl Drop for BoardTarget {
     fn drop(&mut self) {
         if !std::thread::panicking() {

@@ -1,17 +1,17 @@
-//! How deep the stack was: RAM that no variable lies in is painted before the first instruction, and looked at later.
+//! The depth of the stack. RAM without a variable is painted before the first instruction and examined later.
 
 use std::ops::Range;
 
 use crate::machine::Machine;
 
 const PAINT: u8 = 0xA5;
-/// So many painted bytes in a row were never used: more than any local variable that is never written.
+/// The number of painted bytes in a row that were never used. It exceeds every local variable that is never written.
 const UNUSED: usize = 4096;
 
-/// The RAM between the last variable and the top of the stack.
+/// Returns the RAM between the last variable and the top of the stack.
 ///
 /// # Panics
-/// When the image has no stack where one is expected.
+/// Panics if the image has no stack there.
 fn room(machine: &Machine) -> Range<u64> {
     let (symbols, ram) = (machine.image().symbols(), &machine.image().board().ram);
     let top = symbols.address("_stack_start").expect("the image has a stack");
@@ -21,21 +21,21 @@ fn room(machine: &Machine) -> Range<u64> {
     end..top
 }
 
-/// Paints the stack of a board that stands before its first instruction.
+/// Paints the stack of a board before its first instruction.
 pub fn paint(machine: &Machine) {
     let room = room(machine);
     machine.write(room.start, &vec![PAINT; (room.end - room.start) as usize]);
 }
 
-/// How many bytes of the stack were in use at the most since it was painted.
+/// Returns the largest number of used bytes of the stack since it was painted.
 ///
 /// # Panics
-/// When it was used to its end.
+/// Panics if the entire stack was used.
 #[must_use]
 pub fn used(machine: &Machine) -> u64 {
     let bytes = machine.read(room(machine));
     let mut painted = 0;
-    // From the top down: what is left out between two used places is used, too.
+    // From the top down: gaps between two used positions count as used.
     for (below, byte) in bytes.iter().rev().enumerate() {
         painted = if *byte == PAINT { painted + 1 } else { 0 };
         if painted == UNUSED {

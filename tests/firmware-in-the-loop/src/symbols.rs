@@ -1,4 +1,4 @@
-//! What is in the image, by its symbols: where functions are, and what each crate takes of flash and RAM.
+//! The content of the image, by its symbols: the addresses of functions, and the flash and RAM of each crate.
 
 use std::collections::BTreeMap;
 
@@ -8,34 +8,34 @@ use object::{Endianness, Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 use crate::board::Board;
 
-/// What the linker could not give to anybody: constants without a name, and what lies between two symbols.
+/// The name for bytes of no crate: constants without a name, and gaps between symbols.
 const NOBODY: &str = "(constants without a name)";
-/// Names that come from no crate: start-up code, and the functions that a compiler expects.
+/// The name for symbols of no crate: start-up code, and the functions that a compiler expects.
 const NO_CRATE: &str = "(start-up, compiler)";
-/// What tasks are stored and polled in; what is in it is the firmware's, with all that was inlined there.
+/// The type in which tasks are stored and polled. Its code belongs to the firmware, with all that was inlined there.
 const TASKS: &str = "embassy_executor::raw::TaskStorage";
 
 /// A function or a variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Symbol {
-    /// Its path.
+    /// The path of the symbol.
     pub name: String,
-    /// Where it begins.
+    /// The address of the symbol.
     pub address: u64,
-    /// Its bytes; 0 for a mark of the linker.
+    /// The size in bytes; 0 for a mark of the linker.
     pub size: u64,
 }
 
-/// Bytes in flash and in RAM.
+/// The number of bytes in flash and in RAM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Size {
-    /// Bytes in flash; what variables begin with is not theirs.
+    /// The bytes in flash, without the initial values of variables.
     pub flash: u64,
-    /// Bytes in RAM.
+    /// The bytes in RAM.
     pub ram: u64,
 }
 
-/// What is in an image.
+/// The symbols of an image.
 #[derive(Clone, Debug)]
 pub struct Symbols {
     symbols: Vec<Symbol>,
@@ -48,7 +48,7 @@ impl Symbols {
     /// Reads an ELF file.
     ///
     /// # Errors
-    /// When it is none.
+    /// Returns an error for any other file.
     pub fn read(elf: &[u8], board: &'static Board) -> object::Result<Self> {
         let file = ElfFile32::<Endianness>::parse(elf)?;
         let mut symbols: Vec<Symbol> = file
@@ -56,7 +56,7 @@ impl Symbols {
             .filter(|symbol| matches!(symbol.kind(), SymbolKind::Text | SymbolKind::Data | SymbolKind::Unknown))
             .filter_map(|symbol| {
                 let name = format!("{:#}", rustc_demangle::demangle(symbol.name().ok()?));
-                // The lowest bit of a function's address says that it is Thumb code.
+                // The lowest bit of the address of a function marks Thumb code.
                 let thumb = u64::from(symbol.kind() == SymbolKind::Text);
                 Some(Symbol { name, address: symbol.address() & !thumb, size: symbol.size() })
             })
@@ -73,13 +73,13 @@ impl Symbols {
         Ok(Self { symbols, board, flash, ram: in_ram.sum() })
     }
 
-    /// The bytes that are flashed, and those of all variables.
+    /// Returns the flashed bytes, and the bytes of all variables.
     #[must_use]
     pub const fn total(&self) -> Size {
         Size { flash: self.flash, ram: self.ram }
     }
 
-    /// Functions whose path holds one of `names`, those of the first name first.
+    /// Returns the functions whose path contains one of `names`, those of the first name first.
     #[must_use]
     pub fn functions(&self, names: &[&str]) -> Vec<&Symbol> {
         let code =
@@ -87,20 +87,21 @@ impl Symbols {
         names.iter().flat_map(|name| code().filter(move |symbol| symbol.name.contains(name))).collect()
     }
 
-    /// The address of a symbol by its whole name.
+    /// Returns the address of a symbol by its whole name.
     #[must_use]
     pub fn address(&self, name: &str) -> Option<u64> {
         self.symbols.iter().find(|symbol| symbol.name == name).map(|symbol| symbol.address)
     }
 
-    /// What each crate takes, the biggest first, and what nobody does. The sum is [`total`](Self::total).
+    /// Returns the size of each crate, the biggest first, and of the bytes of no crate. The sum is
+    /// [`total`](Self::total).
     #[must_use]
     pub fn by_crate(&self) -> Vec<(String, Size)> {
         let mut crates: BTreeMap<String, Size> = BTreeMap::new();
         let mut left = self.total();
         let mut end = 0;
         for symbol in self.symbols.iter().filter(|symbol| symbol.size > 0) {
-            // Functions that turned out the same have one place and several names.
+            // Equal functions share one address and have several names.
             let from = symbol.address.max(end);
             let size = (symbol.address + symbol.size).saturating_sub(from);
             end = end.max(symbol.address + symbol.size);
@@ -122,7 +123,7 @@ impl Symbols {
     }
 }
 
-/// The crate of a path: `<protocol_core::frame::Frame as core::fmt::Debug>::fmt` is of `protocol_core`.
+/// Returns the crate of a path: that of `<protocol_core::frame::Frame as core::fmt::Debug>::fmt` is `protocol_core`.
 fn crate_of(path: &str) -> &str {
     if path.contains(TASKS) {
         return "firmware";

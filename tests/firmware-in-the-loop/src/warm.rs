@@ -1,13 +1,13 @@
-//! A processor that keeps, over a reset, what the emulator has compiled of the image.
+//! A processor that keeps the compiled code of the image over a reset.
 //!
-//! The emulator compiles the image while it runs, and drops all of that at a reset, which then takes as long as some
-//! seconds of virtual time. The image in flash is the same afterwards; who writes to it has the emulator forget that
-//! part by itself. So here a reset loads the state that the processor was made with, and nothing is dropped.
+//! The emulator compiles the image while it runs, and drops the code at a reset. The compilation then takes as long as
+//! some seconds of virtual time, although the image in flash is the same. Here a reset loads the initial state of the
+//! processor and drops nothing. A write to the image drops the code of the written part.
 //!
-//! The processor stands while a flash operation [holds it](crate::flash::Flash::holds): it runs nothing, and time goes
-//! on to whatever happens next.
+//! The processor stalls while a flash operation [holds it](crate::flash::Flash::holds): it executes nothing, and time
+//! goes on to the next event.
 //!
-//! It also shows the registers of the core itself, which only a debugger's processor model can read: [`CoreView`].
+//! It also shows the registers of the core itself, which only the model of the processor can read: [`CoreView`].
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -22,8 +22,8 @@ use rigless::time::VirtualNanos;
 
 use crate::part::SharedFlash;
 
-/// Registers of the core itself (interrupt controller, system control) that somebody wants to see. They are read by the
-/// processor's own model, whenever it has run.
+/// The registers of the core itself (interrupt controller, system control) that a test watches. The model of the
+/// processor reads them after each run.
 #[derive(Clone, Debug, Default)]
 pub struct CoreView(Arc<Mutex<Registers>>);
 
@@ -34,17 +34,17 @@ struct Registers {
 }
 
 impl CoreView {
-    /// Writes the register at an address before the processor runs next.
+    /// Writes the register at an address before the next run of the processor.
     pub fn write(&self, address: u64, value: u32) {
         self.lock().written.push((address, value));
     }
 
-    /// Wants to see the register at an address, as it is when the processor has run next.
+    /// Watches the register at an address, from the next run of the processor on.
     pub fn watch(&self, address: u64) {
         self.lock().watched.insert(address, 0);
     }
 
-    /// What a register held that is [watched](Self::watch).
+    /// Returns the value of a [watched](Self::watch) register.
     #[must_use]
     pub fn get(&self, address: u64) -> Option<u32> {
         self.lock().watched.get(&address).copied()
@@ -55,7 +55,7 @@ impl CoreView {
     }
 }
 
-/// Makes processors that stay warm, and that a flash holds.
+/// Creates processors that stay warm, and that a flash can stall.
 pub(crate) fn kept(cold: ProcessorConstructor, view: CoreView, flash: SharedFlash) -> ProcessorConstructor {
     Arc::new(move |endian| {
         let inner = cold(endian)?;
@@ -67,14 +67,14 @@ pub(crate) fn kept(cold: ProcessorConstructor, view: CoreView, flash: SharedFlas
 #[derive(Debug)]
 struct Warm {
     inner: Box<dyn Processor>,
-    /// The state that it was made with; at the end the number of instructions, which is 0 and one byte.
+    /// The initial state of the processor. Its end is the number of instructions, which is 0 and one byte.
     made: Vec<u8>,
     view: CoreView,
     flash: SharedFlash,
 }
 
 impl Warm {
-    /// The state that it was made with, but the instructions go on being counted.
+    /// Returns the initial state with the present number of instructions.
     fn as_made(&self) -> Vec<u8> {
         let (_, state) = self.made.split_last().expect("a state is not empty");
         let mut state = state.to_vec();
@@ -88,7 +88,7 @@ impl Warm {
     }
 }
 
-/// Hands methods of a trait on to a field.
+/// Forwards methods of a trait to a field.
 macro_rules! hand_on {
     ($field:ident, & $($name:ident($self:ident $(, $argument:ident: $type:ty)*) $(-> $result:ty)?;)*) => {
         $(fn $name(&$self $(, $argument: $type)*) $(-> $result)? {
@@ -102,7 +102,7 @@ macro_rules! hand_on {
     };
 }
 
-/// The bus, behind which the processor does not go on when an access has begun an operation that holds it.
+/// The bus of a processor that stalls when an access has begun an operation of the flash.
 struct Held<'a> {
     bus: &'a mut dyn CoreBus,
     flash: &'a SharedFlash,
@@ -154,7 +154,7 @@ impl Processor for Warm {
 
     #[allow(unsafe_code, reason = "the trait's, handed on as it comes")]
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller's promise is the one that is asked for.
+        // SAFETY: the caller gives the same promise.
         unsafe { self.inner.map(start, length, host, writable) };
     }
 

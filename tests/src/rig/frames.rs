@@ -1,4 +1,4 @@
-//! What the rig's master sends and hears, as the manuals print it.
+//! The frames that the master of the rig sends and receives, in the notation of the manuals.
 
 use protocol_core::device;
 use protocol_core::frame::Frame;
@@ -7,10 +7,10 @@ use protocol_core::time::{Duration, Instant};
 use super::Rig;
 use crate::Inputs;
 
-/// The frame of a text in the manuals' notation, `5A0: 43 18 10 01 19 00 00 01`.
+/// Parses a frame in the notation of the manuals, `5A0: 43 18 10 01 19 00 00 01`.
 ///
 /// # Panics
-/// When it is none.
+/// Panics for any other text.
 #[must_use]
 pub fn frame(text: &str) -> Frame {
     text.parse().unwrap_or_else(|error| panic!("{text:?}: {error}"))
@@ -22,10 +22,10 @@ impl Rig {
         self.send_frame(frame(text));
     }
 
-    /// Sends a frame to the device, whether its filters let it through or not: the core does not rely on them.
+    /// Sends a frame to the device, even if its filters reject the frame: the core does not rely on them.
     ///
     /// # Panics
-    /// When a frame that the filters keep away means something to the device.
+    /// Panics if the device reacts to a frame that its filters reject.
     #[track_caller]
     pub fn send_frame(&mut self, frame: Frame) {
         let passes = !frame.is_remote() && self.filters().iter().any(|filter| filter.passes(&frame));
@@ -36,42 +36,42 @@ impl Rig {
         assert!(passes || self.wire.sent.len() == sent, "{frame} is answered, but passes no filter");
     }
 
-    /// The next frame that the device has sent.
+    /// Takes the next frame that the device has sent.
     pub fn take_next(&mut self) -> Option<Frame> {
         self.wire.sent.pop_front().map(|(_, frame)| frame)
     }
 
-    /// Takes all frames that the device has sent, as the manuals print them.
+    /// Takes all frames that the device has sent, in the notation of the manuals.
     pub fn take(&mut self) -> Vec<String> {
         self.take_timed().into_iter().map(|(_, frame)| frame.to_string()).collect()
     }
 
-    /// Takes all frames that the device has sent, each with its instant.
+    /// Takes all frames that the device has sent, with their times.
     pub fn take_timed(&mut self) -> Vec<(Instant, Frame)> {
         self.wire.sent.drain(..).collect()
     }
 
-    /// Takes all frames that the device has sent, and returns those under this identifier.
+    /// Takes all frames that the device has sent. Returns those with this identifier.
     pub fn take_under(&mut self, id: &str) -> Vec<String> {
         let under = |frame: &String| frame.split_once(':').is_some_and(|(of_frame, _)| of_frame == id);
         self.take().into_iter().filter(under).collect()
     }
 
-    /// The next frame that the device has sent must be this one.
+    /// Takes the next frame that the device has sent, and asserts it.
     #[track_caller]
     pub fn expect(&mut self, text: &str) {
         let sent = self.take_next().map(|frame| frame.to_string());
         assert_eq!(sent.as_deref(), Some(text), "at {} us", self.now.as_micros());
     }
 
-    /// The device must have sent nothing more.
+    /// Asserts that the device has sent nothing more.
     #[track_caller]
     pub fn expect_nothing(&mut self) {
         let sent = self.take();
         assert!(sent.is_empty(), "at {} us: {sent:?}", self.now.as_micros());
     }
 
-    /// Sends a frame; the device must send these, and nothing more.
+    /// Sends a frame, and asserts that the device sends exactly these frames.
     #[track_caller]
     pub fn exchange(&mut self, request: &str, answers: &[&str]) {
         self.send(request);
@@ -79,7 +79,7 @@ impl Rig {
         assert_eq!(sent, answers, "answers to {request}");
     }
 
-    /// Sends these frames, one after the other.
+    /// Sends these frames in order.
     #[track_caller]
     pub fn send_all(&mut self, requests: &[&str]) {
         for request in requests {
@@ -87,7 +87,7 @@ impl Rig {
         }
     }
 
-    /// Sends these frames, to none of which the device must answer.
+    /// Sends these frames, and asserts that the device answers none of them.
     #[track_caller]
     pub fn silent_to(&mut self, requests: &[&str]) {
         for request in requests {
@@ -95,35 +95,35 @@ impl Rig {
         }
     }
 
-    /// Lets so many milliseconds pass, in which the device must send nothing.
+    /// Advances the time by a number of milliseconds, and asserts that the device sends nothing.
     #[track_caller]
     pub fn silent_for(&mut self, ms: u64) {
         self.advance(ms);
         self.expect_nothing();
     }
 
-    /// Lets so many milliseconds pass; the device must have sent these then, and nothing more.
+    /// Advances the time by a number of milliseconds, and asserts that the device sends exactly these frames.
     #[track_caller]
     pub fn advance_sends(&mut self, ms: u64, frames: &[impl AsRef<str>]) {
         self.advance(ms);
         self.expect_all(frames);
     }
 
-    /// Takes the power away and gives it back; the device must send these, and nothing more.
+    /// Switches the power off and on, and asserts that the device sends exactly these frames.
     #[track_caller]
     pub fn power_cycle_sends(&mut self, frames: &[impl AsRef<str>]) {
         self.power_cycle();
         self.expect_all(frames);
     }
 
-    /// Lets go of the bus; the device must send these, and nothing more.
+    /// Releases the bus, and asserts that the device sends exactly these frames.
     #[track_caller]
     pub fn free_bus_sends(&mut self, frames: &[impl AsRef<str>]) {
         self.hold_bus(false);
         self.expect_all(frames);
     }
 
-    /// The device must send nothing for so many milliseconds less a microsecond, and then these.
+    /// Asserts that the device sends nothing until a microsecond before `ms`, and then exactly these frames.
     #[track_caller]
     pub fn silent_until(&mut self, ms: u64, frames: &[impl AsRef<str>]) {
         const STEP: Duration = Duration::from_micros(1);
@@ -133,31 +133,31 @@ impl Rig {
         self.expect_all(frames);
     }
 
-    /// Changes what a valve senses; it must send these, and nothing more.
+    /// Changes the inputs of a valve, and asserts that it sends exactly these frames.
     #[track_caller]
     pub fn sense_sends(&mut self, change: impl FnOnce(&mut Inputs), frames: &[&str]) {
         self.sense(change);
         self.expect_all(frames);
     }
 
-    /// Changes what a sensor senses; it must send these, and nothing more.
+    /// Changes the inputs of a sensor, and asserts that it sends exactly these frames.
     #[track_caller]
     pub fn sense_hat_sends(&mut self, change: impl FnOnce(&mut device::Inputs), frames: &[&str]) {
         self.sense_hat(change);
         self.expect_all(frames);
     }
 
-    /// The device must have sent these, and nothing more.
+    /// Asserts that the device has sent exactly these frames.
     #[track_caller]
     pub fn expect_all(&mut self, frames: &[impl AsRef<str>]) {
         let frames: Vec<&str> = frames.iter().map(AsRef::as_ref).collect();
         assert_eq!(self.take(), frames, "at {} us", self.now.as_micros());
     }
 
-    /// Brings the device to ACTIVE by use case 1, with set-point 0, at this instant; its TPDOs are taken.
+    /// Brings the device to ACTIVE by use case 1, with set-point 0 and without its TPDOs. No time passes.
     ///
     /// # Panics
-    /// When it does not get there.
+    /// Panics if the device does not reach ACTIVE.
     #[track_caller]
     pub fn activate(&mut self) {
         let node_id = u16::from(self.node_id().expect("a node ID"));

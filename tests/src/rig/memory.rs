@@ -1,4 +1,4 @@
-//! The rig's memory: a map of records, and the write that is under way.
+//! The memory of the rig: a map of records, and the write in progress.
 
 use hal_sim::world::Write;
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
@@ -6,7 +6,7 @@ use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 use super::Rig;
 
 impl Rig {
-    /// The memory as a start finds it.
+    /// Returns the memory that a start finds.
     pub(super) fn image(&self) -> Image {
         let mut image = Image::empty();
         for (key, record) in &self.records {
@@ -23,7 +23,7 @@ impl Rig {
         self.write = Some(Write::begin(key, record, self.now, self.write_time));
     }
 
-    /// Ends the write that is due, and tells the device.
+    /// Ends the write that is due, and reports its result to the device.
     pub(super) fn finish_write(&mut self) {
         let now = self.now;
         let Some(write) = self.write.take_if(|write| write.done <= now) else { return };

@@ -1,7 +1,7 @@
-//! A device on a bus of its own, in virtual time: what it sends is on a free bus at once, its memory is a map of
+//! A device on a bus of its own, in virtual time. A free bus takes each frame at once, and the memory is a map of
 //! records.
 //!
-//! Controller, mailboxes and the course of a write are hal-sim's; the pump is the one that all platforms run.
+//! Controller, mailboxes and the course of a write are those of hal-sim. All platforms share the pump.
 
 mod frames;
 mod memory;
@@ -31,36 +31,36 @@ pub struct Rig {
     wire: Wire,
     now: Instant,
     inputs: device::Inputs,
-    /// The memory: records by key. What is put in here is found at the next start.
+    /// The memory: records by key. The next start reads what a test puts here.
     pub records: BTreeMap<RecordKey, Vec<u8>>,
-    /// The next start finds the memory damaged as a whole.
+    /// Whether the next start finds the entire memory damaged.
     pub memory_damaged: bool,
-    /// Every write fails.
+    /// Whether every write fails.
     pub writes_fail: bool,
-    /// The writes that fail, by number: 0 is the next one. Each is counted down as writes end.
+    /// The numbers of the writes that fail. The next write has number 0; each end of a write lowers the numbers.
     pub failing_writes: BTreeSet<usize>,
-    /// How long a write takes.
+    /// The duration of a write.
     pub write_time: Duration,
-    /// Every record that was written, in order.
+    /// All written records, in order.
     pub writes: Vec<RecordKey>,
     write: Option<Write>,
     bit_rates: Vec<BitRate>,
 }
 
 impl Rig {
-    /// A `pvea-canopen` at node 0x20, fresh from the factory, booted; its two frames are taken.
+    /// Creates a new `pvea-canopen` at node 0x20, booted, without its two frames.
     #[must_use]
     pub fn booted() -> Self {
         Self::booted_as(Setup::new(Kind::PveaCanopen))
     }
 
-    /// The same of another kind.
+    /// Creates such a `pveo-canopen`.
     #[must_use]
     pub fn booted_pveo() -> Self {
         Self::booted_as(Setup::new(Kind::PveoCanopen))
     }
 
-    /// A valve with a node ID, booted; its two frames are taken.
+    /// Creates a valve with a node ID, booted, without its two frames.
     #[must_use]
     pub fn booted_as(setup: Setup) -> Self {
         let mut rig = Self::power_on(setup);
@@ -70,7 +70,7 @@ impl Rig {
         rig
     }
 
-    /// The same in ACTIVE, with set-point 0.
+    /// Creates a `pvea-canopen` in ACTIVE, with set-point 0.
     #[must_use]
     #[track_caller]
     pub fn active() -> Self {
@@ -79,7 +79,7 @@ impl Rig {
         rig
     }
 
-    /// A device that was just powered up, with a memory that was never written.
+    /// Creates a device that has just been powered up, with a new memory.
     #[must_use]
     pub fn power_on(setup: impl Into<device::Setup>) -> Self {
         let setup = setup.into();
@@ -105,44 +105,44 @@ impl Rig {
         rig
     }
 
-    /// Takes the power away and gives it back: what was being written is lost.
+    /// Switches the power off and on. The write in progress is lost.
     pub fn power_cycle(&mut self) {
         self.restart_by(StartCause::PowerOn);
     }
 
-    /// Takes the power away and gives it back; the frames of the boot are taken.
+    /// Switches the power off and on, and drops the frames of the boot.
     pub fn start_anew(&mut self) {
         self.power_cycle();
         self.take();
     }
 
-    /// The watchdog resets the processor.
+    /// Resets the processor by its watchdog.
     pub fn watchdog_reset(&mut self) {
         self.restart_by(StartCause::Watchdog);
     }
 
-    /// What the device listens to.
+    /// Returns the filters of the device.
     #[must_use]
     pub fn filters(&self) -> &Filters {
         &self.wire.filters
     }
 
-    /// Changes what the device senses. A controller that goes bus-off drops what is in its mailboxes, and sends nothing
-    /// until it is back.
+    /// Changes the inputs of the device. A controller that becomes bus-off drops its frames, and sends nothing until
+    /// its recovery.
     pub fn sense(&mut self, change: impl FnOnce(&mut Inputs)) {
         let mut inputs = Inputs::from(self.inputs);
         change(&mut inputs);
         self.take_inputs(inputs.into());
     }
 
-    /// Changes what a sensor senses.
+    /// Changes the inputs of a sensor.
     pub fn sense_hat(&mut self, change: impl FnOnce(&mut device::Inputs)) {
         let mut inputs = self.inputs;
         change(&mut inputs);
         self.take_inputs(inputs);
     }
 
-    /// An internal fault of any device comes and goes.
+    /// Injects an internal fault into any device, and removes it.
     pub fn internal_fault_comes_and_goes(&mut self) {
         self.sense_hat(|inputs| inputs.internal_fault = true);
         self.sense_hat(|inputs| inputs.internal_fault = false);
@@ -160,53 +160,53 @@ impl Rig {
         self.drain();
     }
 
-    /// Holds the bus, as if the cable were unplugged: what is in the mailboxes stays there until the bus is released.
+    /// Holds the bus, as an unplugged cable does, or releases it. Frames stay in the mailboxes of a held bus.
     pub fn hold_bus(&mut self, held: bool) {
         self.wire.held = held;
         self.drain();
         self.pump();
     }
 
-    /// How many frames wait in the mailboxes of the controller.
+    /// Returns the number of frames in the mailboxes of the controller.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.wire.pending()
     }
 
-    /// Asks for everything to be stored.
+    /// Requests all delayed writes.
     pub fn flush(&mut self) {
         self.device.as_dyn_mut().flush(self.now);
         self.pump();
     }
 
-    /// The device.
+    /// Returns the device.
     #[must_use]
     pub fn device(&self) -> &dyn Device {
         self.device.as_dyn()
     }
 
-    /// What the valve drives.
+    /// Returns the outputs of the valve.
     ///
     /// # Panics
-    /// When it is no valve.
+    /// Panics for a device of another product.
     #[must_use]
     pub fn outputs(&self) -> ValveOutputs {
         self.device.as_dyn().outputs().valve().expect("a valve")
     }
 
-    /// The node ID in force.
+    /// Returns the node ID in force.
     #[must_use]
     pub fn node_id(&self) -> Option<u8> {
         self.device.as_dyn().node_id()
     }
 
-    /// The present instant.
+    /// Returns the present time.
     #[must_use]
     pub fn now(&self) -> Instant {
         self.now
     }
 
-    /// The bit rates that the device has switched to, oldest first.
+    /// Returns the bit rates to which the device has switched, oldest first.
     #[must_use]
     pub fn bit_rates(&self) -> &[BitRate] {
         &self.bit_rates
@@ -220,7 +220,7 @@ impl Rig {
         self.pump();
     }
 
-    /// The bus takes what is in the mailboxes, most urgent first; after each frame the device is pumped.
+    /// Sends the frames of the mailboxes, the most urgent first, and pumps the device after each.
     fn drain(&mut self) {
         while self.wire.send_one() {
             self.pump();

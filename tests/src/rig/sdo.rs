@@ -1,4 +1,4 @@
-//! The rig's SDO client.
+//! The SDO client of the rig.
 
 use protocol_core::frame::Frame;
 
@@ -6,16 +6,16 @@ use super::Rig;
 use crate::sdo::{LOAD, SAVE};
 
 impl Rig {
-    /// The status word, read over SDO.
+    /// Reads the status word.
     #[track_caller]
     pub fn status(&mut self) -> u32 {
         self.read(0x6041, 0)
     }
 
-    /// Reads a number over SDO, expedited.
+    /// Reads a number by SDO, expedited.
     ///
     /// # Panics
-    /// When there is no such answer.
+    /// Panics without such an answer.
     #[track_caller]
     pub fn read(&mut self, index: u16, sub: u8) -> u32 {
         let answer = self.sdo(0x40, index, sub, 0);
@@ -25,13 +25,13 @@ impl Rig {
         u32::from_le_bytes([a, b, c, d])
     }
 
-    /// Writes a number of so many bytes over SDO, expedited: `Err` with the abort code.
+    /// Writes a number of `size` bytes by SDO, expedited.
     ///
     /// # Errors
-    /// The abort code.
+    /// Returns the abort code.
     ///
     /// # Panics
-    /// When there is no answer.
+    /// Panics without an answer.
     #[track_caller]
     pub fn write(&mut self, index: u16, sub: u8, size: u8, value: u32) -> Result<(), u32> {
         let answer = self.sdo(0x23 | (4 - size) << 2, index, sub, value);
@@ -42,19 +42,19 @@ impl Rig {
         }
     }
 
-    /// Has the device store what this sub-index of 0x1010 is about.
+    /// Stores the part of the parameters that this sub-index of 0x1010 selects.
     ///
     /// # Panics
-    /// When it refuses.
+    /// Panics if the device refuses.
     #[track_caller]
     pub fn save(&mut self, sub: u8) {
         assert_eq!(self.write(0x1010, sub, 4, SAVE), Ok(()), "save {sub}");
     }
 
-    /// Has the device restore what this sub-index of 0x1011 is about.
+    /// Restores the part of the parameters that this sub-index of 0x1011 selects.
     ///
     /// # Panics
-    /// When it refuses.
+    /// Panics if the device refuses.
     #[track_caller]
     pub fn load(&mut self, sub: u8) {
         assert_eq!(self.write(0x1011, sub, 4, LOAD), Ok(()), "load {sub}");
@@ -63,7 +63,7 @@ impl Rig {
     /// Writes objects: index, sub-index, bytes, value.
     ///
     /// # Panics
-    /// When one is refused.
+    /// Panics if the device refuses one.
     #[track_caller]
     pub fn write_all(&mut self, objects: &[(u16, u8, u8, u32)]) {
         for (index, sub, size, value) in objects {
@@ -71,10 +71,10 @@ impl Rig {
         }
     }
 
-    /// The abort code that a read is answered with.
+    /// Reads an object, and returns the abort code of the answer.
     ///
     /// # Panics
-    /// When the read succeeds.
+    /// Panics if the read succeeds.
     #[track_caller]
     pub fn read_abort(&mut self, index: u16, sub: u8) -> u32 {
         let answer = self.sdo(0x40, index, sub, 0);
@@ -83,13 +83,13 @@ impl Rig {
         u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]])
     }
 
-    /// Reads an object in segments, whatever its length: its bytes.
+    /// Reads the bytes of an object in segments.
     ///
     /// # Errors
-    /// The abort code.
+    /// Returns the abort code.
     ///
     /// # Panics
-    /// When an answer is none of an upload.
+    /// Panics for an answer that does not belong to an upload.
     #[track_caller]
     pub fn read_segmented(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
         let answer = self.sdo(0x40, index, sub, 0);
@@ -111,13 +111,13 @@ impl Rig {
         Ok(data)
     }
 
-    /// Writes an object in segments, its size announced.
+    /// Writes an object in segments, with an announced size.
     ///
     /// # Errors
-    /// The abort code.
+    /// Returns the abort code.
     ///
     /// # Panics
-    /// When an answer is none to a download.
+    /// Panics for an answer that does not belong to a download.
     #[track_caller]
     pub fn write_segmented(&mut self, index: u16, sub: u8, data: &[u8]) -> Result<(), u32> {
         let accepted = |answer: Frame| match answer.bytes() {
@@ -139,10 +139,10 @@ impl Rig {
         Ok(())
     }
 
-    /// Maps these objects into the PDO whose communication parameter this is, by the manual's procedure.
+    /// Maps these objects into the PDO with this communication parameter, by the procedure of the manual.
     ///
     /// # Panics
-    /// When a step is refused.
+    /// Panics if a step is refused.
     #[track_caller]
     pub fn map(&mut self, communication: u16, entries: &[u32]) {
         const OFF: u32 = 0x8000_0000;
@@ -157,7 +157,7 @@ impl Rig {
         }
     }
 
-    /// Sends the SDO request of these bytes; the device must give this answer, or none, and nothing more.
+    /// Sends an SDO request with these bytes, and asserts its answer and that the device sends nothing more.
     #[track_caller]
     pub fn exchange_sdo(&mut self, request: &str, answer: Option<&str>) {
         let node_id = self.node_id().expect("a node ID");
@@ -166,10 +166,10 @@ impl Rig {
         self.exchange(&crate::sdo::request(node_id, request), &answers);
     }
 
-    /// Sends an SDO request; the answer.
+    /// Sends an SDO request. Returns the answer.
     ///
     /// # Panics
-    /// When there is none.
+    /// Panics without an answer.
     #[track_caller]
     pub fn sdo(&mut self, command: u8, index: u16, sub: u8, data: u32) -> Frame {
         let [low, high] = index.to_le_bytes();

@@ -1,19 +1,19 @@
-//! How time passes on the rig.
+//! The time of the rig.
 
 use protocol_core::time::{Duration, Instant, after};
 
 use super::Rig;
 
-/// The cycle in which the manual's controller sends.
+/// The cycle of the manual's controller.
 const CYCLE_MS: u64 = 100;
 
 impl Rig {
-    /// Lets so many milliseconds pass.
+    /// Advances the time by a number of milliseconds.
     pub fn advance(&mut self, ms: u64) {
         self.advance_by(Duration::from_millis(ms));
     }
 
-    /// Lets time pass, stopping at every deadline of the device and of the memory.
+    /// Advances the time, with a stop at every deadline of device and memory.
     pub fn advance_by(&mut self, duration: Duration) {
         let end = after(self.now, duration);
         loop {
@@ -31,8 +31,8 @@ impl Rig {
         self.pump();
     }
 
-    /// Lets so many milliseconds pass, as a machine controller does: with this frame every 100 ms, the first after 100
-    /// ms.
+    /// Advances the time by a number of milliseconds, with this frame every 100 ms as from a machine controller. The
+    /// first frame comes after 100 ms.
     pub fn advance_cyclic(&mut self, ms: u64, text: &str) {
         for _ in 0..ms / CYCLE_MS {
             self.advance(CYCLE_MS);
@@ -41,19 +41,19 @@ impl Rig {
         self.advance(ms % CYCLE_MS);
     }
 
-    /// Lets time pass in one leap: the device is polled at its end alone.
+    /// Advances the time in one leap, with a poll at its end only.
     pub fn leap(&mut self, duration: Duration) {
         self.now = after(self.now, duration);
         self.pump();
     }
 
-    /// Turns the platform's clock back: for a device, time must stand still until it has caught up.
+    /// Sets the clock of the platform back. The time of the device must stand still until the clock has caught up.
     pub fn turn_back(&mut self, duration: Duration) {
         self.now = Instant::from_ticks(self.now.as_ticks().saturating_sub(duration.as_ticks()));
         self.pump();
     }
 
-    /// Lets time pass in one leap, at whose end a frame comes before the device is polled.
+    /// Advances the time in one leap. A frame comes at its end, before the poll.
     pub fn leap_to(&mut self, duration: Duration, text: &str) {
         self.now = after(self.now, duration);
         self.send(text);

@@ -1,4 +1,4 @@
-//! The rig's bus: hal-sim's controller with its three mailboxes, on a bus that is free or held.
+//! The bus of the rig: the controller of hal-sim with its three mailboxes, on a free or a held bus.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -8,13 +8,13 @@ use protocol_core::controller::{BitRate, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-/// A controller on a bus of its own. A free bus takes every frame at once; on a held one frames stay in the mailboxes.
+/// A controller on a bus of its own. A free bus takes every frame at once; a held one leaves frames in the mailboxes.
 #[derive(Debug)]
 pub(super) struct Wire {
     port: Port,
     pub(super) filters: Filters,
     pub(super) held: bool,
-    /// The controller is bus-off: it sends nothing, held or not.
+    /// Whether the controller is bus-off, in which it sends nothing.
     pub(super) bus_off: bool,
     pub(super) now: Instant,
     pub(super) sent: VecDeque<(Instant, Frame)>,
@@ -26,23 +26,23 @@ impl Wire {
         Self { port, filters: Filters::new(), held: false, bus_off: false, now, sent: VecDeque::new() }
     }
 
-    /// The controller is powered up anew, on the same bus.
+    /// Replaces the controller by a new one on the same bus.
     pub(super) fn power_cycle(&mut self) {
         self.port = Port::alone("rig", BitRate::Kbit250);
         self.sent.clear();
     }
 
-    /// How many frames are in the mailboxes.
+    /// Returns the number of frames in the mailboxes.
     pub(super) fn pending(&self) -> usize {
         self.port.pending()
     }
 
-    /// Drops what is in the mailboxes.
+    /// Drops the frames in the mailboxes.
     pub(super) fn clear(&mut self) {
         self.port.clear();
     }
 
-    /// Sends the most urgent frame of the mailboxes, if the bus takes it: whether there was one.
+    /// Sends the most urgent frame of the mailboxes, if the bus takes it. Returns whether there was one.
     pub(super) fn send_one(&mut self) -> bool {
         if self.held || self.bus_off {
             return false;
@@ -57,7 +57,7 @@ impl embedded_can::nb::Can for Wire {
     type Frame = Frame;
     type Error = Infallible;
 
-    /// Beside a pending frame the controller takes only a strictly more urgent one, as the board's driver does.
+    /// Accepts only a more urgent frame beside a pending one, as the driver of the board does.
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
         if self.port.head().is_some_and(|head| frame.arbitration() >= head.arbitration()) {
             return Err(nb::Error::WouldBlock);
@@ -67,7 +67,7 @@ impl embedded_can::nb::Can for Wire {
         Ok(overtaken)
     }
 
-    /// What the device receives is handed to it by the rig.
+    /// Returns nothing, because the rig hands received frames to the device itself.
     fn receive(&mut self) -> nb::Result<Frame, Infallible> {
         Err(nb::Error::WouldBlock)
     }

@@ -1,4 +1,4 @@
-//! Rules that the CANopen devices have in common (SPEC 4.2, 4.4, 4.5).
+//! The rules of all CANopen devices (SPEC 4.2, 4.4, 4.5).
 
 use hal_sim::{Duration, Frame, Kind};
 use protocol_core::frame::{Id, standard};
@@ -13,7 +13,7 @@ const STOPPED: u8 = 0x04;
 const OPERATIONAL: u8 = 0x05;
 const PRE_OPERATIONAL: u8 = 0x7F;
 
-/// An error-passive controller is active again after so many frames.
+/// The number of frames after which an error-passive controller is active again.
 const FRAMES_TO_ACTIVE: u32 = 300;
 
 pub(super) fn last_word(rig: &mut Rig, unit: usize, ending: Ending) {
@@ -43,7 +43,7 @@ pub(super) fn last_word(rig: &mut Rig, unit: usize, ending: Ending) {
     }
 }
 
-/// An NMT command, and a little time.
+/// Sends an NMT command and waits a little. Returns the sent frames.
 pub(super) fn nmt(rig: &mut Rig, unit: usize, command: u8, id: u8) -> Vec<Frame> {
     rig.forget_sent();
     rig.send(Frame::of(standard(0).into(), &[command, id]).expect("two bytes"));
@@ -52,7 +52,8 @@ pub(super) fn nmt(rig: &mut Rig, unit: usize, command: u8, id: u8) -> Vec<Frame>
     sent.into_iter().map(|(_, frame)| frame).filter(|frame| frame.id() != heartbeat).collect()
 }
 
-/// Nobody asks: heartbeats of one state, one as long after the other; of a sensor its TPDO too, with one content.
+/// Asserts that a device without requests sends periodic heartbeats of one state only. A sensor also sends its TPDO,
+/// with one content.
 fn quiet(rig: &mut Rig, unit: usize, id: u8) {
     let sent = rig.watch(unit, Duration::from_millis(1500));
     let is_heartbeat = |frame: &Frame| frame.id() == standard(0x700 + u16::from(id)).into();
@@ -65,8 +66,8 @@ fn quiet(rig: &mut Rig, unit: usize, id: u8) {
     assert!(others.is_empty() || is_sensor && heartbeat.data() == [OPERATIONAL], "{heartbeat} and {others:?}");
 }
 
-/// A device that answers is left as it is; one that does not is stopped, or fills the bus with a PDO, which is more urgent
-/// than an SDO. Then all are pre-operational and error-active.
+/// Wakes a device that does not answer: it is stopped, or fills the bus with a PDO, which is more urgent than an SDO.
+/// Then all devices are pre-operational and error-active.
 fn wake(rig: &mut Rig, unit: usize, id: u8) {
     if read(rig, unit, (0x1000, 0)).is_none() {
         let sent = rig.watch(unit, Duration::from_millis(200));
@@ -84,7 +85,7 @@ fn wake(rig: &mut Rig, unit: usize, id: u8) {
     }
     assert!(rig.is_error_active(unit), "it stays error-passive");
     rig.watch(unit, Duration::from_millis(100));
-    // One answer, and one only.
+    // There is exactly one answer.
     let request = Frame::full(standard(0x600 + u16::from(id)).into(), [0x40, 0x00, 0x10, 0, 0, 0, 0, 0]);
     rig.send(request);
     let heartbeat = Id::from(standard(0x700 + u16::from(id)));
@@ -96,12 +97,12 @@ fn wake(rig: &mut Rig, unit: usize, id: u8) {
     assert_eq!(sent, [answer]);
 }
 
-/// The heartbeat has the period that 0x1017 says; a valve's is a multiple of 10 ms.
+/// Asserts that the heartbeat has the period of 0x1017; that of a valve is a multiple of 10 ms.
 fn heartbeat(rig: &mut Rig, unit: usize, id: u8) {
     let time = u64::from(number(rig, unit, (0x1017, 0)));
     let is_valve = matches!(rig.units[unit].kind, Kind::Pve(_));
     let period = Duration::from_millis(if is_valve { time.next_multiple_of(10) } else { time });
-    // A client's requests are more urgent than a heartbeat.
+    // The requests of a client are more urgent than a heartbeat.
     rig.watch(unit, rig.frame_time() * 4);
     let sent = rig.watch(unit, period * 5 / 2 + Duration::from_millis(300));
     for (_, frame) in &sent {
@@ -116,7 +117,7 @@ fn heartbeat(rig: &mut Rig, unit: usize, id: u8) {
     }
 }
 
-/// Error register, history and the state of the product.
+/// Asserts error register, history and state of the product.
 fn state(rig: &mut Rig, unit: usize) {
     let register = number(rig, unit, (0x1001, 0));
     let count = number(rig, unit, (0x1003, 0));
@@ -131,7 +132,8 @@ fn state(rig: &mut Rig, unit: usize) {
     }
 }
 
-/// A start sends its boot-up first; a valve then its reset EMCY, a sensor whatever its NMT state lets it send.
+/// Asserts the frames of a start: the boot-up, then the reset EMCY of a valve. A sensor sends the frames that its NMT
+/// state permits.
 fn boot(rig: &Rig, unit: usize, id: u8, sent: &[(hal_sim::Instant, Frame)]) {
     let frames: Vec<String> = sent.iter().map(|(_, frame)| frame.to_string()).collect();
     let id = u16::from(id);
@@ -139,7 +141,7 @@ fn boot(rig: &Rig, unit: usize, id: u8, sent: &[(hal_sim::Instant, Frame)]) {
     if let Kind::Pve(_) = rig.units[unit].kind {
         assert_eq!(frames.get(1), Some(&format!("{:03X}: 00 00 00 00 00 00 00 00", 0x080 + id)), "{frames:?}");
         let heartbeat = format!("{:03X}: 7F", 0x700 + id);
-        // A record that is damaged is told, and perhaps written anew.
+        // A damaged record is reported, and may be written again.
         let (internal_error, no_error) = (format!("{:03X}: 00 10 01", 0x080 + id), frames[1].clone());
         let of_damage = |frame: &String| frame.starts_with(&internal_error) || *frame == no_error;
         let damaged = rig.units[unit].damaged;
@@ -148,7 +150,7 @@ fn boot(rig: &Rig, unit: usize, id: u8, sent: &[(hal_sim::Instant, Frame)]) {
     }
 }
 
-/// A device without a node ID is silent, and LSS finds it.
+/// Asserts that a device without a node ID is silent, and that LSS finds it.
 fn blank(rig: &mut Rig, unit: usize) {
     assert_eq!(rig.watch(unit, Duration::from_secs(2)), []);
     let lss = |rig: &mut Rig, bytes: [u8; 2]| {
@@ -161,10 +163,10 @@ fn blank(rig: &mut Rig, unit: usize) {
     assert_eq!(lss(rig, [0x5E, 0]), ["7E4: 5E FF 00 00 00 00 00 00"]);
 }
 
-/// Returns the occurrences of each fault of a valve: of a sensor there is no such number.
+/// Returns the occurrence counters of a valve. A sensor has none.
 fn counters(rig: &mut Rig, unit: usize) -> Vec<u32> {
     let objects: &[u16] = match rig.units[unit].kind {
-        // Each start finds the damage anew.
+        // Each start detects the damage again.
         Kind::Pve(_) if rig.units[unit].damaged => &[0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023],
         Kind::Pve(_) => &[0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023, 0x2024],
         Kind::Hat(_) => &[],

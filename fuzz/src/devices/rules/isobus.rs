@@ -1,4 +1,4 @@
-//! The valves on ISOBUS (SPEC 5).
+//! The rules of the valves on ISOBUS (SPEC 5).
 
 use hal_sim::{Duration, Frame, Instant};
 use protocol_core::frame::{Id, extended};
@@ -7,17 +7,17 @@ use super::super::ledger::Ledger;
 use super::super::rig::Rig;
 use super::{Ending, assert_period, cut};
 
-/// The valve's estimated flow, blocked and in neutral.
+/// The AVEF of a valve that is blocked and in neutral.
 const BLOCKED: [u8; 8] = [0x7D, 0x7D, 0x30, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF];
 /// DM1 without an active fault, DM2 without a previously active one.
 const NO_FAULT: [u8; 8] = [0x00, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF];
-/// Lamp and DTC of the faults that can last without anything wrong around the valve.
+/// The lamp and the DTC of the fault that can last without a disturbance.
 const INTERNAL: [u8; 5] = [0x10, 0xFF, 0xFA, 0x8F, 0x8B];
 const TIME_GUARDING: [u8; 5] = [0x04, 0xFF, 0xE9, 0x8F, 0x93];
 
 const AVEF_PERIOD: Duration = Duration::from_millis(100);
 const DM1_PERIOD: Duration = Duration::from_secs(1);
-/// The master's address.
+/// The address of the master.
 const MASTER: u32 = 0x27;
 
 type Sent = Vec<(Instant, Frame)>;
@@ -52,7 +52,7 @@ fn message(id: u32, address: u8) -> Id {
     extended(id | u32::from(address)).into()
 }
 
-/// Splits what was sent by its identifier.
+/// Splits the sent frames by an identifier.
 fn split(sent: Sent, id: Id) -> (Sent, Sent) {
     sent.into_iter().partition(|(_, frame)| frame.id() == id)
 }
@@ -61,7 +61,7 @@ fn avef(address: u8) -> Id {
     message(0x0CFE_1000 | u32::from(address & 0xF) << 8, address)
 }
 
-/// Nobody asks: estimated flow each 100 ms, blocked, since nobody commands; DM1 each second while a fault is active.
+/// Asserts that a valve without commands sends AVEF each 100 ms, blocked, and DM1 each second while a fault is active.
 fn quiet(rig: &mut Rig, unit: usize, address: u8) -> Option<Frame> {
     let sent = rig.watch(unit, Duration::from_millis(3_050));
     let (flows, sent) = split(sent, avef(address));
@@ -80,7 +80,7 @@ fn quiet(rig: &mut Rig, unit: usize, address: u8) -> Option<Frame> {
     Some(fault)
 }
 
-/// Sends a request for a parameter group; what is answered, without AVEF and the cyclic DM1.
+/// Sends a request for a parameter group. Returns the answers, without AVEF and the cyclic DM1.
 fn request(rig: &mut Rig, unit: usize, group: u32, destination: u8) -> Sent {
     let [a, b, c, _] = group.to_le_bytes();
     let id = extended(0x18EA_0000 | u32::from(destination) << 8 | MASTER);
@@ -89,10 +89,10 @@ fn request(rig: &mut Rig, unit: usize, group: u32, destination: u8) -> Sent {
     rig.watch(unit, Duration::from_millis(80))
 }
 
-/// Each request is answered, once.
+/// Asserts that each request is answered exactly once.
 fn requests(rig: &mut Rig, unit: usize, address: u8, fault: Option<Frame>) {
     let others = |sent: Sent| split(sent, avef(address)).1;
-    // Between two cyclic ones.
+    // The request falls between two cyclic messages.
     let without_cyclic = |sent: Sent| split(others(sent), message(0x18FE_CA00, address)).1;
     let claims = without_cyclic(request(rig, unit, 0xEE00, address));
     assert!(matches!(&claims[..], [(_, claim)] if is_claim(claim, address)), "{claims:?}");
@@ -111,7 +111,7 @@ fn requests(rig: &mut Rig, unit: usize, address: u8, fault: Option<Frame>) {
     if first.id() == message(0x18FE_CB00, address) {
         assert_eq!(previously.len(), 1);
     } else {
-        // A broadcast in packets, 100 ms apart.
+        // DM2 is a broadcast in packets, 100 ms apart.
         assert_eq!(first.id(), message(0x1CEC_FF00, address), "{first}");
         let packets = first.data()[3];
         let more = rig.watch(unit, Duration::from_millis(100) * u32::from(packets));
@@ -120,7 +120,7 @@ fn requests(rig: &mut Rig, unit: usize, address: u8, fault: Option<Frame>) {
     }
 }
 
-/// A valve that has lost its address is silent, but says so.
+/// Asserts that a valve without an address sends cannot-claims only.
 fn lost(rig: &mut Rig, unit: usize) {
     assert_eq!(rig.watch(unit, Duration::from_secs(2)), []);
     assert_eq!(request(rig, unit, 0xFECA, 0xFF), []);
@@ -129,7 +129,7 @@ fn lost(rig: &mut Rig, unit: usize) {
     assert!(matches!(&sent[..], [(_, claim)] if is_claim(claim, 0xFE)), "{sent:?}");
 }
 
-/// A valve that was just powered up: it moves, stops when nobody commands it, and comes back.
+/// Asserts the work of a valve after its power-up: it moves, stops without commands, and recovers.
 fn serves(rig: &mut Rig, unit: usize, address: u8) {
     let command = |rig: &mut Rig, flow: u8, state: u8| {
         let id = extended(0x0CFE_3000 | u32::from(address & 0xF) << 8 | MASTER);
@@ -150,7 +150,7 @@ fn serves(rig: &mut Rig, unit: usize, address: u8) {
     command(rig, 250, 0x32);
     let (flows, _) = command(rig, 250, 0x32);
     assert!(flows.iter().all(|(_, flow)| flow.data()[2] == 0x32 && flow.data()[1] > 125), "recovery: {flows:?}");
-    // What is cleared stays so.
+    // Cleared faults stay cleared.
     let cleared = request(rig, unit, 0xFECC, address);
     let acknowledgement = [0, 0xFF, 0xFF, 0xFF, MASTER as u8, 0xCC, 0xFE, 0x00];
     let (cleared, _) = split(cleared, message(0x18E8_FF00, address));

@@ -1,4 +1,4 @@
-//! The last word: what a device does when nothing is in its way any more.
+//! The last word: the behaviour of a device without disturbances.
 
 mod canopen;
 mod isobus;
@@ -12,10 +12,10 @@ use protocol_core::time::since;
 use super::ledger;
 use super::rig::Rig;
 
-/// After this a device has nothing left to do that was begun: what failed is tried again after 10 s (SPEC 4.5, 6).
+/// The time after which a device has finished everything. A failed write is tried again after 10 s (SPEC 4.5, 6).
 const SETTLED: Duration = Duration::from_millis(11_500);
 
-/// Store of a client before the power is cut.
+/// The store of a client before the power cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Ending {
     Nothing,
@@ -37,11 +37,11 @@ impl From<u8> for Ending {
     }
 }
 
-/// Takes all disturbances away and checks what a device does then, and after a power cut.
+/// Ends all disturbances, and checks the behaviour of a device, also after a power cut.
 pub(super) fn last_word(rig: &mut Rig, unit: usize, ending: Ending) {
     rig.calm(unit);
     rig.watch(unit, rig.silence().max(SETTLED));
-    // The rate may have been changed meanwhile.
+    // The attack may have changed the bit rate.
     rig.follow_bit_rate(unit);
     rig.watch(unit, Duration::from_millis(100));
     match rig.units[unit].kind.protocol() {
@@ -50,7 +50,7 @@ pub(super) fn last_word(rig: &mut Rig, unit: usize, ending: Ending) {
     }
 }
 
-/// Stores what the attack says, and cuts the power the moment that a client was told so.
+/// Stores as the attack says, and cuts the power at the moment of the confirmation.
 fn cut(rig: &mut Rig, unit: usize, ending: Ending) {
     let is_isobus = rig.units[unit].kind.protocol() == Protocol::Isobus;
     let is_mute = is_isobus || rig.id(unit).is_none();
@@ -61,7 +61,7 @@ fn cut(rig: &mut Rig, unit: usize, ending: Ending) {
         Ending::Lss => {
             let is_stored = ledger::store_by_lss(rig, unit, 0x55, None);
             rig.withdraw();
-            // A heartbeat is more urgent than LSS, and one of each millisecond takes a slow bus for itself.
+            // A heartbeat is more urgent than LSS. One in each millisecond fills a slow bus.
             assert!(is_stored || is_isobus || fills_bus(rig, unit), "LSS stores");
         }
         Ending::Uds => ledger::write_by_uds(rig, unit, 0x85),
@@ -71,13 +71,13 @@ fn cut(rig: &mut Rig, unit: usize, ending: Ending) {
     rig.units[unit].ledger.start();
 }
 
-/// Returns whether a device sends one frame after the other.
+/// Returns whether a device fills the bus with its frames.
 fn fills_bus(rig: &mut Rig, unit: usize) -> bool {
     let sent = rig.watch(unit, Duration::from_millis(200));
     sent.len() > 10 && sent.windows(2).all(|pair| since(pair[1].0, pair[0].0) <= rig.frame_time())
 }
 
-/// Frames come at this distance, but for what arbitration takes.
+/// Asserts the period of frames, with a tolerance for arbitration.
 #[track_caller]
 fn assert_period(rig: &Rig, sent: &[(Instant, Frame)], period: Duration) {
     let late = rig.frame_time() * 2;

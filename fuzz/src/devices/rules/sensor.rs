@@ -1,4 +1,4 @@
-//! The angle sensors (SPEC 9). Their shaft rests.
+//! The rules of the angle sensors, whose shaft rests (SPEC 9).
 
 use hal_sim::{Duration, Frame};
 use protocol_core::frame::{Id, extended, standard};
@@ -31,12 +31,12 @@ pub(super) fn state(rig: &mut Rig, unit: usize, register: u32) {
     assert_eq!(number(rig, unit, (0x2002, 1)), rate);
 }
 
-/// The TPDO by SYNC, at each and on a change, and by its event timer.
+/// Asserts the TPDO at each SYNC, at a SYNC after a change, and by its event timer.
 pub(super) fn pdos(rig: &mut Rig, unit: usize) {
     let (cob_id, sync) = (number(rig, unit, (0x1800, 1)), number(rig, unit, (0x1005, 0)));
     let id = rig.id(unit).expect("a node ID");
     let content = content(rig, unit);
-    // The EMCY can have any identifier, too.
+    // EMCYs can have any identifier, too.
     let emcy = number(rig, unit, (0x1014, 0));
     let same = |a: u32, b: u32| a & 0x3FFF_FFFF == b & 0x3FFF_FFFF;
     if cob_id >> 31 == 1 || content.is_empty() || same(cob_id, sync) || same(cob_id, emcy) || same(emcy, sync) {
@@ -73,13 +73,13 @@ fn id_of(cob_id: u32) -> Id {
     if cob_id >> 29 & 1 == 1 { extended(cob_id & 0x1FFF_FFFF).into() } else { standard((cob_id & 0x7FF) as u16).into() }
 }
 
-/// Returns what a device sends in this time under a COB-ID.
+/// Runs for a time. Returns the frames that a device sends under a COB-ID.
 fn under(rig: &mut Rig, unit: usize, cob_id: u32, time: Duration) -> Vec<(hal_sim::Instant, Frame)> {
     let sent = rig.watch(unit, time);
     sent.into_iter().filter(|(_, frame)| frame.id() == id_of(cob_id)).collect()
 }
 
-/// Returns what the objects that the TPDO maps read: whole bytes.
+/// Returns the values of the objects that the TPDO maps, in whole bytes.
 fn content(rig: &mut Rig, unit: usize) -> Vec<u8> {
     let mut bytes = Vec::new();
     for entry in 1..=number(rig, unit, (0x1A00, 0)) {

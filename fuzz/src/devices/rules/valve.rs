@@ -1,4 +1,4 @@
-//! The CANopen valves (SPEC 2, 4.1, 4.3).
+//! The rules of the CANopen valves (SPEC 2, 4.1, 4.3).
 
 use hal_sim::{Duration, Frame};
 use protocol_core::actuator::Led;
@@ -17,7 +17,7 @@ const FAULT_HOLD: u32 = 0x03;
 const INTERNAL: u32 = 0x01;
 const TIME_GUARDING: u32 = 0x91;
 
-/// Nobody has sent a set-point for a long time, and nothing is wrong around the valve.
+/// Asserts the state of a valve without disturbances that has had no set-point for a long time.
 pub(super) fn state(rig: &mut Rig, unit: usize, register: u32) {
     assert!(matches!(register, 0 | INTERNAL | TIME_GUARDING), "error register {register:02X}");
     let is_hurt = rig.units[unit].memory_hurt || rig.units[unit].damaged;
@@ -28,14 +28,14 @@ pub(super) fn state(rig: &mut Rig, unit: usize, register: u32) {
     match status {
         INIT | DISABLED | HOLD => assert_eq!(register, 0),
         FAULT_HOLD => {}
-        // Time guarding has shut down any other.
+        // Time guarding has shut down any other ACTIVE valve.
         ACTIVE => assert_eq!((register, mode), (0, 2), "ACTIVE without a set-point"),
         _ => panic!("status {status:02X}"),
     }
     let node = rig.units[unit].node;
     let outputs = rig.world.outputs(node).and_then(protocol_core::device::Outputs::valve).expect("a powered valve");
     assert!(!outputs.solenoids, "nobody commands the solenoids");
-    // With an internal error beside time guarding the LED tells the former.
+    // The LED shows an internal error rather than time guarding.
     let led = match (register, status) {
         (INTERNAL, _) => vec![Led::RED],
         (TIME_GUARDING, _) => vec![Led::RED, Led::RED_FLASHING],
@@ -53,7 +53,7 @@ pub(super) fn state(rig: &mut Rig, unit: usize, register: u32) {
     assert_eq!(number(rig, unit, (0x1400, 2)), 0xFF);
 }
 
-/// A TPDO at each SYNC tells what its objects read.
+/// Asserts that a TPDO at each SYNC carries the values of its objects.
 pub(super) fn synchronous(rig: &mut Rig, unit: usize) {
     let (cob_id, sync, id) =
         (number(rig, unit, (0x1800, 1)), number(rig, unit, (0x1005, 0)) & 0x7FF, rig.id(unit).expect("a node ID"));
@@ -74,7 +74,7 @@ pub(super) fn synchronous(rig: &mut Rig, unit: usize) {
     nmt(rig, unit, 0x80, id);
 }
 
-/// Returns what the objects that the TPDO maps read, bit by bit.
+/// Returns the values of the objects that the TPDO maps, bit by bit.
 fn content(rig: &mut Rig, unit: usize) -> Vec<u8> {
     let (mut bits, mut len) = (0, 0);
     for entry in 1..=number(rig, unit, (0x1A00, 0)) {
@@ -87,10 +87,10 @@ fn content(rig: &mut Rig, unit: usize) -> Vec<u8> {
     u64::to_le_bytes(bits)[..len.div_ceil(8) as usize].to_vec()
 }
 
-/// A valve that was just powered up: it goes to ACTIVE, moves, and stops.
+/// Asserts the work of a valve after its power-up: it enters ACTIVE, moves, and stops.
 pub(super) fn serves(rig: &mut Rig, unit: usize, id: u8) {
     if number(rig, unit, (0x1001, 0)) == INTERNAL {
-        // A record is damaged that this start did not need to write.
+        // This start did not need to write a damaged record.
         assert_eq!(number(rig, unit, (0x6041, 0)), FAULT_HOLD);
         return;
     }
@@ -114,7 +114,7 @@ pub(super) fn serves(rig: &mut Rig, unit: usize, id: u8) {
         set(rig, unit, (0x6040, 0), &[word, 0]);
     }
     assert_eq!(number(rig, unit, (0x6041, 0)), HOLD);
-    // UDS reads the node ID that the next start has.
+    // UDS reads the node ID of the next start.
     let request = Frame::of(extended(0x1BC7_8800 | u32::from(id)).into(), &[3, 0x22, 0x10, 0x01]).expect("four bytes");
     let answer_id = extended(0x1BC0_00F1 | u32::from(id) << 11).into();
     let answer = rig.ask(unit, request, |frame| frame.id() == answer_id).expect("an answer to UDS");

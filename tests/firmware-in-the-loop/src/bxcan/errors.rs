@@ -2,35 +2,35 @@
 
 use super::registers::{esr, ier};
 
-/// From this value of a counter on there is an error warning.
+/// The counter value from which on there is an error warning.
 const WARNING: u16 = 96;
-/// Up to this value of both counters the controller is error-active.
+/// The highest value of both counters with which the controller is error-active.
 const ACTIVE: u16 = 127;
-/// Beyond this value of the transmit counter the controller is bus-off.
+/// The highest value of the transmit counter with which the controller is not bus-off.
 const BUS_OFF: u16 = 255;
-/// What a receive counter above [`ACTIVE`] becomes with a message received.
+/// The value of a receive counter above [`ACTIVE`] after a received message.
 const RECEIVED_WHILE_PASSIVE: u16 = 120;
-/// Where the receive counter stops: it is 8 bits wide.
+/// The maximum of the receive counter, which has 8 bits.
 const RECEIVE_LIMIT: u16 = 255;
 
 /// The last error code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LastError {
-    /// Bit stuffing.
+    /// A stuff error.
     Stuff = 1,
-    /// Form.
+    /// A form error.
     Form = 2,
-    /// Acknowledgement.
+    /// An acknowledgement error.
     Acknowledgement = 3,
-    /// A recessive bit was sent, a dominant one seen.
+    /// A bit error: a recessive bit was sent and a dominant one seen.
     BitRecessive = 4,
-    /// A dominant bit was sent, a recessive one seen.
+    /// A bit error: a dominant bit was sent and a recessive one seen.
     BitDominant = 5,
-    /// Checksum.
+    /// A checksum error.
     Crc = 6,
 }
 
-/// Error counters, the flags that follow from them, and the last error code.
+/// The error counters, their flags, and the last error code.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Errors {
     transmit: u16,
@@ -46,7 +46,7 @@ impl Errors {
         counters | self.last << esr::LEC | self.flags()
     }
 
-    /// Software may set the last error code, to see it change.
+    /// Writes the last error code, which software may set in order to see changes.
     pub(super) fn write(&mut self, value: u32) {
         self.last = (value & esr::LEC_MASK) >> esr::LEC;
     }
@@ -61,21 +61,23 @@ impl Errors {
         self.bus_off
     }
 
-    /// A frame of this controller was sent.
+    /// Counts a sent frame.
     pub(super) fn sent(&mut self) {
         self.transmit = self.transmit.saturating_sub(1);
         self.last = 0;
     }
 
-    /// A frame was received.
+    /// Counts a received frame.
     pub(super) fn received(&mut self) {
         self.receive = if self.receive > ACTIVE { RECEIVED_WHILE_PASSIVE } else { self.receive.saturating_sub(1) };
         self.last = 0;
     }
 
-    /// A frame of this controller was destroyed or not acknowledged; which enabled error interrupts that raises.
+    /// Counts a sent frame that was destroyed or not acknowledged. Returns whether this raises an enabled error
+    /// interrupt.
     ///
-    /// An error-passive sender does not count a missing acknowledgement: alone on the bus it never gets to bus-off.
+    /// An error-passive sender does not count a missing acknowledgement, so it does not become bus-off alone on the
+    /// bus.
     pub(super) fn not_sent(&mut self, error: LastError, enabled: u32) -> bool {
         let passive = self.flags() & esr::EPVF != 0;
         let raised = if error == LastError::Acknowledgement && passive { 0 } else { 8 };
@@ -85,27 +87,28 @@ impl Errors {
         })
     }
 
-    /// A frame of somebody else was destroyed; `first` when others' error flags came after this controller's own.
+    /// Counts a destroyed frame of another node. `first` says that the error flags of other nodes followed that of this
+    /// controller.
     pub(super) fn not_received(&mut self, error: LastError, first: bool, enabled: u32) -> bool {
         let raised = if first { 1 + 8 } else { 1 };
         self.note(error, enabled, |errors| errors.receive = (errors.receive + raised).min(RECEIVE_LIMIT))
     }
 
-    /// Back from bus-off.
+    /// Resets the counters after bus-off.
     pub(super) fn recovered(&mut self) {
         (self.transmit, self.receive, self.bus_off) = (0, 0, false);
     }
 
-    /// Counts, and says whether the error is noted.
+    /// Counts an error. Returns whether the error is noted.
     fn note(&mut self, error: LastError, enabled: u32, count: impl FnOnce(&mut Self)) -> bool {
         count(self);
         self.last = error as u32;
         enabled & ier::LECIE != 0 || self.stands(enabled)
     }
 
-    /// Whether a flag is set whose interrupt is enabled. The manual does not say whether a flag that stands is noted
-    /// again, at a further error or as soon as the note is cleared: here it is (A), and software that it floods is seen
-    /// to be.
+    /// Returns whether a flag with an enabled interrupt is set. The manual does not say whether a set flag is noted
+    /// again, at a further error or once its note is cleared. Here it is (A), so that software which floods itself is
+    /// found.
     pub(super) fn stands(&self, enabled: u32) -> bool {
         let set = self.flags();
         let raises = |flag: u32, enable: u32| set & flag != 0 && enabled & enable != 0;

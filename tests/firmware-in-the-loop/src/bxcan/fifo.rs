@@ -5,29 +5,29 @@ use std::collections::VecDeque;
 use super::message::Message;
 use super::registers::rfr;
 
-/// How many messages it stores.
+/// The number of messages that a FIFO stores.
 const DEPTH: usize = 3;
-/// A release takes so many accesses of the processor to the controller, or until the bus goes on. The manual says no more
-/// than that hardware clears RFOM at its end (A).
+/// The number of accesses of the processor that a release takes, unless the bus goes on before. The manual says only
+/// that hardware clears RFOM at the end (A).
 const RELEASE: u8 = 2;
 
-/// One receive FIFO.
+/// A receive FIFO.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fifo {
-    /// Each with the index of the filter that it matched.
+    /// The messages, each with the index of the filter that it matched.
     messages: VecDeque<(Message, u8)>,
     full: bool,
     overrun: bool,
-    /// The accesses to come before the output is released, while that is under way.
+    /// The number of accesses until the output is released.
     releasing: u8,
-    /// How many messages came, for tests.
+    /// The number of messages so far, for tests.
     pub(super) came: u64,
-    /// How many of them were lost, for tests.
+    /// The number of lost messages, for tests.
     pub(super) lost: u32,
 }
 
 impl Fifo {
-    /// Stores a message; in a full FIFO it takes the place of the last one, or is lost when that is `locked`.
+    /// Stores a message. A full FIFO replaces its last message, or loses the new one if `locked`.
     pub(super) fn store(&mut self, message: Message, filter: u8, locked: bool) {
         self.came += 1;
         if self.messages.len() == DEPTH {
@@ -60,7 +60,7 @@ impl Fifo {
         self.releasing > 0
     }
 
-    /// The processor accesses the controller.
+    /// Counts an access of the processor to the controller.
     pub(super) fn pass_access(&mut self) {
         if self.releasing == 1 {
             self.messages.pop_front();
@@ -68,12 +68,12 @@ impl Fifo {
         self.releasing = self.releasing.saturating_sub(1);
     }
 
-    /// Time passes on the bus, much more than a release takes.
+    /// Ends a release, because time has passed on the bus.
     pub(super) fn settle(&mut self) {
         (0..RELEASE).for_each(|_| self.pass_access());
     }
 
-    /// Register 0 to 3 of the output mailbox: identifier, length and filter, data.
+    /// Returns register 0 to 3 of the output mailbox: identifier, length and filter, data.
     pub(super) fn output(&self, register: usize) -> u32 {
         let Some((message, filter)) = self.messages.front() else { return 0 };
         match register {

@@ -2,17 +2,17 @@
 
 use super::registers::{F0R1, FA1R, FFA1R, FM1R, FMR, FS1R, ir};
 
-/// How many banks CAN1 and CAN2 share.
+/// The number of banks that CAN1 and CAN2 share.
 const BANKS: usize = 28;
-/// Filter initialization: nothing is received.
+/// Filter initialization, in which nothing is received.
 const FINIT: u32 = 1;
-/// Where the first bank of CAN2 stands in FMR.
+/// The bit position of the first bank of CAN2 in FMR.
 const CAN2SB: u32 = 8;
 const FMR_AT_RESET: u32 = 0x2A1C_0E01;
 const FMR_WRITABLE: u32 = 0x3F01;
 const ALL_BANKS: u32 = (1 << BANKS) - 1;
 
-/// The banks, as CAN1 has them.
+/// The banks, from the view of CAN1.
 #[derive(Clone, Debug)]
 pub(super) struct Filters {
     master: u32,
@@ -21,13 +21,13 @@ pub(super) struct Filters {
     fifo: u32,
     active: u32,
     banks: [[u32; 2]; BANKS],
-    /// What a bank held when it was deactivated.
+    /// The contents of a bank at its deactivation.
     before: [Option<[u32; 2]>; BANKS],
-    /// How often frames that were wanted before and after could have been lost, for tests.
+    /// The number of changes in which frames that were wanted before and after could be lost, for tests.
     pub(super) gaps: u32,
 }
 
-/// Where a message goes.
+/// The destination of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Match {
     pub(super) fifo: usize,
@@ -62,7 +62,7 @@ impl Filters {
         }
     }
 
-    /// Says whether it could be written.
+    /// Writes a register. Returns whether it was writable.
     pub(super) fn write(&mut self, offset: u32, value: u32) -> bool {
         let initializing = self.master & FINIT != 0;
         match offset {
@@ -89,7 +89,7 @@ impl Filters {
         true
     }
 
-    /// A bank that is deactivated and activated again as it was has let frames go by.
+    /// Counts banks that are activated again with the same contents, because frames were lost meanwhile.
     fn note_gaps(&mut self, active: u32) {
         for (bank, registers) in self.banks.iter().enumerate() {
             match (self.active >> bank & 1, active >> bank & 1) {
@@ -100,8 +100,8 @@ impl Filters {
         }
     }
 
-    /// The filter that takes a message with this identifier register. The wider one goes first, then a list before a
-    /// mask, then the lower number.
+    /// Returns the filter that accepts a message with this identifier register. A wider filter goes first, then a list
+    /// before a mask, then the lower number.
     pub(super) fn find(&self, identifier: u32) -> Option<Match> {
         if self.master & FINIT != 0 {
             return None;
@@ -120,18 +120,18 @@ impl Filters {
             {
                 best = Some((rank, Match { fifo, index: numbers[fifo] + place }));
             }
-            // Filters are numbered whether they are active or not.
+            // Inactive filters are numbered, too.
             numbers[fifo] += filters;
         }
         best.map(|(_, found)| found)
     }
 }
 
-/// Which filter of a bank takes the identifier, and how many filters the bank is.
+/// Returns the filter of a bank that accepts the identifier, and the number of filters in the bank.
 fn accepts([first, second]: [u32; 2], wide: bool, list: bool, identifier: u32) -> (Option<u8>, u8) {
     let position = |filters: &[bool]| filters.iter().position(|filter| *filter).map(|place| place as u8);
     if wide {
-        // Bit 0 is no bit of an identifier.
+        // Bit 0 does not belong to the identifier.
         let equal = |other: u32, mask: u32| (identifier ^ other) & mask & !1 == 0;
         return if list {
             (position(&[equal(first, u32::MAX), equal(second, u32::MAX)]), 2)
@@ -149,7 +149,7 @@ fn accepts([first, second]: [u32; 2], wide: bool, list: bool, identifier: u32) -
     }
 }
 
-/// STID[10:0], RTR, IDE, EXID[17:15]: what a filter of 16 bits sees of an identifier register.
+/// Returns the 16 bits of an identifier register that a filter of 16 bits compares: STID[10:0], RTR, IDE, EXID[17:15].
 fn narrow(identifier: u32) -> u16 {
     let base = identifier >> ir::STID;
     let extension = identifier >> (ir::EXID + 15) & 0b111;

@@ -1,24 +1,24 @@
-//! The three transmit mailboxes (RM0090 32.7.1): priority, abort, what became of a request.
+//! The three transmit mailboxes (RM0090 32.7.1): priority, abort, and the results of requests.
 
 use super::message::Message;
 use super::registers::{ir, tsr};
 
-/// How many there are.
+/// The number of mailboxes.
 pub(super) const MAILBOXES: usize = 3;
 
 #[derive(Clone, Debug, Default)]
 struct Mailbox {
     registers: [u32; 4],
     pending: bool,
-    /// It is to be emptied when the attempt that is on the wire fails.
+    /// Whether the mailbox is emptied if the attempt on the wire fails.
     aborting: bool,
-    /// Numbers the requests.
+    /// The number of the request.
     request: u64,
     /// RQCP, TXOK, ALST and TERR.
     status: u32,
 }
 
-/// How an attempt ended.
+/// The result of an attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Attempt {
     Sent,
@@ -31,19 +31,19 @@ pub(super) enum Attempt {
 pub(super) struct Mailboxes {
     boxes: [Mailbox; MAILBOXES],
     requests: u64,
-    /// The one whose message the bus was offered.
+    /// The mailbox whose message was offered to the bus.
     offered: Option<usize>,
     on_wire: Option<usize>,
 }
 
 impl Mailboxes {
-    /// Register 0 to 3 of a mailbox: identifier, length, data.
+    /// Returns register 0 to 3 of a mailbox: identifier, length, data.
     pub(super) fn read(&self, mailbox: usize, register: usize) -> u32 {
         let found = &self.boxes[mailbox];
         found.registers[register] | if register == 0 && found.pending { ir::TXRQ } else { 0 }
     }
 
-    /// Those of a mailbox that is not empty cannot be written. Says whether it was.
+    /// Writes a register of an empty mailbox. Returns whether the mailbox was empty.
     pub(super) fn write(&mut self, mailbox: usize, register: usize, value: u32) -> bool {
         let target = &mut self.boxes[mailbox];
         if target.pending {
@@ -57,7 +57,7 @@ impl Mailboxes {
         true
     }
 
-    /// The transmit status register; `by_request` when priority goes by the order of requests.
+    /// Returns the transmit status register. With `by_request`, the order of requests decides the priority.
     pub(super) fn status(&self, by_request: bool) -> u32 {
         let mut value = 0;
         for (number, found) in self.boxes.iter().enumerate() {
@@ -74,7 +74,7 @@ impl Mailboxes {
         value
     }
 
-    /// Flags are cleared by ones; the request flag takes the others along.
+    /// Writes the transmit status register. Ones clear flags, and the request flag clears the others with it.
     pub(super) fn write_status(&mut self, value: u32) {
         for number in 0..MAILBOXES {
             let written = value >> (8 * number) & 0xFF;
@@ -84,7 +84,7 @@ impl Mailboxes {
                 if self.on_wire == Some(number) {
                     target.aborting = true;
                 } else {
-                    // How an earlier attempt failed stands on.
+                    // The result of an earlier attempt stays.
                     target.pending = false;
                     target.status |= tsr::RQCP;
                 }
@@ -92,7 +92,7 @@ impl Mailboxes {
         }
     }
 
-    /// The message that takes part in the next arbitration.
+    /// Returns the message for the next arbitration.
     pub(super) fn offer(&mut self, by_request: bool) -> Option<Message> {
         if self.on_wire.is_none() {
             self.offered = self.pending().min_by_key(|number| self.priority(*number, by_request));
@@ -100,7 +100,7 @@ impl Mailboxes {
         self.offered.map(|number| Message::of_registers(self.boxes[number].registers))
     }
 
-    /// The offered message is on the wire.
+    /// Records that the offered message is on the wire.
     pub(super) fn begin(&mut self) {
         self.on_wire = self.offered;
     }
@@ -109,7 +109,7 @@ impl Mailboxes {
         self.on_wire.is_some()
     }
 
-    /// An attempt with the offered message has ended. What was not sent is tried again, unless only `once` was wanted.
+    /// Ends an attempt with the offered message. A message that was not sent is tried again, unless `once`.
     pub(super) fn end(&mut self, attempt: Attempt, once: bool) {
         let Some(number) = self.on_wire.take().or(self.offered) else { return };
         self.offered = None;
@@ -129,7 +129,7 @@ impl Mailboxes {
         }
     }
 
-    /// Whether a request was carried out and not yet acknowledged by software.
+    /// Returns whether a request is completed and software has not acknowledged it.
     pub(super) fn is_completed(&self) -> bool {
         self.boxes.iter().any(|found| found.status & tsr::RQCP != 0)
     }
@@ -138,7 +138,7 @@ impl Mailboxes {
         (0..MAILBOXES).filter(|number| self.boxes[*number].pending)
     }
 
-    /// The lower, the earlier: by the order of requests, or by identifier and then by number.
+    /// Returns the priority of a mailbox, lower first: by the order of requests, or by identifier and number.
     fn priority(&self, number: usize, by_request: bool) -> (u64, usize) {
         let found = &self.boxes[number];
         let arbitration = || u64::from(Message::of_registers(found.registers).frame.arbitration());

@@ -1,13 +1,13 @@
-//! A message as it stands in the registers of a mailbox or a FIFO (RM0090 32.7.5).
+//! A message in the registers of a mailbox or a FIFO (RM0090 32.7.5).
 
 use protocol_core::frame::{Frame, Id, extended, standard};
 
 use super::registers::ir;
 
-/// A frame, with the length code as it is on the wire: 9 to 15 are allowed there and mean 8.
+/// A frame with its length code on the wire. The codes 9 to 15 mean 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// The frame; its length is at most 8.
+    /// The frame, of at most 8 bytes.
     pub frame: Frame,
     /// The length code, 0 to 15.
     pub dlc: u8,
@@ -20,7 +20,7 @@ impl From<Frame> for Message {
 }
 
 impl Message {
-    /// The message of the four registers of a mailbox.
+    /// Decodes the four registers of a mailbox.
     pub(super) fn of_registers([identifier, length, low, high]: [u32; 4]) -> Self {
         let id: Id = if identifier & ir::IDE == 0 {
             standard((identifier >> ir::STID) as u16).into()
@@ -35,7 +35,7 @@ impl Message {
         Self { frame, dlc }
     }
 
-    /// The identifier register, without a transmit request: what filters look at.
+    /// Returns the identifier register without the transmit request, for filters.
     pub(super) fn identifier(&self) -> u32 {
         let id = match self.frame.id() {
             Id::Standard(id) => u32::from(id.as_raw()) << ir::STID,
@@ -44,7 +44,7 @@ impl Message {
         id | if self.frame.is_remote() { ir::RTR } else { 0 }
     }
 
-    /// The two data registers.
+    /// Returns the two data registers.
     pub(super) fn data(&self) -> [u32; 2] {
         let word = |from: usize| u32::from_le_bytes(std::array::from_fn(|byte| self.frame.bytes()[from + byte]));
         [word(0), word(4)]

@@ -1,5 +1,5 @@
-//! bxCAN, the CAN controller of the STM32F4 (RM0090 chapter 32), as software and bus see it: registers on one side,
-//! what the wire does on the other. No clock and no bus in here.
+//! bxCAN, the CAN controller of the STM32F4 (RM0090 chapter 32): registers on the side of software, events on the side
+//! of the wire. The model has no clock and no bus.
 //!
 //! ```text
 //! registers   addresses and bits
@@ -11,10 +11,10 @@
 //! message     a frame in registers
 //! ```
 //!
-//! Software that writes what cannot be written is complained of; the harness fails on any complaint.
+//! A write to a register that is not writable causes a complaint, and any complaint fails the harness.
 //!
-//! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, and the
-//! state of the pins (SAMP and RX read recessive).
+//! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, and the state
+//! of the pins (SAMP and RX read recessive).
 
 mod errors;
 mod fifo;
@@ -39,32 +39,32 @@ use filters::Filters;
 use mailboxes::{Attempt, Mailboxes};
 use registers::*;
 
-/// Its interrupts, in the order of their lines.
+/// The interrupt lines, in their order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Interrupts {
     /// A mailbox was emptied.
     pub transmit: bool,
-    /// FIFO 0 and FIFO 1 have something, are full, or overrun.
+    /// FIFO 0 or FIFO 1 holds a message, is full, or has an overrun.
     pub fifo: [bool; 2],
     /// Status change and error.
     pub status: bool,
 }
 
-/// What it is to the bus.
+/// The presence of the controller on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
-    /// It neither listens nor sends.
+    /// The controller neither listens nor sends.
     Off,
-    /// It waits for a start of frame.
+    /// The controller waits for a start of frame.
     Asleep {
-        /// The bit timing that it would have.
+        /// The bit timing after the wake-up.
         timing: BitTiming,
     },
-    /// It listens, and may send.
+    /// The controller listens, and may send.
     On {
-        /// Its bit timing.
+        /// The bit timing.
         timing: BitTiming,
-        /// It sends nothing dominant.
+        /// Whether the controller sends nothing dominant.
         silent: bool,
     },
 }
@@ -74,7 +74,8 @@ pub enum Presence {
 enum Mode {
     Sleep,
     Initialization,
-    /// On the way to [`Normal`](Self::Normal): it waits for 11 recessive bits, and still acknowledges the mode before.
+    /// The controller is on the way to [`Normal`](Self::Normal): it waits for 11 recessive bits, and still acknowledges
+    /// the previous mode.
     Synchronising {
         from_sleep: bool,
     },
@@ -86,31 +87,31 @@ enum Mode {
 pub struct BxCan {
     mode: Mode,
     control: u32,
-    /// ERRI, WKUI and SLAKI.
+    /// The flags ERRI, WKUI and SLAKI.
     noted: u32,
     enabled: u32,
     timing: u32,
-    /// A frame of whomever is on the wire.
+    /// Whether a frame of any node is on the wire.
     busy: bool,
     recovery: Recovery,
     mailboxes: Mailboxes,
     fifos: [Fifo; 2],
     filters: Filters,
     errors: Errors,
-    /// What MSR.TXM reads in the place of the truth, for tests.
+    /// The value of MSR.TXM instead of the true one, for tests.
     sending_shown: Option<bool>,
-    /// RXD is held dominant.
+    /// Whether RXD is held dominant.
     dominant: bool,
     error_interrupts: u32,
     complaints: Vec<String>,
 }
 
-/// Whether it is on its way back from bus-off.
+/// The recovery from bus-off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Recovery {
-    /// Software has to enter and leave initialization mode.
+    /// Software must enter and leave initialization mode.
     Wanted,
-    /// It has been in initialization mode since.
+    /// Software has been in initialization mode since.
     Running,
 }
 
@@ -136,7 +137,7 @@ impl Default for BxCan {
     }
 }
 
-/// The registers that software sees.
+/// The registers, on the side of software.
 impl BxCan {
     /// Reads the register at an offset.
     #[must_use]
@@ -162,7 +163,8 @@ impl BxCan {
         }
     }
 
-    /// The processor has read the register at an offset, or is about to write it: what takes some accesses goes on.
+    /// Counts an access of the processor to a register, before a write and after a read. Some operations take a number
+    /// of accesses.
     pub fn pass_access(&mut self, offset: u32) {
         let is_output = |fifo: usize| (RI0R..FMR).contains(&offset) && (offset - RI0R) as usize / 0x10 == fifo;
         if let Some(fifo) = (0..2).find(|fifo| is_output(*fifo) && self.fifos[*fifo].is_releasing()) {
@@ -204,7 +206,7 @@ impl BxCan {
         }
     }
 
-    /// The levels of its interrupt lines (RM0090 32.8).
+    /// Returns the levels of the interrupt lines (RM0090 32.8).
     #[must_use]
     pub fn interrupts(&self) -> Interrupts {
         let enabled = |bit: u32| self.enabled & bit != 0;
@@ -226,26 +228,26 @@ impl BxCan {
         }
     }
 
-    /// How many messages the two FIFOs have lost.
+    /// Returns the number of messages that the two FIFOs have lost.
     #[must_use]
     pub fn lost(&self) -> [u32; 2] {
         [self.fifos[0].lost, self.fifos[1].lost]
     }
 
-    /// How many messages the filters have let into the two FIFOs.
+    /// Returns the number of messages that the filters have passed to the two FIFOs.
     #[must_use]
     pub fn came(&self) -> [u64; 2] {
         [self.fifos[0].came, self.fifos[1].came]
     }
 
-    /// How often a filter was off in between that was the same before and after, or all were: silicon receives nothing
-    /// by it meanwhile.
+    /// Returns the number of times that a filter, or all filters, were off between equal contents. Silicon loses frames
+    /// meanwhile.
     #[must_use]
     pub const fn filter_gaps(&self) -> u32 {
         self.filters.gaps
     }
 
-    /// What no firmware may do, told once.
+    /// Takes the complaints about the firmware.
     pub fn take_complaints(&mut self) -> Vec<String> {
         std::mem::take(&mut self.complaints)
     }
@@ -258,26 +260,26 @@ impl BxCan {
         self.complaints.extend(complaints);
     }
 
-    /// From now on MSR.TXM reads this in the place of the truth: as if it had been read just before a frame began, or
-    /// in an arbitration that is lost then. In the world, arbitration takes no time.
+    /// Sets the value that MSR.TXM reads, whatever the state. A test can so show software the state just before a
+    /// frame, or during a lost arbitration, which takes no time in the world.
     pub const fn show_sending(&mut self, shown: Option<bool>) {
         self.sending_shown = shown;
     }
 
-    /// From now on RXD is held dominant, as by a transceiver without supply, or no longer: the controller then enters
-    /// neither initialization nor sleep mode (A).
+    /// Holds RXD dominant, as a transceiver without supply does, or releases it. A dominant RXD keeps the controller
+    /// from initialization and sleep mode (A).
     pub fn hold_dominant(&mut self, dominant: bool) {
         self.dominant = dominant;
         self.follow_requests();
     }
 
-    /// Whether RXD [is held dominant](Self::hold_dominant).
+    /// Returns whether RXD [is held dominant](Self::hold_dominant).
     #[must_use]
     pub const fn is_held_dominant(&self) -> bool {
         self.dominant
     }
 
-    /// How often an error has interrupted.
+    /// Returns the number of error interrupts.
     #[must_use]
     pub const fn error_interrupts(&self) -> u32 {
         self.error_interrupts
@@ -305,7 +307,7 @@ impl BxCan {
         *self = Self { enabled, timing, filters, fifos, error_interrupts, complaints, dominant, ..Self::default() };
     }
 
-    /// Takes the mode that MCR asks for, unless a frame is on the wire: then at its end.
+    /// Enters the mode that MCR requests, at the end of a frame on the wire.
     fn follow_requests(&mut self) {
         if self.busy && self.mode == Mode::Normal || self.dominant && self.mode != Mode::Initialization {
             return;
@@ -329,16 +331,16 @@ impl BxCan {
             self.busy = false;
             self.recovery = Recovery::Running;
         }
-        // Out of the sight of the bus there is nothing to hear the own messages by.
+        // In loop back mode the bus does not end the synchronisation.
         if self.is_loopback() && matches!(self.mode, Mode::Synchronising { .. }) {
             self.mode = Mode::Normal;
         }
     }
 }
 
-/// What the bus sees of it, and tells it.
+/// The side of the bus.
 impl BxCan {
-    /// What it is to the bus.
+    /// Returns the presence on the bus.
     #[must_use]
     pub fn presence(&self) -> Presence {
         let timing = BitTiming::of(self.timing);
@@ -352,13 +354,13 @@ impl BxCan {
         }
     }
 
-    /// Whether it hears itself instead of the bus.
+    /// Returns whether the controller hears itself instead of the bus.
     #[must_use]
     pub const fn is_loopback(&self) -> bool {
         timing::is_loopback(self.timing)
     }
 
-    /// The message that takes part in the next arbitration.
+    /// Returns the message for the next arbitration.
     pub fn offer(&mut self) -> Option<Message> {
         let may = self.mode == Mode::Normal
             && !self.errors.is_bus_off()
@@ -366,7 +368,7 @@ impl BxCan {
         if may { self.mailboxes.offer(self.control & mcr::TXFP != 0) } else { None }
     }
 
-    /// Whether it is bus-off and counts sequences of 11 recessive bits.
+    /// Returns whether the controller is bus-off and counts sequences of 11 recessive bits.
     #[must_use]
     pub fn is_recovering(&self) -> bool {
         let automatic = self.control & mcr::ABOM != 0;
@@ -375,7 +377,7 @@ impl BxCan {
             && (automatic || self.recovery == Recovery::Running)
     }
 
-    /// The bus tells what happened. A frame that was received is given as it is on the wire.
+    /// Handles an event of the bus. A received frame has its length code of the wire.
     pub fn hear(&mut self, event: WireEvent) {
         self.fifos.iter_mut().for_each(Fifo::settle);
         match event {
@@ -414,7 +416,7 @@ impl BxCan {
         }
     }
 
-    /// An attempt to send the offered message failed.
+    /// Handles a failed attempt to send the offered message.
     pub fn not_sent(&mut self, error: LastError) {
         let was_on = !self.errors.is_bus_off();
         let noted = self.errors.not_sent(error, self.enabled);
@@ -425,13 +427,13 @@ impl BxCan {
         self.end_attempt(Attempt::Failed);
     }
 
-    /// A frame of somebody else was destroyed.
+    /// Handles a destroyed frame of another node.
     pub fn not_received(&mut self, error: LastError, first: bool) {
         let noted = self.errors.not_received(error, first, self.enabled);
         self.note_error(noted);
     }
 
-    /// A frame was received without an error.
+    /// Handles a frame without an error.
     pub fn receive(&mut self, message: Message) {
         if self.mode != Mode::Normal || self.errors.is_bus_off() {
             return;
@@ -443,7 +445,7 @@ impl BxCan {
         }
     }
 
-    /// In loop back mode: the offered message has gone once around.
+    /// Receives the offered message, in loop back mode.
     pub fn loop_back(&mut self) {
         if let Some(message) = self.offer() {
             self.hear(WireEvent::Begins { own: true });

@@ -1,4 +1,4 @@
-//! Where the registers are (RM0090 32.9.6, bxCAN register map), and the bits in them.
+//! The addresses of the registers (RM0090 32.9.6, bxCAN register map), and their bits.
 
 /// Master control.
 pub const MCR: u32 = 0x000;
@@ -51,9 +51,9 @@ pub mod mcr {
     pub const ABOM: u32 = 1 << 6;
     /// Master reset.
     pub const RESET: u32 = 1 << 15;
-    /// What it holds after a reset.
+    /// The value after a reset.
     pub const AT_RESET: u32 = 0x0001_0002;
-    /// The bits there are, but for the reset, which reads 0.
+    /// The bits of the register, without the reset bit, which reads 0.
     pub const ALL: u32 = 0x0001_00FF;
 }
 
@@ -69,11 +69,11 @@ pub mod msr {
     pub const WKUI: u32 = 1 << 3;
     /// Sleep was entered.
     pub const SLAKI: u32 = 1 << 4;
-    /// It is sending.
+    /// The controller is sending.
     pub const TXM: u32 = 1 << 8;
-    /// It is receiving.
+    /// The controller is receiving.
     pub const RXM: u32 = 1 << 9;
-    /// The last sample and the pin: recessive, between frames.
+    /// The last sample and the pin, which are recessive between frames.
     pub const RECESSIVE: u32 = 0xC00;
 }
 
@@ -89,11 +89,11 @@ pub mod tsr {
     pub const TERR: u32 = 1 << 3;
     /// Abort request.
     pub const ABRQ: u32 = 1 << 7;
-    /// Where the number of the next mailbox stands.
+    /// The position of the number of the next mailbox.
     pub const CODE: u32 = 24;
-    /// Where the three empty flags stand.
+    /// The position of the three empty flags.
     pub const TME: u32 = 26;
-    /// Where the three flags of the lowest priority stand.
+    /// The position of the three flags of the lowest priority.
     pub const LOW: u32 = 29;
 }
 
@@ -117,7 +117,7 @@ pub mod ier {
     pub const FFIE: u32 = 1 << 2;
     /// FIFO 0 overrun.
     pub const FOVIE: u32 = 1 << 3;
-    /// From FIFO 0's bits to FIFO 1's.
+    /// The distance from the bits of FIFO 0 to those of FIFO 1.
     pub const NEXT_FIFO: u32 = 3;
     /// Error warning.
     pub const EWGIE: u32 = 1 << 8;
@@ -127,7 +127,7 @@ pub mod ier {
     pub const BOFIE: u32 = 1 << 10;
     /// Last error code.
     pub const LECIE: u32 = 1 << 11;
-    /// Any of the errors.
+    /// The interrupt of all errors.
     pub const ERRIE: u32 = 1 << 15;
     /// Wake-up.
     pub const WKUIE: u32 = 1 << 16;
@@ -143,13 +143,13 @@ pub mod esr {
     pub const EPVF: u32 = 1 << 1;
     /// Bus-off.
     pub const BOFF: u32 = 1 << 2;
-    /// Where the last error code stands.
+    /// The position of the last error code.
     pub const LEC: u32 = 4;
-    /// Its bits.
+    /// The mask of the last error code.
     pub const LEC_MASK: u32 = 7 << LEC;
-    /// Where the transmit error counter stands.
+    /// The position of the transmit error counter.
     pub const TEC: u32 = 16;
-    /// Where the receive error counter stands.
+    /// The position of the receive error counter.
     pub const REC: u32 = 24;
 }
 
@@ -159,9 +159,9 @@ pub mod btr {
     pub const LBKM: u32 = 1 << 30;
     /// Silent.
     pub const SILM: u32 = 1 << 31;
-    /// What it holds after a reset.
+    /// The value after a reset.
     pub const AT_RESET: u32 = 0x0123_0000;
-    /// The bits there are.
+    /// The bits of the register.
     pub const ALL: u32 = 0xC37F_03FF;
 }
 
@@ -173,8 +173,8 @@ pub mod ir {
     pub const RTR: u32 = 1 << 1;
     /// Extended identifier.
     pub const IDE: u32 = 1 << 2;
-    /// Where an extended identifier stands.
+    /// The position of a 29-bit identifier.
     pub const EXID: u32 = 3;
-    /// Where a standard identifier stands.
+    /// The position of an 11-bit identifier.
     pub const STID: u32 = 21;
 }

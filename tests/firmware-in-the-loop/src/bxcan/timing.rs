@@ -1,22 +1,23 @@
-//! Bit timing (RM0090 32.7.7).
+//! The bit timing (RM0090 32.7.7).
 
 use super::registers::btr;
 
-/// How long a bit is, and where in it the bus is sampled.
+/// The length of a bit, and the sample point in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
-    /// Cycles of the peripheral clock in a time quantum.
+    /// The number of cycles of the peripheral clock in a time quantum.
     pub prescaler: u32,
-    /// Time quanta from the start of the bit to the sample point.
+    /// The number of time quanta from the start of the bit to the sample point.
     pub to_sample: u32,
-    /// Time quanta in a bit.
+    /// The number of time quanta in a bit.
     pub quanta: u32,
-    /// Time quanta by which a bit is made longer or shorter at the most, to follow another node's clock.
+    /// The maximum number of time quanta by which a bit is lengthened or shortened, to follow the clock of another
+    /// node.
     pub jump_width: u32,
 }
 
 impl BitTiming {
-    /// What [`BTR`](super::registers::BTR) says.
+    /// Decodes a value of [`BTR`](super::registers::BTR).
     #[must_use]
     pub const fn of(register: u32) -> Self {
         let to_sample = 1 + (register >> 16 & 0xF) + 1;
@@ -24,26 +25,26 @@ impl BitTiming {
         Self { prescaler: (register & 0x3FF) + 1, to_sample, quanta, jump_width: (register >> 24 & 3) + 1 }
     }
 
-    /// Bits per second with this peripheral clock, if that is a whole number.
+    /// Returns the bits per second with this peripheral clock, if they are a whole number.
     #[must_use]
     pub const fn bits_per_second(self, clock_hz: u64) -> Option<u64> {
         let cycles = self.prescaler as u64 * self.quanta as u64;
         if clock_hz.is_multiple_of(cycles) { Some(clock_hz / cycles) } else { None }
     }
 
-    /// Where in the bit the sample point is, in tenths of a percent.
+    /// Returns the position of the sample point in the bit, in tenths of a percent.
     #[must_use]
     pub const fn sample_point(self) -> u32 {
         self.to_sample * 1000 / self.quanta
     }
 }
 
-/// Whether the controller hears itself instead of the bus.
+/// Returns whether the controller hears itself instead of the bus.
 pub(super) const fn is_loopback(register: u32) -> bool {
     register & btr::LBKM != 0
 }
 
-/// Whether the controller sends nothing dominant.
+/// Returns whether the controller sends nothing dominant.
 pub(super) const fn is_silent(register: u32) -> bool {
     register & btr::SILM != 0
 }

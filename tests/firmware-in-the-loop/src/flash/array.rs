@@ -1,32 +1,32 @@
-//! The cells that hold the memory, and their sectors (RM0090 table 6, 2 Mbyte; RM0390 table 4).
+//! The cells of the memory and their sectors (RM0090 table 6, 2 Mbyte; RM0390 table 4).
 
 use super::Nanos;
 
-/// The bytes of the first four sectors of a bank.
+/// The size of the first four sectors of a bank, in bytes.
 pub const SECTOR_SIZE: usize = 16 << 10;
-/// What an erased byte reads as.
+/// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// Which sectors are modelled: those that hold the memory, in a bank of their own or in that of the image.
+/// The modelled sectors: those of the memory, in a bank of their own or in that of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// Where they begin.
+    /// The address of the first sector.
     pub base: u64,
-    /// Their bytes.
+    /// The size of all sectors, in bytes.
     pub size: usize,
-    /// SNB of the first one.
+    /// The SNB of the first sector.
     first_snb: u32,
     /// Whether the image is in another bank.
     pub two_banks: bool,
 }
 
 impl Layout {
-    /// Bank 2 of an STM32F429ZI.
+    /// The memory in bank 2 of an STM32F429ZI.
     pub const TWO_BANKS: Self = Self { base: 0x0810_0000, size: 1 << 20, first_snb: 0x10, two_banks: true };
-    /// Sectors 1 and 2 of an STM32F446RE.
+    /// The memory in sectors 1 and 2 of an STM32F446RE.
     pub const ONE_BANK: Self = Self { base: 0x0800_4000, size: 2 * SECTOR_SIZE, first_snb: 1, two_banks: false };
 
-    /// Where the sector of an SNB begins, and its size; `None` when it is none of these.
+    /// Returns the offset and the size of the sector of an SNB; `None` for other sectors.
     pub(super) const fn sector(&self, snb: u32) -> Option<(usize, usize)> {
         const K: usize = 1 << 10;
         let (from, size) = match snb.checked_sub(self.first_snb) {
@@ -39,11 +39,11 @@ impl Layout {
     }
 }
 
-/// The bytes.
+/// The bytes of the memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Array(Vec<u8>);
 
-/// How long the erase of a sector takes by PSIZE: 8, 16, 32 bits (DS9405 and DS10693, typical).
+/// Returns the duration of the erase of a sector, by PSIZE: 8, 16, 32 bits (DS9405 and DS10693, typical).
 pub(super) const fn erase_time(size: usize, parallelism: u32) -> Nanos {
     let milliseconds: [Nanos; 3] = match size >> 10 {
         16 => [400, 300, 250],
@@ -72,7 +72,7 @@ impl Array {
         (0..bytes).fold(0, |value, place| value | u64::from(byte(place)) << (8 * place))
     }
 
-    /// Bits go from 1 to 0 only.
+    /// Programs bytes. Bits change from 1 to 0 only.
     pub(super) fn program(&mut self, offset: usize, bytes: usize, value: u64) {
         for place in 0..bytes {
             if let Some(byte) = self.0.get_mut(offset + place) {
@@ -85,7 +85,7 @@ impl Array {
         self.0[from..from + size].fill(ERASED);
     }
 
-    /// An erase that was interrupted: some words are as they were, some erased, some neither.
+    /// Leaves an interrupted erase: some words unchanged, some erased, some neither.
     pub(super) fn erase_partly(&mut self, from: usize, size: usize, random: &mut fastrand::Rng) {
         let progress = random.u8(..);
         for byte in &mut self.0[from..from + size] {

@@ -1,14 +1,14 @@
-//! The flash interface with the sectors that hold the memory, of an STM32F429ZI (RM0090 chapter 3, DS9405 for the
-//! times) or of an STM32F446RE (RM0390 chapter 3, DS10693): really programs and erases.
+//! The flash interface and the sectors of the memory, of an STM32F429ZI (RM0090 chapter 3, DS9405 for the times) or an
+//! STM32F446RE (RM0390 chapter 3, DS10693). The model programs and erases the memory.
 //!
-//! The sectors of the image are plain memory to the emulator; whoever programs or erases them is complained of. So is,
-//! with two banks, what would stall the processor on silicon: an access to bank 2 or to the control register during an
-//! operation there; and what makes the data cache lie: with two banks an operation while it is on (ES0206), with one or
-//! two a read through it of what was changed since it was reset (RM0090 3.6.4, RM0390 3.5.4). The harness fails on any
-//! complaint.
+//! To the emulator the sectors of the image are plain memory, and programming or erasing them causes a complaint. With
+//! two banks, so does an access that stalls the processor on silicon: to bank 2 or to the control register during an
+//! operation there. The same holds for a data cache that would return wrong data: with two banks an operation while the
+//! cache is on (ES0206); with one or two a cached read of data that changed since its reset (RM0090 3.6.4, RM0390
+//! 3.5.4). Any complaint fails the harness.
 //!
 //! With one bank the processor [is held](Flash::holds) from the instruction that begins an operation to its end. On
-//! silicon it may get some instructions further, as far as the caches go (A).
+//! silicon it can execute some more instructions from the caches (A).
 //!
 //! Left out: option bytes, protection, an instruction fetch from the memory.
 
@@ -23,36 +23,36 @@ pub use array::{ERASED, Layout, SECTOR_SIZE};
 use array::Array;
 use registers::*;
 
-/// Nanoseconds since the power came.
+/// A time in nanoseconds since the power came.
 pub type Nanos = u64;
 
-/// How long programming takes, whatever the width (DS9405 and DS10693, typical).
+/// The duration of programming, whatever the width (DS9405 and DS10693, typical).
 pub const PROGRAM_TIME: Nanos = 16_000;
-/// The same, at the longest.
+/// The maximum duration of programming.
 const LONGEST_PROGRAM_TIME: Nanos = 100_000;
-/// The longest erase takes so many times the typical one, whatever the sector and the width.
+/// The ratio of the longest erase to the typical one, for all sectors and widths.
 const LONGEST_ERASE: Nanos = 2;
-/// Years after the power came.
+/// A time that is never reached.
 const FOR_EVER: Nanos = 1 << 60;
 
 /// An operation that has begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Operation {
     what: What,
-    /// When it began.
+    /// The beginning of the operation.
     pub from: Nanos,
-    /// When it ends, unless it is cut.
+    /// The end of the operation, unless it is cut.
     pub until: Nanos,
 }
 
 impl Operation {
-    /// Whether a sector is erased, not a word written.
+    /// Returns whether the operation is an erase, not the write of a word.
     #[must_use]
     pub const fn is_erase(&self) -> bool {
         self.erased().is_some()
     }
 
-    /// Where the sector begins that is erased, from the start of the memory on.
+    /// Returns the offset of the erased sector in the memory.
     #[must_use]
     pub const fn erased(&self) -> Option<usize> {
         if let What::Erase { from, .. } = self.what { Some(from) } else { None }
@@ -65,14 +65,14 @@ enum What {
     Erase { from: usize, size: usize },
 }
 
-/// The flash interface with the memory behind it. What that holds outlives resets and power cuts.
+/// The flash interface with its memory, whose content outlives resets and power cuts.
 #[derive(Clone, Debug)]
 pub struct Flash {
     layout: Layout,
     array: Array,
     keys: Keys,
     access: u32,
-    /// The data cache may hold what has changed since.
+    /// Whether the data cache may hold data that have changed since.
     stale: bool,
     control: u32,
     status: u32,
@@ -90,7 +90,7 @@ pub struct Flash {
 enum Keys {
     None,
     First,
-    /// A wrong key: locked until the next reset.
+    /// A wrong key has locked the register until the next reset.
     Wrong,
 }
 
@@ -116,9 +116,9 @@ impl Default for Flash {
     }
 }
 
-/// What a test does with it.
+/// The side of a test.
 impl Flash {
-    /// With these bytes from the start of the memory on.
+    /// Creates a flash whose memory begins with these bytes.
     #[must_use]
     pub fn of(layout: Layout, content: &[u8]) -> Self {
         let mut flash = Self { layout, ..Self::default() };
@@ -126,57 +126,57 @@ impl Flash {
         flash
     }
 
-    /// The memory holds these bytes from its start on, as an adapter writes them: the rest of it is erased.
+    /// Replaces the memory by these bytes, as a programming adapter does. The rest is erased.
     pub fn restore(&mut self, content: &[u8]) {
         self.array = Array::erased(&self.layout);
         self.array.fill(0, content);
     }
 
-    /// From now on programming and erasing take the longest time that the data sheet allows, or the typical one.
+    /// Makes programming and erasing take the maximum time of the data sheet, or the typical one.
     pub const fn set_slow(&mut self, slow: bool) {
         self.slow = slow;
     }
 
-    /// From now on no erase that begins ends before a reset, or each does again.
+    /// Makes erases last until a reset, or end again.
     pub const fn set_stuck(&mut self, stuck: bool) {
         self.stuck = stuck;
     }
 
-    /// The first `size` bytes of the memory.
+    /// Returns the first `size` bytes of the memory.
     #[must_use]
     pub fn content(&self, size: usize) -> &[u8] {
         self.array.bytes(0, size)
     }
 
-    /// From now on programming and erasing fail as on protected sectors, or do so no longer.
+    /// Makes programming and erasing fail as on protected sectors, or succeed again.
     pub const fn set_fails(&mut self, fails: bool) {
         self.fails = fails;
     }
 
-    /// What no firmware may do, told once.
+    /// Takes the complaints about the firmware.
     pub fn take_complaints(&mut self) -> Vec<String> {
         std::mem::take(&mut self.complaints)
     }
 
-    /// How many times it was programmed, and how many sectors were erased.
+    /// Returns the number of programmed words and of erased sectors.
     #[must_use]
     pub const fn wear(&self) -> (u64, u64) {
         (self.programs, self.erases)
     }
 
-    /// All that began since the power came, or the last reset.
+    /// Returns all operations since the power came or the last reset.
     #[must_use]
     pub fn journal(&self) -> &[Operation] {
         &self.journal
     }
 
-    /// The end of the operation that is under way.
+    /// Returns the end of the operation in progress.
     #[must_use]
     pub fn due(&self) -> Option<Nanos> {
         self.operation.map(|operation| operation.until)
     }
 
-    /// The chip is reset or loses its supply: an operation under way is torn, in a way that depends on the seed.
+    /// Handles a reset or a loss of the supply. An operation in progress is torn, in a way that depends on the seed.
     pub fn reset(&mut self, now: Nanos, seed: u64) {
         self.settle(now);
         let mut random = fastrand::Rng::with_seed(seed ^ now);
@@ -194,9 +194,9 @@ impl Flash {
     }
 }
 
-/// What the processor does with it.
+/// The side of the processor.
 impl Flash {
-    /// Reads the register at an offset of the interface; `None` for one that only stores what is written.
+    /// Reads the register at an offset of the interface; `None` for one that only stores its value.
     pub fn read_register(&mut self, offset: u32, now: Nanos) -> Option<u32> {
         self.settle(now);
         match offset {
@@ -266,20 +266,20 @@ impl Flash {
         }
     }
 
-    /// Whether the processor stands: an operation is under way in the bank that it runs from.
+    /// Returns whether the processor stalls, because an operation is in progress in the bank from which it runs.
     #[must_use]
     pub fn holds(&self, now: Nanos) -> bool {
         !self.layout.two_banks && self.operation.is_some_and(|operation| operation.until > now)
     }
 
-    /// The level of its interrupt line.
+    /// Returns the level of the interrupt line.
     #[must_use]
     pub const fn interrupt(&self) -> bool {
         self.status & sr::EOP != 0 && self.control & cr::EOPIE != 0
             || self.status & sr::OPERR != 0 && self.control & cr::ERRIE != 0
     }
 
-    /// Ends what ends by `now`.
+    /// Ends the operations that are due by `now`.
     pub fn settle(&mut self, now: Nanos) {
         let Some(Operation { what, .. }) = self.operation.take_if(|operation| operation.until <= now) else { return };
         self.stale = true;

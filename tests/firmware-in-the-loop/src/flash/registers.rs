@@ -1,4 +1,4 @@
-//! Where the registers are (RM0090 3.9, STM32F42xxx), and the bits in them.
+//! The addresses of the registers (RM0090 3.9, STM32F42xxx), and their bits.
 
 /// Access control.
 pub const ACR: u32 = 0x00;
@@ -13,7 +13,7 @@ pub const CR: u32 = 0x10;
 
 /// The first key that unlocks [`CR`].
 pub const KEY1: u32 = 0x4567_0123;
-/// The second one.
+/// The second key that unlocks [`CR`].
 pub const KEY2: u32 = 0xCDEF_89AB;
 
 /// Bits of [`ACR`].
@@ -22,7 +22,7 @@ pub mod acr {
     pub const DCEN: u32 = 1 << 10;
     /// Data cache reset.
     pub const DCRST: u32 = 1 << 12;
-    /// The bits there are.
+    /// The bits of the register.
     pub const ALL: u32 = 0x1F0F;
 }
 
@@ -34,7 +34,7 @@ pub mod sr {
     pub const OPERR: u32 = 1 << 1;
     /// The sector is protected, or there is none.
     pub const WRPERR: u32 = 1 << 4;
-    /// Another width than PSIZE says.
+    /// The width differs from PSIZE.
     pub const PGPERR: u32 = 1 << 6;
     /// Programming was not set up.
     pub const PGSERR: u32 = 1 << 7;
@@ -50,9 +50,9 @@ pub mod cr {
     pub const SER: u32 = 1 << 1;
     /// Erase of bank 1.
     pub const MER: u32 = 1 << 2;
-    /// Where the sector number stands.
+    /// The position of the sector number.
     pub const SNB: u32 = 3;
-    /// Where the parallelism stands: 8, 16, 32, 64 bits.
+    /// The position of the parallelism: 8, 16, 32, 64 bits.
     pub const PSIZE: u32 = 8;
     /// Erase of bank 2.
     pub const MER1: u32 = 1 << 15;
@@ -64,6 +64,6 @@ pub mod cr {
     pub const ERRIE: u32 = 1 << 25;
     /// Locked.
     pub const LOCK: u32 = 1 << 31;
-    /// The bits there are.
+    /// The bits of the register.
     pub const ALL: u32 = 0x8301_83FF;
 }

@@ -11,27 +11,27 @@ use rigless::time::{EventId, VirtualNanos};
 
 use crate::bxcan::{BitTiming, BxCan, Interrupts, Presence, registers};
 
-/// The controller, where the emulated processor and the bus meet. While one of them looks, the other one waits.
+/// The controller, shared by the emulated processor and the bus. One of them waits while the other uses it.
 #[derive(Clone, Debug, Default)]
 pub struct Can1(Arc<Mutex<Shared>>);
 
-/// What [`Can1`] holds.
+/// The content of [`Can1`].
 #[derive(Debug, Default)]
 pub struct Shared {
     /// The controller.
     pub can: BxCan,
-    /// The clock that its bit timing divides.
+    /// The clock of the bit timing, in Hz.
     pub clock_hz: u64,
-    /// The firmware has changed what the bus sees of it.
+    /// Whether the firmware has changed the state of the controller on the bus.
     pub changed: bool,
-    /// The part was reset since the bus last looked.
+    /// Whether the part was reset since the bus last looked.
     pub was_reset: bool,
-    /// Its clock was enabled, and is perhaps not there yet.
+    /// Whether the clock of the controller was enabled and may not run yet.
     pub clock_starts: bool,
 }
 
 impl Can1 {
-    /// Looks at it.
+    /// Locks the controller.
     pub fn lock(&self) -> MutexGuard<'_, Shared> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -64,7 +64,7 @@ impl CanDevice {
         }
     }
 
-    /// In loop back mode no bus says when a frame is through.
+    /// Starts the transmission in loop back mode, which no bus ends.
     fn start_loop_back(&mut self, context: &mut DeviceContext<'_>) {
         let mut shared = self.shared.lock();
         if !shared.can.is_loopback() || self.loop_back.is_some() {
@@ -117,7 +117,7 @@ impl Device for CanDevice {
         }
     }
 
-    /// The bus may have told it something.
+    /// Handles the events of the bus.
     fn poll(&mut self, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.drive_lines(context);
     }
@@ -147,8 +147,8 @@ impl Shared {
         }
     }
 
-    /// What the bus sees of it, with the bit rate in bits per second, 0 for one that is no whole number; `None` when it
-    /// is off the bus. One that sleeps before it was ever set up is.
+    /// Returns the bit rate in bits per second, 0 for one that is no whole number, and whether the controller is
+    /// silent; `None` off the bus. A controller that sleeps before its first setup is off the bus.
     #[must_use]
     pub fn on_bus(&self) -> Option<(u64, bool)> {
         let rate = |timing: BitTiming| timing.bits_per_second(self.clock_hz).unwrap_or(0);

@@ -1,4 +1,4 @@
-//! The far end of the console's wire.
+//! The far end of the wire of the console.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,25 +12,25 @@ use rigless::time::VirtualNanos;
 #[derive(Clone, Debug, Default)]
 pub struct Terminal(Arc<Mutex<Lines>>);
 
-/// What is on the two wires of a terminal.
+/// The state of the two wires of a terminal.
 #[derive(Debug, Default)]
 pub struct Lines {
-    /// What was typed and is not sent yet.
+    /// The typed characters that are not sent yet.
     pub typed: VecDeque<u8>,
-    /// A character that comes damaged: its place in `typed`, and how.
+    /// A character to be damaged: its position in `typed`, and the damage.
     pub damage: Option<(usize, Damage)>,
-    /// What the firmware has printed.
+    /// The output of the firmware.
     pub printed: Vec<u8>,
-    /// How the character on the wire comes.
+    /// The damage of the character on the wire.
     on_wire: Option<Damage>,
 }
 
-/// How a character comes damaged.
+/// The damage of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Damage {
-    /// The receiver's flag for it.
+    /// The flag of the receiver for the damage.
     pub flag: Flag,
-    /// The bits of the character that are flipped, one at least.
+    /// The flipped bits of the character, at least one.
     pub flipped: u8,
 }
 
@@ -44,13 +44,13 @@ pub enum Flag {
 }
 
 impl Terminal {
-    /// Looks at it.
+    /// Locks the wires.
     pub fn lock(&self) -> MutexGuard<'_, Lines> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sets how the receiver gets the character on the wire. The receiver draws the bits that it flips: the seed is the
-    /// first with which it draws the right ones.
+    /// Sets the damage of the character on the wire. The receiver draws the flipped bits at random, so the seed is the
+    /// first one with which it draws these.
     pub(super) fn damage(&self, errors: &mut Errors) {
         let damage = self.lock().on_wire;
         let rate = |flag| {

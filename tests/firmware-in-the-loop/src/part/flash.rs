@@ -1,5 +1,4 @@
-//! The flash in the emulated part: the interface's registers, and the sectors that hold the memory as a window that is
-//! read and written byte by byte.
+//! The flash in the emulated part: the registers of the interface, and the sectors of the memory as a window of bytes.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -10,29 +9,29 @@ use rigless::time::{EventId, VirtualNanos};
 
 use crate::flash::Flash;
 
-/// The flash, shared with whoever looks at it from outside.
+/// The flash, which the processor and tests share.
 #[derive(Clone, Debug, Default)]
 pub struct SharedFlash(Arc<Mutex<Flash>>);
 
 impl SharedFlash {
-    /// Shares a flash.
+    /// Creates a shared flash.
     #[must_use]
     pub fn new(flash: Flash) -> Self {
         Self(Arc::new(Mutex::new(flash)))
     }
 
-    /// Whether it holds the processor: that waits for its only bank.
+    /// Returns whether the processor stalls, because it waits for its only bank.
     pub(crate) fn holds(&self, now: VirtualNanos) -> bool {
         self.lock().holds(now.0)
     }
 
-    /// Looks at it.
+    /// Locks the flash.
     pub fn lock(&self) -> MutexGuard<'_, Flash> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The interface.
+/// The flash interface.
 #[derive(Debug)]
 pub(super) struct FlashInterface {
     pub(super) shared: SharedFlash,
@@ -74,17 +73,17 @@ impl Device for FlashInterface {
         self.drive_line(context);
     }
 
-    /// The memory may have started or ended something.
+    /// Handles the beginning and the end of operations.
     fn poll(&mut self, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.drive_line(context);
     }
 }
 
-/// The sectors that hold the memory.
+/// The sectors of the memory.
 #[derive(Debug)]
 pub(super) struct MemorySectors {
     shared: SharedFlash,
-    /// The register table of a window, which is empty: the emulator knows it by where it is.
+    /// The register table of the window, which is empty. The emulator identifies it by its address.
     table: &'static [RegisterSpec],
 }
 
@@ -126,7 +125,7 @@ impl ErasedDevice for MemorySectors {
     fn write_window(&mut self, offset: u64, width: Width, value: u64, context: &mut DeviceContext<'_>) {
         let mut flash = self.shared.lock();
         flash.write(offset as usize, bytes(width), value, context.now().0);
-        // The end of the operation is an event of the part, at which the interface looks for its interrupt.
+        // The end of an operation is an event of the part, at which the interface checks its interrupt.
         if let Some(due) = flash.due() {
             context.schedule(VirtualNanos(due));
         }

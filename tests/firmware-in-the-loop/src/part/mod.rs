@@ -1,9 +1,9 @@
-//! The STM32F429ZI and the STM32F446RE: from `rigless` the models of what they share with the STM32F427 (clocks, power,
-//! GPIO, timers, UART, DMA, watchdog, debug), from here CAN1, the flash interface and the sectors that hold the memory. What
-//! the firmware has no use for is not there: an access to it fails the test.
+//! The STM32F429ZI and the STM32F446RE. `rigless` has the models of clocks, power, GPIO, timers, UART, DMA, watchdog
+//! and debug, which they share with the STM32F427. This crate adds CAN1, the flash interface and the sectors of the
+//! memory. Other peripherals are missing: an access to one fails the test.
 //!
-//! Of what the STM32F446 has beyond the STM32F427 there is only DCKCFGR2, as a register that holds what is written: it
-//! selects the clocks of peripherals that are not there.
+//! Of the additions of the STM32F446 there is only DCKCFGR2, a register that stores its value. It selects the clocks of
+//! missing peripherals.
 
 mod can;
 mod console;
@@ -40,7 +40,7 @@ use can::CanDevice;
 use flash::{FlashInterface, MemorySectors};
 use rcc::Clocks;
 
-/// USART_SR with an empty transmitter (RM0090 30.6.1, where a digit too many is printed).
+/// The value of USART_SR with an empty transmitter (RM0090 30.6.1, where a digit too many is printed).
 const USART_SR: u64 = 0xC0;
 /// The second register of the dedicated clocks (RM0390 6.3.27).
 const DCKCFGR2: Peripheral =
@@ -55,7 +55,7 @@ const DEDICATED_CLOCKS: RegisterSpec = RegisterSpec {
     write: WriteModify::None,
     fields: &[],
 };
-/// The requests that reach DMA1 (RM0090 table 43, RM0390 table 28): those of the serial ports that a console can be at.
+/// The requests to DMA1 of the serial ports that a console can use (RM0090 table 43, RM0390 table 28).
 static DMA1_REQUESTS: [Wire; 4] = [
     Wire { instance: "USART2", request: RECEIVE_REQUEST, channel: 4, streams: &[5] },
     Wire { instance: "USART2", request: TRANSMIT_REQUEST, channel: 4, streams: &[6] },
@@ -63,7 +63,7 @@ static DMA1_REQUESTS: [Wire; 4] = [
     Wire { instance: "USART3", request: TRANSMIT_REQUEST, channel: 4, streams: &[3] },
 ];
 const SUPPLY_MV: u32 = 3300;
-/// The ST-LINK's clock output, which the NUCLEO feeds to OSC_IN.
+/// The clock output of the ST-LINK, which the NUCLEO feeds to OSC_IN, in Hz.
 const HSE_HZ: u64 = 8_000_000;
 const NO_LSE: u64 = 0;
 
@@ -90,29 +90,29 @@ pub enum Port {
     D,
 }
 
-/// What is connected to the part from outside, and outlives it: resets and power cuts.
+/// The connections of the part, which outlive its resets and power cuts.
 #[derive(Clone, Debug, Default)]
 pub struct Connections {
     /// CAN1, to the bus.
     pub can: Can1,
-    /// The flash: it keeps what it holds.
+    /// The flash, which keeps its content.
     pub flash: SharedFlash,
     /// The console.
     pub terminal: Terminal,
-    /// A debugger's look at the core.
+    /// The view of the core by a debugger.
     pub core: CoreView,
     /// The oscillators.
     pub oscillators: Oscillators,
 }
 
-/// The oscillators of a board, as the part finds them when it starts.
+/// The oscillators of a board, at the start of the part.
 #[derive(Clone, Debug, Default)]
 pub struct Oscillators(Arc<Mutex<Rates>>);
 
 /// The rates of [`Oscillators`].
 #[derive(Clone, Copy, Debug)]
 pub struct Rates {
-    /// The ST-LINK's clock output at OSC_IN, in Hz; without it the external oscillator never gets ready.
+    /// The clock output of the ST-LINK at OSC_IN, in Hz. Without it the external oscillator never becomes ready.
     pub external: Option<u64>,
     /// The oscillator of the watchdog, in Hz: 17,000 to 47,000 (DS9405, DS10693).
     pub watchdog: u64,
@@ -125,7 +125,7 @@ impl Default for Rates {
 }
 
 impl Oscillators {
-    /// Looks at them, or changes them.
+    /// Locks the rates, for reading and changing.
     pub fn lock(&self) -> MutexGuard<'_, Rates> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -150,9 +150,9 @@ pub struct Part {
     bus: Bus,
     slots: Slots,
     connections: Connections,
-    /// What pins are driven from outside.
+    /// The pins that are driven from outside.
     driven: Vec<(Port, u8, bool)>,
-    /// How often it was reset: a torn flash operation is torn in another way each time.
+    /// The number of resets. Each tears an operation of the flash in another way.
     resets: u64,
 }
 
@@ -173,10 +173,10 @@ struct Slots {
 }
 
 impl Part {
-    /// The part at power-on.
+    /// Creates the part at power-on.
     ///
     /// # Errors
-    /// When the description of the part contradicts itself.
+    /// Returns an error for a contradictory description of the part.
     pub fn new(board: &'static Board, connections: Connections) -> Result<Self, Error> {
         let tim5 = Tim::with_clock(stock::HSI_HZ, Counter::Wide);
         let mut bus = describe(board, &tim5)?;
@@ -221,7 +221,7 @@ impl Part {
             bus,
             slots,
             connections,
-            // A resistor on the board keeps the button's pin at its level.
+            // A resistor on the board drives the pin of the button.
             driven: vec![(button, pin, !board.pressed)],
             resets: 0,
         };
@@ -247,12 +247,12 @@ impl Part {
         self.pwr.set_supply(millivolts, self.bus.slot_mut(self.slots.pwr).registers_mut());
     }
 
-    /// Cuts the supply, or gives it back: with the next thing that happens.
+    /// Cuts the supply or gives it back, at the next event.
     pub fn power(&mut self, on: bool, now: VirtualNanos) {
         self.bus.drive(now, self.slots.pwr).1.request_power(on);
     }
 
-    /// Whether the firmware drives a pin high.
+    /// Returns whether the firmware drives a pin high.
     #[must_use]
     pub fn is_high(&self, port: Port, pin: u8) -> bool {
         let registers = self.bus.slots()[self.slots.gpio[port as usize]].registers();
@@ -360,8 +360,8 @@ impl Mcu for Part {
             self.connections.terminal.damage(self.console.errors_mut());
         }
         if slot == slots.tim5 {
-            // `rigless` 0.4.0 notes a compare match when EGR.UG finds the counter, stopped, equal to a compare
-            // register; silicon does not, and embassy's clock would start 65536 ticks ahead.
+            // `rigless` 0.4.0 notes a compare match when EGR.UG finds the stopped counter equal to a compare register.
+            // Silicon does not, and the clock of embassy would start 65536 ticks ahead.
             use tables::tim2::Register;
             let registers = self.bus.slot_mut(slot).registers_mut();
             if registers.get(Register::Cr1) & 1 == 0 {
@@ -395,7 +395,7 @@ impl Mcu for Part {
         self.connections.flash.lock().reset(at.0, self.resets);
         Device::reset(&mut self.can);
         let mut fresh = Self::new(self.board, self.connections.clone()).expect("a part that was assembled once");
-        // What comes with the power is as new, its flags of the last reset included.
+        // A power-up also resets the flags of the last reset.
         if cause != ResetCause::PowerOn {
             let Self { rcc, bus, slots, .. } = &mut fresh;
             rcc.rcc.restarted(cause, flags, bus.slot_mut(slots.rcc).registers_mut());

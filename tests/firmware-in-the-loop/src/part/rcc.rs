@@ -1,6 +1,6 @@
-//! Reset and clock control: `rigless`'s, and what it lets pass. A peripheral's clock runs some cycles after it was
-//! enabled (RM0090 7.3.13: two): a read of the enable register waits for them. An external oscillator that is not there
-//! never gets ready.
+//! The reset and clock control of `rigless`, with what it leaves out. The clock of a peripheral runs some cycles after
+//! its enabling (RM0090 7.3.13: two); a read of the enable register waits for them. A missing external oscillator never
+//! becomes ready.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::rcc::Register;
@@ -9,9 +9,9 @@ use rigless::time::EventId;
 
 use super::Can1;
 
-/// CAN1EN in APB1ENR.
+/// The bit CAN1EN in APB1ENR.
 const CAN1EN: u64 = 1 << 25;
-/// HSERDY in CR.
+/// The bit HSERDY in CR.
 const HSERDY: u64 = 1 << 17;
 
 /// The clock control.
