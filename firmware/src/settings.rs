@@ -22,7 +22,7 @@ pub struct Settings {
     pub blank: bool,
     /// Whether the memory still holds the records of the previous device, which must be removed.
     pub fresh: bool,
-    /// Whether the console has chosen the kind. Otherwise the kind is that of the image, after an update, too.
+    /// Whether the console has chosen the kind. Otherwise the board takes the kind of the image, also after an update.
     pub chosen: bool,
     /// The serial number of a new memory; `None` for the default of all boards.
     pub serial: Option<u32>,

@@ -6,7 +6,7 @@
 //!
 //! When the sector in use is full, the log moves. It erases the other sector, copies the newest entry of each key
 //! there, and finally writes the new entry, which completes the move. The full sector does not change until the next
-//! move. A sector with copies only is that of an interrupted move, which begins again with the erase.
+//! move. A sector with copies only belongs to an interrupted move, which begins again with the erase.
 //!
 //! No word is written twice between two erases. An unreadable word counts as damage. In a flash with error correction,
 //! an interrupted write leaves such words.

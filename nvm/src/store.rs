@@ -50,7 +50,7 @@ impl Contents {
     }
 }
 
-/// The flash holds data, but none of this store.
+/// The flash holds foreign data only.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Unreadable;
 
@@ -119,8 +119,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// (A). A record that was stored once and is missing now is unreadable in the image.
     ///
     /// # Errors
-    /// Returns [`Unreadable`] if the flash holds data, but none of this store. A setting that was found is valid
-    /// nevertheless.
+    /// Returns [`Unreadable`] if the flash holds foreign data only. A setting that was found is valid even then.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         let Contents { image, setting } = contents;
         image.clear();

@@ -50,7 +50,7 @@ impl Filter {
     }
 }
 
-/// The maximum number of filters of a device. The largest number is that of a valve on CANopen.
+/// The maximum number of filters of a device.
 pub const FILTERS: usize = 8;
 
 /// The filters of a device.

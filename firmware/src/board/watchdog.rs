@@ -13,7 +13,7 @@ use super::storage::Client;
 pub(super) const FEED: Duration = Duration::from_millis(100);
 
 /// The nominal and the highest frequency of the oscillator of the watchdog (LSI), in kHz (DS9405, DS10693). The time of
-/// the watchdog is that at the nominal frequency.
+/// the watchdog is defined at the nominal frequency.
 const TYPICAL_LSI_KHZ: u64 = 32;
 const FASTEST_LSI_KHZ: u64 = 47;
 

@@ -2,8 +2,8 @@
 //!
 //! The table decides about look-up, access with its abort codes, PDO mapping, "save" and the default values. The
 //! compiler splits the table. Its [`Entries`] do not depend on the product, so services that need only them are
-//! compiled once for all products of an image. At the same position, the tag `behind` selects the code that serves the
-//! object.
+//! compiled once for all products of an image. Each entry has a tag, `behind`, at the same position. The tag selects
+//! the code that serves the object.
 
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
@@ -68,7 +68,7 @@ pub enum Initial<'a> {
     Fixed(Value<'a>),
     /// A number plus the node ID, `$NODEID+…` in an EDS.
     NodeIdPlus(u32),
-    /// No common value: that of a serial number differs in each device, that of an error entry does not exist yet.
+    /// No common value. A serial number differs in each device, and an error entry does not exist yet.
     Individual,
 }
 

@@ -6,7 +6,7 @@
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
 
-/// The maximum size of a sealed record. The longest payload is that of the parameters.
+/// The maximum size of a sealed record. The parameters have the longest payload.
 pub const RECORD_MAX: usize = 128;
 
 /// The bytes of a sealed record.

@@ -5,7 +5,7 @@ use heapless::Vec;
 
 use super::dtc::Dtc;
 
-/// The lamp status of a diagnostic message. The order is that of severity.
+/// The lamp status of a diagnostic message. Values are ordered by severity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Lamp(u8);
 

@@ -3,7 +3,7 @@
 
 use crate::frame::{Frame, Id, extended, key};
 
-/// An address on the bus. The addresses 0–253 are those of controllers.
+/// An address on the bus. Controllers have the addresses 0–253.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address(u8);
 

@@ -99,9 +99,9 @@ impl NegativeCode {
 }
 
 /// Returns the bytes of a single frame after its length byte, and whether their number equals the length byte. The
-/// first of them is the service.
+/// first byte is the service.
 ///
-/// Returns `None` for an empty frame and for a length byte outside 1–7, which is not that of a single frame.
+/// Returns `None` for an empty frame, and for a length byte outside 1–7.
 #[must_use]
 pub fn single_frame(data: &[u8]) -> Option<(&[u8], bool)> {
     let (&len, bytes) = data.split_first()?;

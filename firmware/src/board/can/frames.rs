@@ -3,8 +3,8 @@
 use embassy_stm32::pac::CAN1;
 use protocol_core::frame::{Frame, Id, extended, standard};
 
-/// Converts a frame between the core and `bxcan`. Returns `None` for more than eight bytes only, which no frame here
-/// has.
+/// Converts a frame between the core and `bxcan`. Returns `None` only for a frame of more than eight bytes, which does
+/// not occur here.
 pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame: &From) -> Option<To> {
     if frame.is_remote_frame() { To::new_remote(frame.id(), frame.dlc()) } else { To::new(frame.id(), frame.data()) }
 }

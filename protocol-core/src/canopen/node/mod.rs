@@ -256,8 +256,8 @@ impl<P: Product> Node<P> {
         Some((tpdo.key()?, tpdo.mapping()))
     }
 
-    /// Replaces a TPDO that the controller may hold, after a change of the mapped values. A TPDO that the product
-    /// samples when due stays.
+    /// Replaces a TPDO that the controller may hold, after a change of the mapped values. A TPDO with the sample of its
+    /// due time is not replaced.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
             self.pending.renew_tpdo();

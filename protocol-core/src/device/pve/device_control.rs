@@ -17,7 +17,7 @@ pub(super) struct DeviceControl {
     machine: StateMachine,
     mode: DeviceMode,
     control_word: u16,
-    /// The set-point accepted last, which objects read back.
+    /// The last accepted set-point, which objects read back.
     set_point: SetPoint,
     /// The set-point in force.
     in_force: SetPoint,
@@ -118,7 +118,7 @@ impl DeviceControl {
         })
     }
 
-    /// Returns the set-point accepted last.
+    /// Returns the last accepted set-point.
     pub(super) const fn set_point(&self) -> SetPoint {
         self.set_point
     }

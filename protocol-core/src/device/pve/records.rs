@@ -34,9 +34,9 @@ const PRODUCT: u32 = 0x5336_0000;
 const REVISION: u32 = 0x0001_0020;
 /// The hardware version (A).
 const HARDWARE_VERSION: [u8; 4] = *b"1.00";
-/// The software version (A), that of the revision.
+/// The software version (A), the same as in the revision number.
 const SOFTWARE_VERSION: [u8; 4] = *b"1.32";
-/// The manufacturing date (A), that of the firmware date in 0x100A.
+/// The manufacturing date (A), the same as the firmware date in 0x100A.
 const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 
 impl Factory {

@@ -103,7 +103,7 @@ impl StateMachine {
         };
     }
 
-    /// Enters FAULT_HOLD anew: transition D8, and every other event that shuts the valve down.
+    /// Enters or re-enters FAULT_HOLD, for transition D8 or another event that shuts the valve down.
     pub(super) const fn shut_down(&mut self) {
         *self = Self { state: DeviceState::FaultHold, reset_begun: false };
     }

@@ -41,8 +41,8 @@ pub struct ValveView {
     pub dsm: Option<DeviceState>,
     /// The state of the auxiliary valve in AVEF: blocked during a shutdown. `None` on CANopen.
     pub command: Option<ValveState>,
-    /// The set-point. On CANopen it is the set-point accepted last, object 0x6300. On ISOBUS it is that of `command`,
-    /// neutral unless the state is extend, retract or float.
+    /// The set-point. On CANopen it is the last accepted set-point, object 0x6300. On ISOBUS it is the set-point of
+    /// `command`, neutral unless the state is extend, retract or float.
     pub set_point: SetPoint,
     /// Whether the solenoids are energised.
     pub solenoids: bool,

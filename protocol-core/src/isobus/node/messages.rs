@@ -1,6 +1,6 @@
 //! The kinds of messages that a node sends by itself or on request. At most one message of each kind is pending.
 
-/// A kind of message. The order is that of arbitration.
+/// A kind of message. Kinds are listed in the order of arbitration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Message {
