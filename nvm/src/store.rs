@@ -50,7 +50,7 @@ impl Contents {
     }
 }
 
-/// The flash holds foreign data only.
+/// The flash holds no intact entry, but more data than interrupted first stores leave behind.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Unreadable;
 
@@ -119,7 +119,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// (A). A record that was stored once and is missing now is unreadable in the image.
     ///
     /// # Errors
-    /// Returns [`Unreadable`] if the flash holds foreign data only. A setting that was found is valid even then.
+    /// Returns [`Unreadable`] if the flash holds no intact entry, but more data than interrupted first stores leave
+    /// behind. There is no setting then.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         let Contents { image, setting } = contents;
         image.clear();

@@ -136,24 +136,15 @@ impl Memory {
         settings
     }
 
-    /// Reads all contents. Returns the stored settings, if there are any.
+    /// Reads all contents. A memory without an intact entry is erased and reported as damaged. Returns the stored
+    /// settings, if any.
     fn read(&mut self, contents: &mut Contents) -> Option<Settings> {
         if let Err(Unreadable) = self.records().read(contents) {
-            self.begin_anew(contents);
+            let erased = self.sectors.erase_all().is_ok();
+            defmt::error!("the memory was damaged; erased: {}", erased);
+            contents.image.set_damaged();
         }
         contents.setting.as_deref().and_then(Settings::decode)
-    }
-
-    /// Erases a memory without valid contents, restores the settings, and marks the contents as damaged.
-    fn begin_anew(&mut self, contents: &mut Contents) {
-        let erased = self.sectors.erase_all().is_ok();
-        defmt::error!("the memory was damaged; erased: {}", erased);
-        if let Some(setting) = &contents.setting {
-            // Without the settings the board would become the kind of the image.
-            let _ = self.records().store_setting(setting);
-        }
-        contents.image.clear();
-        contents.image.set_damaged();
     }
 
     fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
