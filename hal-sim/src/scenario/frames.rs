@@ -7,6 +7,7 @@ use crate::simulation::{Heard, History};
 use crate::state::Pattern;
 
 /// The expected frames of a step.
+#[derive(Clone)]
 pub(super) struct Frames<'a> {
     /// Each pattern, with the frame that matched it, if any.
     pub(super) wanted: Vec<(&'a Pattern, Option<Frame>)>,

@@ -5,15 +5,17 @@
 //! step     its steps                        trial    the check that each step can be executed
 //! runner   executes a scenario              schema   the JSON schema for editors
 //! strict   each frame claimed by a step     report   failures as text
-//! frames   expected frames                  target   a simulation, possibly with an emulated board
+//! frames   expected frames                  guard    running prohibitions
+//! target   a simulation, possibly with an emulated board
 //! ```
 //!
 //! Each scenario has its own world, so that many can run in parallel. Two runs with the same seed are byte-identical.
 
 pub(crate) mod file;
 mod frames;
+mod guard;
 mod report;
-mod runner;
+pub(crate) mod runner;
 pub(crate) mod schema;
 mod script;
 pub(crate) mod step;
@@ -50,7 +52,7 @@ impl Scenario {
     /// Runs the scenario in its own world.
     #[must_use]
     pub fn run(&self, seed: u64) -> Outcome {
-        runner::run(self, &mut self.powered(seed), false, &mut |_| {})
+        runner::run(self, &mut self.powered(seed), false, &mut ())
     }
 
     /// Runs the scenario in its own world and records a [trace](Outcome::trace).
@@ -62,22 +64,31 @@ impl Scenario {
     /// Runs the scenario as [`run_traced`](Self::run_traced) does, and calls `watch` after every step of the
     /// simulation. `watch` may replace the simulation with a clone.
     #[must_use]
-    pub fn run_watched(&self, seed: u64, mut watch: impl FnMut(&mut Simulation)) -> Outcome {
-        runner::run(self, &mut self.powered(seed), true, &mut watch)
+    pub fn run_watched(&self, seed: u64, watch: impl FnMut(&mut Simulation)) -> Outcome {
+        runner::run(self, &mut self.powered(seed), true, &mut Watcher(watch))
     }
 
     /// Runs the scenario on a target with powered devices and records a [trace](Outcome::trace). If the target cannot
     /// read a state that the scenario expects, the scenario fails before it begins.
     #[must_use]
     pub fn play(&self, target: &mut impl Target) -> Outcome {
-        runner::run(self, target, true, &mut |_| {})
+        runner::run(self, target, true, &mut ())
     }
 
     /// Creates a simulation of the scenario and powers on its devices.
-    fn powered(&self, seed: u64) -> Simulation {
+    pub(crate) fn powered(&self, seed: u64) -> Simulation {
         let mut simulation = self.simulation(seed);
         simulation.send_as(OWN);
         simulation.power_up(SUPPLY_JITTER);
         simulation
+    }
+}
+
+/// An observer of the simulation after each of its steps.
+struct Watcher<F>(F);
+
+impl<F: FnMut(&mut Simulation)> runner::Watch for Watcher<F> {
+    fn step(&mut self, simulation: &mut Simulation) {
+        (self.0)(simulation);
     }
 }

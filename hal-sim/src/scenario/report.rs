@@ -7,9 +7,10 @@ use protocol_core::time::{Duration, Instant, since};
 
 use super::step::{Begin, Step, Wanted};
 use super::strict::Deviation;
-use crate::simulation::{Heard, History};
+use crate::simulation::{Command, Happened, Heard, History, Refusal};
 use crate::state::{DeviceState, Pattern};
 use crate::text::in_one_line;
+use crate::trace::Layout;
 
 /// The outcome of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,6 +74,39 @@ impl Outcome {
     }
 }
 
+/// The trace of a run, written while the scenario runs.
+#[derive(Clone)]
+pub(super) struct Trace {
+    layout: Layout,
+    text: String,
+}
+
+impl Default for Trace {
+    fn default() -> Self {
+        Self { layout: Layout::new(false, false), text: String::new() }
+    }
+}
+
+impl Trace {
+    pub(super) fn add(&mut self, happened: &Happened, history: &History) {
+        happened.lay_out(&mut self.text, &mut self.layout, history.explainer());
+    }
+
+    pub(super) fn note(&mut self, note: &str) {
+        self.layout.finish(&mut self.text);
+        for line in note.lines() {
+            self.text.push_str("-- ");
+            self.text.push_str(line);
+            self.text.push('\n');
+        }
+    }
+
+    pub(super) fn finish(mut self) -> String {
+        self.layout.finish(&mut self.text);
+        self.text
+    }
+}
+
 impl Failure {
     fn new(step: &Step, headline: String, details: Vec<String>) -> Self {
         let at = Instant::from_ticks(0);
@@ -120,7 +154,12 @@ impl Failure {
         Self::new(step, format!("at_ms = {ms}"), details)
     }
 
-    /// Creates the failure for a step whose action was refused.
+    /// Creates the failure for a step whose command was refused.
+    pub(super) fn refused(step: &Step, command: &Command, refusal: &Refusal) -> Self {
+        Self::undone(step, &name(command), &refusal.to_string())
+    }
+
+    /// Creates the failure for a step that tested nothing. `what` is the step or a part of it.
     pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
@@ -239,6 +278,21 @@ impl Deviation {
                 format!("not received since {}, expected every {} ms: {pattern}", time(*last), period.as_millis())
             }
         }
+    }
+}
+
+/// Returns the text for a command in failure headlines: the scenario key, and the frame or fault.
+fn name(command: &Command) -> String {
+    match command {
+        Command::Send(frame, _) => format!("send {frame}"),
+        Command::Plant(..) => "plant".to_owned(),
+        Command::Power(..) => "power".to_owned(),
+        Command::BitRate(_) => "bus".to_owned(),
+        Command::Disturb(_) => "disturb".to_owned(),
+        Command::Fault(fault) => format!("fault {fault}"),
+        Command::EndFaults(_) => "end".to_owned(),
+        Command::Stop(_) => "stop".to_owned(),
+        Command::Wait(..) | Command::Advance(_) => "wait".to_owned(),
     }
 }
 

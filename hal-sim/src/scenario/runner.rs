@@ -1,70 +1,42 @@
 //! Executes a scenario step by step and collects its failures.
 
-use protocol_core::time::{Duration, Instant, NEVER, after, since};
+use protocol_core::time::{Instant, NEVER, after};
 
 use super::frames::Frames;
-use super::report::{Failure, Outcome};
+use super::guard::Guard;
+use super::report::{Failure, Outcome, Trace};
 use super::script::Scenario;
-use super::step::{Begin, Expect, Never, Step, Wanted, What};
+use super::step::{Begin, Expect, Never, Step, What};
 use super::strict::Claims;
 use super::target::Target;
 use crate::devices::NotHeard;
-use crate::simulation::{Command, Executed, Heard, Refusal, Reply, Simulation, Ticket};
+use crate::simulation::{Command, Executed, Happened, Refusal, Reply, Simulation, Ticket};
 use crate::state::{FaultRecord, Pattern};
-use crate::trace::Layout;
 
-/// Runs a scenario on a target with powered devices and, if `traced`, records a trace. Calls `watch` after every step
-/// of the simulation.
-pub(super) fn run(
-    scenario: &Scenario,
-    target: &mut impl Target,
-    traced: bool,
-    watch: &mut dyn FnMut(&mut Simulation),
-) -> Outcome {
-    let mut runner = Runner {
-        scenario,
-        target,
-        watch,
-        claims: scenario.strict.then(Claims::default),
-        trace: traced.then(|| Trace { layout: Layout::new(false, false), text: String::new() }),
-        step: None,
-        ended: Vec::new(),
-        guards: Vec::new(),
-        failures: Vec::new(),
-        faults: Vec::new(),
-        shown: 0,
-    };
-    if runner.refuse_states() {
-        return runner.outcome();
-    }
-    for step in &scenario.steps {
-        runner.step(step);
-        // After the first deviation from a strict scenario, further deviations are meaningless.
-        if runner.claims.is_some() && !runner.failures.is_empty() {
-            return runner.outcome();
-        }
-    }
-    let end = runner.guards.iter().map(|guard| guard.until).filter(|until| *until != NEVER).max();
-    if let Some(end) = end {
-        runner.pass(end);
-    }
-    if let Some(last) = scenario.steps.last() {
-        runner.settle(last);
-    }
-    runner.end_guards();
-    let left: Vec<FaultRecord> = runner.target.simulation().faults().collect();
-    runner.end_faults(&left);
-    runner.target.simulation_mut().rates_mut().find_all();
-    runner.fail_unheard();
-    runner.outcome()
+/// An observer of a run.
+pub(crate) trait Watch {
+    /// Observes an event of the bus.
+    fn event(&mut self, _happened: &Happened) {}
+
+    /// Observes the simulation after a step of it. It may be replaced by a clone.
+    fn step(&mut self, _simulation: &mut Simulation) {}
 }
 
-struct Runner<'a, B> {
+/// The observer that ignores everything.
+impl Watch for () {}
+
+/// A run of a scenario on a target with powered devices. It can be paused at any instant; a clone continues with a clone
+/// of the target exactly as the original would.
+#[derive(Clone)]
+pub(crate) struct Run<'a> {
     scenario: &'a Scenario,
-    target: &'a mut B,
-    watch: &'a mut dyn FnMut(&mut Simulation),
+    /// The work after the wait in progress.
+    next: Next,
+    wait: Option<Wait<'a>>,
     /// The check that each device frame is expected by a step; `None` unless the scenario is strict.
     claims: Option<Claims<'a>>,
+    /// The claims during an action whose frames may match the step's expectation.
+    held_claims: Option<Claims<'a>>,
     /// The trace, written while the scenario runs.
     trace: Option<Trace>,
     /// The step being executed.
@@ -73,35 +45,37 @@ struct Runner<'a, B> {
     ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
     failures: Vec<Failure>,
+    /// Whether failures no longer count.
+    is_forgiven: bool,
     /// The active communication faults by name, each with the step that added it.
     faults: Vec<(String, &'a Step)>,
     /// The number of the first event that no failure has shown yet.
     shown: u64,
 }
 
-struct Trace {
-    layout: Layout,
-    text: String,
+/// The next piece of work. Steps are given by their index; `from` is the number of the first event of the step.
+#[derive(Clone, Copy, Debug)]
+enum Next {
+    Start,
+    Begin { step: usize },
+    Act { step: usize },
+    Expect { step: usize, from: u64, act: Option<Ticket> },
+    Judge { step: usize, from: u64, state: Option<Ticket> },
+    End,
+    Over,
 }
 
-/// A running prohibition (`never`) of a state or of frames.
-struct Guard<'a> {
-    step: &'a Step,
-    since: Instant,
-    until: Instant,
-    what: Guarded<'a>,
-    /// The pending wait for the forbidden state, or for the end of the prohibition.
-    ticket: Ticket,
-}
-
-#[derive(Clone, Copy)]
-enum Guarded<'a> {
-    /// Forbidden frames, checked in the events from this number onwards.
-    Frames(&'a [Pattern], u64),
-    State(&'a Wanted),
+/// A wait in progress.
+#[derive(Clone)]
+struct Wait<'a> {
+    end: Instant,
+    goal: Goal<'a>,
+    /// Whether the goal was reached; set when the wait has ended.
+    is_reached: bool,
 }
 
 /// The condition that ends an advance of time.
+#[derive(Clone)]
 enum Goal<'a> {
     /// No condition: time advances to the given end.
     None,
@@ -110,11 +84,251 @@ enum Goal<'a> {
     Frames(Frames<'a>),
 }
 
-impl<'a, B: Target> Runner<'a, B> {
+/// Runs a scenario on a target with powered devices and, if `traced`, records a trace.
+pub(super) fn run(scenario: &Scenario, target: &mut impl Target, traced: bool, watch: &mut dyn Watch) -> Outcome {
+    let mut run = Run::new(scenario, traced);
+    run.advance(target, NEVER, watch);
+    run.outcome(target.simulation())
+}
+
+impl<'a> Run<'a> {
+    /// Creates a run that has not begun.
+    pub(crate) fn new(scenario: &'a Scenario, traced: bool) -> Self {
+        Self {
+            scenario,
+            next: Next::Start,
+            wait: None,
+            claims: scenario.strict.then(Claims::default),
+            held_claims: None,
+            trace: traced.then(Trace::default),
+            step: None,
+            ended: Vec::new(),
+            guards: Vec::new(),
+            failures: Vec::new(),
+            is_forgiven: false,
+            faults: Vec::new(),
+            shown: 0,
+        }
+    }
+
+    /// Advances to `until` and processes everything due by then, or to the end of the scenario. Returns whether the
+    /// scenario has ended.
+    pub(crate) fn advance<T: Target>(&mut self, target: &mut T, until: Instant, watch: &mut dyn Watch) -> bool {
+        Runner { run: self, target, watch }.advance(until)
+    }
+
+    /// Ends the run. Returns its outcome; `simulation` is the simulation of its target.
+    pub(crate) fn outcome(mut self, simulation: &Simulation) -> Outcome {
+        let errors = simulation.history().errors();
+        self.failures.iter_mut().for_each(|failure| failure.show_errors(&errors));
+        Outcome {
+            title: self.scenario.title.clone(),
+            steps: self.scenario.steps.len(),
+            end: simulation.now(),
+            failures: self.failures,
+            trace: self.trace.map_or_else(String::new, Trace::finish),
+        }
+    }
+}
+
+/// A run with its target, while it advances.
+struct Runner<'r, 'a, B> {
+    run: &'r mut Run<'a>,
+    target: &'r mut B,
+    watch: &'r mut dyn Watch,
+}
+
+impl<'a, B: Target> Runner<'_, 'a, B> {
+    fn advance(&mut self, until: Instant) -> bool {
+        loop {
+            if self.run.wait.is_some() && !self.pass(until) {
+                return false;
+            }
+            let wait = self.run.wait.take();
+            match self.run.next {
+                Next::Start => self.start(),
+                Next::Begin { step } => self.begin(step),
+                Next::Act { step } => self.act(step),
+                Next::Expect { step, from, act } => self.expect(step, from, act),
+                Next::Judge { step, from, state } => self.judge(step, from, state, wait),
+                Next::End => self.end(),
+                Next::Over => return true,
+            }
+        }
+    }
+
+    fn start(&mut self) {
+        self.run.next = if self.refuse_states() { Next::Over } else { Next::Begin { step: 0 } };
+    }
+
+    /// Waits for the start of a step, or after the last step for the end of the prohibitions. Fails a step whose start
+    /// time has passed.
+    fn begin(&mut self, index: usize) {
+        let scenario = self.run.scenario;
+        let Some(step) = scenario.steps.get(index) else {
+            self.run.next = Next::End;
+            let end = self.run.guards.iter().map(|guard| guard.until).filter(|until| *until != NEVER).max();
+            self.run.wait = end.map(Wait::until);
+            return;
+        };
+        self.run.next = Next::Act { step: index };
+        let now = self.target.simulation().now();
+        let begin = match step.begin {
+            Begin::Now => return,
+            Begin::After(pause) => after(now, pause),
+            Begin::At(distance) => after(Instant::from_ticks(0), distance),
+        };
+        if begin < now {
+            self.fail(Failure::late(step, begin));
+        } else {
+            self.run.wait = Some(Wait::until(begin));
+        }
+    }
+
+    fn act(&mut self, index: usize) {
+        let scenario = self.run.scenario;
+        let Some(step) = scenario.steps.get(index) else { return };
+        self.settle(step);
+        if self.ends_early() {
+            return;
+        }
+        self.run.step = Some(step);
+        // The first event of the step. Earlier frames cannot match the patterns of this step.
+        let from = self.target.simulation().history().next();
+        if let (Some(note), Some(trace)) = (&step.note, &mut self.run.trace) {
+            trace.note(note);
+        }
+        self.run.next = Next::Expect { step: index, from, act: None };
+        let Some(act) = &step.act else { return };
+        if let Command::Fault(_) = act {
+            // A new fault may replace an expired one.
+            let over: Vec<FaultRecord> = self.target.simulation().faults().filter(|record| record.is_over).collect();
+            self.end_faults(&over);
+        }
+        // Frames that devices send during the action may match the step's expectation, so they are not judged yet.
+        let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
+        self.run.held_claims = self.run.claims.take_if(|_| expects);
+        match self.execute(act) {
+            Ok(Executed::Pending(ticket)) => {
+                self.run.next = Next::Expect { step: index, from, act: Some(ticket) };
+                self.run.wait = Some(Wait::for_command(ticket));
+            }
+            Ok(Executed::Done(reply)) => self.acted(step, act, Ok(reply)),
+            Err(refusal) => self.acted(step, act, Err(refusal)),
+        }
+    }
+
+    /// Processes the result of an action.
+    fn acted(&mut self, step: &'a Step, act: &Command, done: Result<Reply, Refusal>) {
+        self.run.claims = self.run.held_claims.take().or(self.run.claims.take());
+        match (done, act, &mut self.run.claims) {
+            (Err(_), _, Some(claims)) if claims.are_broken() => {}
+            (Err(refusal), ..) => self.fail(Failure::refused(step, act, &refusal)),
+            (Ok(_), Command::Stop(which), Some(claims)) => claims.end(*which),
+            (Ok(Reply::Fault(record)), ..) => self.run.faults.push((record.name, step)),
+            (Ok(Reply::Faults(ended)), ..) => self.end_faults(&ended),
+            _ => {}
+        }
+    }
+
+    /// Starts the expectation of a step, after its action.
+    fn expect(&mut self, index: usize, from: u64, act: Option<Ticket>) {
+        let scenario = self.run.scenario;
+        let Some(step) = scenario.steps.get(index) else { return };
+        if let (Some(ticket), Some(act)) = (act, &step.act) {
+            let done = self.result(ticket);
+            self.acted(step, act, done);
+        }
+        self.run.next = Next::Judge { step: index, from, state: None };
+        let Some(Expect { what, any_order, within, .. }) = &step.expect else { return };
+        let now = self.target.simulation().now();
+        match what {
+            What::Frames(patterns) => {
+                let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
+                let frames = Frames { wanted, any_order: *any_order, next: from, mark: from, last: now };
+                let (end, goal) = (after(now, *within), Goal::Frames(frames));
+                self.run.wait = Some(Wait { end, goal, is_reached: false });
+            }
+            What::State(wanted) => {
+                if let Ok(Executed::Pending(ticket)) = self.execute(&Command::Wait(wanted.condition(), *within)) {
+                    self.run.next = Next::Judge { step: index, from, state: Some(ticket) };
+                    self.run.wait = Some(Wait::for_command(ticket));
+                }
+            }
+        }
+    }
+
+    /// Judges the expectation of a step, and starts its prohibition.
+    fn judge(&mut self, index: usize, from: u64, state: Option<Ticket>, wait: Option<Wait<'a>>) {
+        let scenario = self.run.scenario;
+        let Some(step) = scenario.steps.get(index) else { return };
+        match (&step.expect, state, wait) {
+            (Some(expect), None, Some(Wait { goal: Goal::Frames(frames), is_reached, .. })) => {
+                self.judge_frames(step, expect, from, frames, is_reached);
+            }
+            (Some(Expect { what: What::State(wanted), .. }), Some(ticket), _) => {
+                if let Err(Refusal::TimedOut(timed_out)) = self.result(ticket)
+                    && let Some(state) = &timed_out.state
+                {
+                    self.fail(Failure::state(step, wanted, state));
+                }
+            }
+            _ => {}
+        }
+        if let Some(never) = &step.never {
+            self.never(step, never);
+        }
+        self.settle(step);
+        if !self.ends_early() {
+            self.run.next = Next::Begin { step: index + 1 };
+        }
+    }
+
+    fn judge_frames(&mut self, step: &'a Step, expect: &'a Expect, from: u64, frames: Frames<'a>, came: bool) {
+        let (patterns, Frames { wanted, mark, last, .. }) = (expect.what.frames(), frames);
+        if let (true, Some(period), [pattern], Some(claims)) = (came, expect.every, patterns, &mut self.run.claims) {
+            claims.begin(pattern, period, last);
+        }
+        if !came && !self.run.is_forgiven {
+            let missing = wanted.iter().filter(|(_, frame)| frame.is_none());
+            let missing: Vec<&Pattern> = missing.map(|(pattern, _)| *pattern).collect();
+            let history = self.target.simulation().history();
+            let deviation = self.run.claims.as_mut().and_then(Claims::take_deviation);
+            let failure = Failure::frames(step, patterns, &missing, (from, mark), history);
+            let failure = deviation.map_or(failure.clone(), |deviation| failure.because(&deviation, history));
+            self.fail(failure);
+        }
+    }
+
+    /// Ends the scenario if it is strict and has failed: after the first deviation, further deviations are meaningless.
+    /// Returns whether the scenario has ended.
+    fn ends_early(&mut self) -> bool {
+        let ends = self.run.claims.is_some() && !self.run.failures.is_empty();
+        if ends {
+            self.run.next = Next::Over;
+        }
+        ends
+    }
+
+    /// Checks at the end of the scenario what the steps have left.
+    fn end(&mut self) {
+        if let Some(last) = self.run.scenario.steps.last() {
+            self.settle(last);
+        }
+        for guard in std::mem::take(&mut self.run.guards) {
+            self.end_guard(&guard);
+        }
+        let left: Vec<FaultRecord> = self.target.simulation().faults().collect();
+        self.end_faults(&left);
+        self.target.simulation_mut().rates_mut().find_all();
+        self.fail_unheard();
+        self.run.next = Next::Over;
+    }
+
     /// Fails the scenario before the first step if a step expects a state that the target cannot read. Returns whether
     /// the scenario failed.
     fn refuse_states(&mut self) -> bool {
-        for step in &self.scenario.steps {
+        for step in &self.run.scenario.steps {
             let expected = step.expect.as_ref().map(|expect| &expect.what);
             for what in expected.into_iter().chain(step.never.as_ref().map(|never| &never.what)) {
                 if let What::State(wanted) = what
@@ -125,63 +339,15 @@ impl<'a, B: Target> Runner<'a, B> {
                 }
             }
         }
-        !self.failures.is_empty()
-    }
-
-    fn step(&mut self, step: &'a Step) {
-        self.begin(step);
-        self.settle(step);
-        if self.claims.is_some() && !self.failures.is_empty() {
-            return;
-        }
-        self.step = Some(step);
-        // The first event of the step. Earlier frames cannot match the patterns of this step.
-        let mark = self.target.simulation().history().next();
-        if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
-            trace.note(note);
-        }
-        if let Some(act) = &step.act {
-            self.act(step, act);
-        }
-        if let Some(expect) = &step.expect {
-            match &expect.what {
-                What::Frames(patterns) => self.expect_frames(step, expect, patterns, mark),
-                What::State(wanted) => self.expect_state(step, wanted, expect.within),
-            }
-        }
-        if let Some(never) = &step.never {
-            self.never(step, never);
-        }
-        self.settle(step);
-    }
-
-    fn act(&mut self, step: &'a Step, act: &Command) {
-        // Frames that devices send during the action may match the step's expectation, so they are not judged yet.
-        let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
-        if let Command::Fault(_) = act {
-            // A new fault may replace an expired one.
-            let over: Vec<FaultRecord> = self.target.simulation().faults().filter(|record| record.is_over).collect();
-            self.end_faults(&over);
-        }
-        let claims = self.claims.take_if(|_| expects);
-        let done = self.run(act);
-        self.claims = claims.or(self.claims.take());
-        match (done, act, &mut self.claims) {
-            (Err(_), _, Some(claims)) if claims.are_broken() => {}
-            (Err(refusal), ..) => self.fail(Failure::undone(step, &name(act), &refusal.to_string())),
-            (Ok(_), Command::Stop(which), Some(claims)) => claims.end(*which),
-            (Ok(Reply::Fault(record)), ..) => self.faults.push((record.name, step)),
-            (Ok(Reply::Faults(ended)), ..) => self.end_faults(&ended),
-            _ => {}
-        }
+        !self.run.failures.is_empty()
     }
 
     /// Fails each step whose fault ended without affecting a frame, because nothing was tested. Faults with probability
     /// 0 are exempt.
     fn end_faults(&mut self, ended: &[FaultRecord]) {
         for record in ended {
-            let Some(place) = self.faults.iter().position(|(name, _)| *name == record.name) else { continue };
-            let (_, step) = self.faults.swap_remove(place);
+            let Some(place) = self.run.faults.iter().position(|(name, _)| *name == record.name) else { continue };
+            let (_, step) = self.run.faults.swap_remove(place);
             let is_off = matches!(&step.act, Some(Command::Fault(fault)) if fault.probability == 0);
             if record.struck == 0 && !is_off {
                 let reason = "it affected no frame: nothing was tested";
@@ -193,122 +359,66 @@ impl<'a, B: Target> Runner<'a, B> {
     /// Fails a step of a strict scenario if a deviation was found: an unclaimed frame, or a cyclic frame that is early
     /// or missing.
     fn settle(&mut self, step: &Step) {
-        if let Some(deviation) = self.claims.as_mut().and_then(Claims::take_deviation) {
+        if let Some(deviation) = self.run.claims.as_mut().and_then(Claims::take_deviation) {
             let failure = Failure::deviation(step, &deviation, self.target.simulation().history());
             self.fail(failure);
         }
     }
 
-    /// Returns whether a deviation from a strict scenario has been found.
-    fn is_broken(&self) -> bool {
-        self.claims.as_ref().is_some_and(Claims::are_broken)
-    }
-
-    /// Advances to the start of a step. Fails the step if its start time has passed.
-    fn begin(&mut self, step: &Step) {
-        let now = self.target.simulation().now();
-        let begin = match step.begin {
-            Begin::Now => return,
-            Begin::After(pause) => after(now, pause),
-            Begin::At(distance) => after(Instant::from_ticks(0), distance),
-        };
-        if begin < now {
-            self.fail(Failure::late(step, begin));
-            return;
-        }
-        self.pass(begin);
-    }
-
-    /// Executes a command and advances until it completes.
-    fn run(&mut self, command: &Command) -> Result<Reply, Refusal> {
+    /// Executes a command and processes its immediate events.
+    fn execute(&mut self, command: &Command) -> Result<Executed, Refusal> {
         let executed = self.target.execute(command.clone());
         self.look();
-        match executed? {
-            Executed::Done(reply) => Ok(reply),
-            Executed::Pending(ticket) => {
-                self.pass_until(NEVER, &mut Goal::Command(ticket));
-                let place = self.ended.iter().position(|(known, _)| *known == ticket);
-                place.map_or(
-                    Err(Refusal::Conflict("virtual time reached its limit before the command completed".to_owned())),
-                    |place| self.ended.swap_remove(place).1,
-                )
-            }
-        }
+        executed
     }
 
-    fn expect_frames(&mut self, step: &Step, expect: &'a Expect, patterns: &'a [Pattern], from: u64) {
-        let now = self.target.simulation().now();
-        let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
-        let Expect { any_order, within, every, .. } = *expect;
-        let mut goal = Goal::Frames(Frames { wanted, any_order, next: from, mark: from, last: now });
-        let came = self.pass_until(after(now, within), &mut goal);
-        let Goal::Frames(Frames { wanted, mark, last, .. }) = goal else { return };
-        if let (true, Some(period), [pattern], Some(claims)) = (came, every, patterns, &mut self.claims) {
-            claims.begin(pattern, period, last);
-        }
-        if !came {
-            let missing = wanted.iter().filter(|(_, frame)| frame.is_none());
-            let missing: Vec<&Pattern> = missing.map(|(pattern, _)| *pattern).collect();
-            let history = self.target.simulation().history();
-            let deviation = self.claims.as_mut().and_then(Claims::take_deviation);
-            let failure = Failure::frames(step, patterns, &missing, (from, mark), history);
-            let failure = deviation.map_or(failure.clone(), |deviation| failure.because(&deviation, history));
-            self.fail(failure);
-        }
-    }
-
-    fn expect_state(&mut self, step: &Step, wanted: &Wanted, within: Duration) {
-        if let Err(Refusal::TimedOut(timed_out)) = self.run(&Command::Wait(wanted.condition(), within))
-            && let Some(state) = &timed_out.state
-        {
-            self.fail(Failure::state(step, wanted, state));
-        }
+    /// Takes the result of a command that was waited for.
+    fn result(&mut self, ticket: Ticket) -> Result<Reply, Refusal> {
+        let place = self.run.ended.iter().position(|(known, _)| *known == ticket);
+        place.map_or(
+            Err(Refusal::Conflict("virtual time reached its limit before the command completed".to_owned())),
+            |place| self.run.ended.swap_remove(place).1,
+        )
     }
 
     /// Starts to check a prohibition.
-    fn never(&mut self, step: &'a Step, Never { what, span }: &'a Never) {
-        let since_now = self.target.simulation().now();
-        let until = span.map_or(NEVER, |span| after(since_now, span));
-        let within = since(until, since_now);
-        let (what, command) = match what {
-            What::Frames(patterns) => {
-                (Guarded::Frames(patterns, self.target.simulation().history().next()), Command::Advance(within))
-            }
-            What::State(wanted) => (Guarded::State(wanted), Command::Wait(wanted.condition(), within)),
-        };
+    fn never(&mut self, step: &'a Step, never: &'a Never) {
+        let simulation = self.target.simulation();
+        let (mut guard, command) = Guard::new(step, never, simulation.now(), simulation.history().next());
         if let Ok(Executed::Pending(ticket)) = self.target.execute(command) {
-            self.guards.push(Guard { step, since: since_now, until, what, ticket });
+            guard.ticket = Some(ticket);
+            self.run.guards.push(guard);
         }
         self.look();
     }
 
-    /// Advances to `end` and processes everything due by then.
-    fn pass(&mut self, end: Instant) {
-        self.pass_until(end, &mut Goal::None);
-    }
-
-    /// Advances to `end`, or until the goal is reached or a deviation from a strict scenario is found. Processes all
-    /// due events. Returns whether the goal is reached.
-    fn pass_until(&mut self, end: Instant, goal: &mut Goal<'_>) -> bool {
+    /// Advances to the end of the wait, but no further than `until`: until its goal is reached, or a deviation from a
+    /// strict scenario is found. Processes all due events. Returns whether the wait has ended.
+    fn pass(&mut self, until: Instant) -> bool {
+        let Some(end) = self.run.wait.as_ref().map(|wait| wait.end) else { return true };
         loop {
-            if self.is_reached(goal) {
+            if self.is_reached() || self.run.claims.as_ref().is_some_and(Claims::are_broken) {
                 return true;
             }
-            if self.is_broken() {
-                return false;
-            }
-            if self.target.go(end) {
+            if self.target.go(end.min(until)) {
+                // At a pause, nothing has happened. A look would sample linked shafts, whose rounding it changes.
+                if until < end {
+                    return false;
+                }
                 self.look();
-                return self.is_reached(goal);
+                self.is_reached();
+                return true;
             }
             self.look();
-            (self.watch)(self.target.simulation_mut());
+            self.watch.step(self.target.simulation_mut());
         }
     }
 
-    fn is_reached(&mut self, goal: &mut Goal<'_>) -> bool {
+    /// Checks the goal of the wait in progress, and returns whether it is reached.
+    fn is_reached(&mut self) -> bool {
         let simulation = self.target.simulation();
-        match (goal, &mut self.claims) {
+        let Some(wait) = &mut self.run.wait else { return true };
+        wait.is_reached = match (&mut wait.goal, &mut self.run.claims) {
             (Goal::Frames(frames), None) => {
                 frames.look(simulation.history());
                 frames.are_all_there()
@@ -321,24 +431,26 @@ impl<'a, B: Target> Runner<'a, B> {
                 if let Some(claims) = claims {
                     claims.look(simulation.now(), simulation.history(), None);
                 }
-                matches!(goal, Goal::Command(ticket) if self.ended.iter().any(|(known, _)| known == ticket))
+                matches!(goal, Goal::Command(ticket) if self.run.ended.iter().any(|(known, _)| known == ticket))
             }
-        }
+        };
+        wait.is_reached
     }
 
     /// Processes new events and collects completed commands.
     fn look(&mut self) {
         while let Some(happened) = self.target.simulation_mut().take_event() {
-            if let Some(Trace { layout, text }) = &mut self.trace {
-                happened.lay_out(text, layout, self.target.simulation().history().explainer());
+            self.watch.event(&happened);
+            if let Some(trace) = &mut self.run.trace {
+                trace.add(&happened, self.target.simulation().history());
             }
         }
         self.target.simulation_mut().poll();
-        self.ended.extend(self.target.simulation_mut().take_completed());
+        self.run.ended.extend(self.target.simulation_mut().take_completed());
         // A prohibition proves nothing for a device at another bit rate, so such devices are detected at the end of
         // each prohibition.
         let now = self.target.simulation().now();
-        if self.guards.iter().any(|guard| guard.until == now) {
+        if self.run.guards.iter().any(|guard| guard.until == now) {
             self.target.simulation_mut().rates_mut().find_at(now);
         }
         self.fail_unheard();
@@ -349,120 +461,56 @@ impl<'a, B: Target> Runner<'a, B> {
     /// device if the rates differed from the start, otherwise to the current step.
     fn fail_unheard(&mut self) {
         for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
-            let place = self.scenario.devices.iter().position(|known| known.name == device);
-            let entry = place.and_then(|place| self.scenario.entries.get(place));
-            let step = self.step.filter(|_| since > Instant::from_ticks(0));
+            let place = self.run.scenario.devices.iter().position(|known| known.name == device);
+            let entry = place.and_then(|place| self.run.scenario.entries.get(place));
+            let step = self.run.step.filter(|_| since > Instant::from_ticks(0));
             let line = step.map(|step| step.line).or(entry.map(|entry| entry.line)).unwrap_or(1);
             let failure = Failure::not_heard(line, reason).with(self.target.simulation().now(), Vec::new());
-            self.failures.push(failure);
+            self.run.failures.push(failure);
         }
     }
 
     /// Checks the active prohibitions.
     fn guard(&mut self) {
-        for mut guard in std::mem::take(&mut self.guards) {
-            let ended = self.ended.iter().position(|(known, _)| *known == guard.ticket);
-            let ended = ended.map(|place| self.ended.swap_remove(place).1);
-            match self.violation(&mut guard, ended.as_ref()) {
+        for mut guard in std::mem::take(&mut self.run.guards) {
+            let ended = self.run.ended.iter().position(|(known, _)| guard.ticket == Some(*known));
+            let ended = ended.map(|place| self.run.ended.swap_remove(place).1);
+            match guard.violation(ended.as_ref(), self.target.simulation().history()) {
                 Some(failure) => {
-                    self.target.simulation_mut().forget(guard.ticket);
+                    guard.ticket.into_iter().for_each(|ticket| self.target.simulation_mut().forget(ticket));
                     self.fail(failure);
                 }
                 None if ended.is_some() => self.end_guard(&guard),
-                None => self.guards.push(guard),
+                None => self.run.guards.push(guard),
             }
         }
     }
 
-    /// Ends all prohibitions at the end of the scenario.
-    fn end_guards(&mut self) {
-        for guard in std::mem::take(&mut self.guards) {
-            self.end_guard(&guard);
-        }
-    }
-
-    /// Fails the step of a prohibition that was never checked, because no time has passed or because `t_us` was outside
-    /// the checked time.
+    /// Fails the step of a prohibition that was never checked.
     fn end_guard(&mut self, guard: &Guard<'_>) {
-        let end = guard.until.min(self.target.simulation().now());
-        let instant = match &guard.what {
-            Guarded::State(wanted) => wanted.condition.t_us.map(Instant::from_micros),
-            Guarded::Frames(..) => None,
-        };
-        let reason = match instant {
-            _ if end <= guard.since => "no time has passed: nothing was checked",
-            Some(instant) if instant < guard.since || instant > end => {
-                "t_us was outside the checked time: nothing was checked"
-            }
-            _ => return,
-        };
-        self.fail(Failure::undone(guard.step, "never", reason));
-    }
-
-    /// Returns the violation of a prohibition, if any. `ended` is the result of the prohibition's ticket, if the ticket
-    /// has completed.
-    fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
-        let history = self.target.simulation().history();
-        match (&mut guard.what, ended) {
-            (Guarded::Frames(patterns, next), _) => {
-                let is_it = |heard: Heard| Some((heard, patterns.iter().find(|it| it.matches(&heard.frame))?));
-                let found = history.heard_since(*next).find_map(is_it);
-                *next = history.next();
-                found.map(|(heard, pattern)| Failure::came(guard.step, pattern, &heard, history))
-            }
-            (Guarded::State(wanted), Some(Ok(Reply::Device(state)))) => Some(Failure::held(guard.step, wanted, state)),
-            (Guarded::State(_), _) => None,
+        if let Some(reason) = guard.unchecked(self.target.simulation().now()) {
+            self.fail(Failure::undone(guard.step, "never", reason));
         }
     }
 
     /// Adds a failure at the current time, with the events before it.
     fn fail(&mut self, failure: Failure) {
+        if self.run.is_forgiven {
+            return;
+        }
         let (at, history) = (self.target.simulation().now(), self.target.simulation().history());
         let until = failure.until().unwrap_or_else(|| history.next());
-        self.failures.push(failure.with(at, history.excerpt(self.shown, until)));
-        self.shown = self.shown.max(until);
-    }
-
-    fn outcome(mut self) -> Outcome {
-        let errors = self.target.simulation().history().errors();
-        self.failures.iter_mut().for_each(|failure| failure.show_errors(&errors));
-        Outcome {
-            title: self.scenario.title.clone(),
-            steps: self.scenario.steps.len(),
-            end: self.target.simulation().now(),
-            failures: self.failures,
-            trace: self.trace.map_or_else(String::new, Trace::finish),
-        }
+        self.run.failures.push(failure.with(at, history.excerpt(self.run.shown, until)));
+        self.run.shown = self.run.shown.max(until);
     }
 }
 
-impl Trace {
-    fn note(&mut self, note: &str) {
-        self.layout.finish(&mut self.text);
-        for line in note.lines() {
-            self.text.push_str("-- ");
-            self.text.push_str(line);
-            self.text.push('\n');
-        }
+impl Wait<'_> {
+    const fn until(end: Instant) -> Self {
+        Self { end, goal: Goal::None, is_reached: false }
     }
 
-    fn finish(mut self) -> String {
-        self.layout.finish(&mut self.text);
-        self.text
-    }
-}
-
-/// Returns the text for a command in failure headlines: the scenario key, and the frame or fault.
-fn name(command: &Command) -> String {
-    match command {
-        Command::Send(frame, _) => format!("send {frame}"),
-        Command::Plant(..) => "plant".to_owned(),
-        Command::Power(..) => "power".to_owned(),
-        Command::BitRate(_) => "bus".to_owned(),
-        Command::Disturb(_) => "disturb".to_owned(),
-        Command::Fault(fault) => format!("fault {fault}"),
-        Command::EndFaults(_) => "end".to_owned(),
-        Command::Stop(_) => "stop".to_owned(),
-        Command::Wait(..) | Command::Advance(_) => "wait".to_owned(),
+    const fn for_command(ticket: Ticket) -> Self {
+        Self { end: NEVER, goal: Goal::Command(ticket), is_reached: false }
     }
 }

@@ -8,7 +8,7 @@ use crate::simulation::{Heard, History};
 use crate::state::Pattern;
 
 /// The claimed frames of a strict scenario, up to the first deviation.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Claims<'a> {
     /// The number of the next event to check.
     next: u64,
@@ -17,6 +17,7 @@ pub(super) struct Claims<'a> {
 }
 
 /// An expected cyclic frame.
+#[derive(Clone)]
 struct Again<'a> {
     pattern: &'a Pattern,
     period: Duration,
@@ -24,6 +25,7 @@ struct Again<'a> {
 }
 
 /// A deviation from a strict scenario.
+#[derive(Clone)]
 pub(super) enum Deviation {
     /// A frame that no step claims.
     Unclaimed(Heard),

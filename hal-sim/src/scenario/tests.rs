@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use super::*;
 
 mod faults;
+mod pauses;
 mod refusals;
 mod strict;
 

@@ -46,6 +46,7 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 const MINOR: Style = Style::new().dimmed();
 
 /// The layout of a trace.
+#[derive(Clone, Debug)]
 pub struct Layout {
     color: bool,
     /// Whether repeated frames are printed.
@@ -59,6 +60,7 @@ pub struct Layout {
 }
 
 /// A printed frame and its repetitions.
+#[derive(Clone, Debug)]
 struct Latest {
     frame: Frame,
     /// The time of the last repetition.

@@ -1,0 +1,71 @@
+//! Running prohibitions (`never`).
+
+use protocol_core::time::{Instant, NEVER, after, since};
+
+use super::report::Failure;
+use super::step::{Never, Step, Wanted, What};
+use crate::simulation::{Command, Heard, History, Refusal, Reply, Ticket};
+use crate::state::Pattern;
+
+/// A running prohibition of a state or of frames.
+#[derive(Clone)]
+pub(super) struct Guard<'a> {
+    pub(super) step: &'a Step,
+    since: Instant,
+    pub(super) until: Instant,
+    what: Guarded<'a>,
+    /// The pending wait for the forbidden state, or for the end of the prohibition.
+    pub(super) ticket: Option<Ticket>,
+}
+
+#[derive(Clone, Copy)]
+enum Guarded<'a> {
+    /// Forbidden frames, checked in the events from this number onwards.
+    Frames(&'a [Pattern], u64),
+    State(&'a Wanted),
+}
+
+impl<'a> Guard<'a> {
+    /// Creates a prohibition that begins now. Returns it with the command whose ticket it needs. `next` is the number
+    /// of the next event.
+    pub(super) fn new(step: &'a Step, never: &'a Never, now: Instant, next: u64) -> (Self, Command) {
+        let until = never.span.map_or(NEVER, |span| after(now, span));
+        let within = since(until, now);
+        let (what, command) = match &never.what {
+            What::Frames(patterns) => (Guarded::Frames(patterns, next), Command::Advance(within)),
+            What::State(wanted) => (Guarded::State(wanted), Command::Wait(wanted.condition(), within)),
+        };
+        (Self { step, since: now, until, what, ticket: None }, command)
+    }
+
+    /// Returns the violation of the prohibition, if any. `ended` is the result of the ticket, if it has completed.
+    pub(super) fn violation(&mut self, ended: Option<&Result<Reply, Refusal>>, history: &History) -> Option<Failure> {
+        match (&mut self.what, ended) {
+            (Guarded::Frames(patterns, next), _) => {
+                let is_it = |heard: Heard| Some((heard, patterns.iter().find(|it| it.matches(&heard.frame))?));
+                let found = history.heard_since(*next).find_map(is_it);
+                *next = history.next();
+                found.map(|(heard, pattern)| Failure::came(self.step, pattern, &heard, history))
+            }
+            (Guarded::State(wanted), Some(Ok(Reply::Device(state)))) => Some(Failure::held(self.step, wanted, state)),
+            (Guarded::State(_), _) => None,
+        }
+    }
+
+    /// Returns the reason if the prohibition was never checked: no time has passed, or `t_us` was outside the checked
+    /// time.
+    pub(super) fn unchecked(&self, now: Instant) -> Option<&'static str> {
+        let end = self.until.min(now);
+        let instant = match &self.what {
+            Guarded::State(wanted) => wanted.condition.t_us.map(Instant::from_micros),
+            Guarded::Frames(..) => None,
+        };
+        match instant {
+            _ if end <= self.since => Some("no time has passed: nothing was checked"),
+            Some(instant) if instant < self.since || instant > end => {
+                Some("t_us was outside the checked time: nothing was checked")
+            }
+            _ => None,
+        }
+    }
+}
