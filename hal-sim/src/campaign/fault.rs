@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use protocol_core::device::Kind;
+use protocol_core::frame::Frame;
 use protocol_core::time::Duration;
 use toml::{Table, Value};
 
@@ -11,7 +12,7 @@ use crate::devices::NamedDevice;
 use crate::scenario::file::table;
 use crate::scenario::trial::{device, power, within};
 use crate::simulation::{Command, Refusal, Simulation};
-use crate::state::{FaultRequest, Invalid, PlantChange, Power};
+use crate::state::{FaultRequest, Invalid, PlantChange, Power, digits};
 
 /// A fault of a plan.
 #[derive(Clone, Debug)]
@@ -109,6 +110,39 @@ pub(super) fn all_of_pve(devices: &[NamedDevice]) -> Result<Vec<Table>, String> 
     Ok(entries)
 }
 
+/// The eight errors of IEC 61784-3, with `ID`, the changed data as `MASK` and the data with this change as `DATA`.
+const ERRORS: [(&str, &str); 8] = [
+    ("corruption", "corrupt = \"ID\"\ndata = { toggle = \"MASK\" }"),
+    ("unintended repetition", "repeat = \"ID\"\ntimes = 5\nafter_ms = 5"),
+    ("incorrect sequence", "swap = \"ID\""),
+    ("loss", "lose = \"ID\""),
+    ("unacceptable delay", "delay = \"ID\"\nms = 300"),
+    ("insertion", "insert = \"ID#DATA\""),
+    ("masquerade", "masquerade = \"ID#DATA\"\nevery_ms = 20"),
+    ("addressing", "corrupt = \"ID\"\nidentifier = { toggle = \"1\" }"),
+];
+
+/// The bit of the last data byte that a communication error changes.
+const CHANGED_BIT: u8 = 0x40;
+
+/// Returns the eight communication errors on the identifier of a frame. Without data, a frame cannot be corrupted.
+pub(super) fn communication(frame: &Frame) -> impl Iterator<Item = PlanFault> {
+    let (id, mut data) = (digits(frame.id()), frame.data().to_vec());
+    let mut mask = vec![0; data.len()];
+    if let (Some(byte), Some(bit)) = (data.last_mut(), mask.last_mut()) {
+        (*byte, *bit) = (*byte ^ CHANGED_BIT, CHANGED_BIT);
+    }
+    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
+    let (is_empty, mask, data) = (data.is_empty(), hex(&mask), hex(&data));
+    let errors = ERRORS.iter().filter(move |(_, text)| !is_empty || !text.contains("MASK"));
+    let errors =
+        errors.map(move |(error, text)| (error, text.replace("ID", &id).replace("MASK", &mask).replace("DATA", &data)));
+    errors.filter_map(|(error, text)| {
+        let (text, act) = message(toml::from_str(&text).ok()?).ok()?;
+        Some(PlanFault { text, reference: Some(format!("IEC 61784-3: {error}")), act })
+    })
+}
+
 impl PlanFault {
     /// Checks one combination of an entry's values. `trial` is a simulation of the devices, without power.
     ///
@@ -141,21 +175,21 @@ impl PlanFault {
         };
         let fault = Self { text, reference, act };
         let mut trial = trial.clone();
-        match fault.command().map(|command| trial.execute(command)) {
+        match trial.execute(fault.command()) {
             // A device without power cannot be reset.
-            Some(Err(Refusal::Conflict(_))) if matches!(fault.act, Act::Power(..)) => Ok(fault),
-            Some(Err(refusal)) => Err(refusal.to_string()),
-            _ => Ok(fault),
+            Err(Refusal::Conflict(_)) if matches!(fault.act, Act::Power(..)) => Ok(fault),
+            Err(refusal) => Err(refusal.to_string()),
+            Ok(_) => Ok(fault),
         }
     }
 
     /// Returns the command that injects the fault.
-    pub(super) fn command(&self) -> Option<Command> {
-        Some(match &self.act {
+    pub(super) fn command(&self) -> Command {
+        match &self.act {
             Act::Plant(device, change) => Command::Plant(device.clone(), change.clone()),
             Act::Power(device, power, _) => Command::Power(device.clone(), *power),
             Act::Message(fault) => Command::Fault(fault.clone()),
-        })
+        }
     }
 }
 

@@ -157,7 +157,7 @@ pub(super) struct Safe {
 /// # Errors
 /// [`ReadError`] with the line of the error.
 pub(super) fn read(text: &str) -> Result<PlanFile, ReadError> {
-    scenario_file::parse(text, (&SCHEMAS, "Plan", "faults"), |table| document(toml::Value::Table(table)), |_| false)
+    scenario_file::parse(text, (&SCHEMAS, "Plan", &["faults"]), |table| document(toml::Value::Table(table)), |_| false)
 }
 
 /// Converts a value to JSON. In the tables `plant` and `expect`, "none" becomes null.

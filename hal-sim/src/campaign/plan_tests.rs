@@ -1,5 +1,7 @@
 //! Plans that are read, and plans that are refused.
 
+use std::collections::BTreeSet;
+
 use super::Plan;
 use crate::scenario::ReadError;
 
@@ -128,4 +130,39 @@ fn more_than_ten_million_cells_are_refused() {
     let (line, reason) = refusal(&steps(1));
     assert_eq!(line, 6);
     assert!(reason.contains("20000000 cells") && reason.contains("more than 10000000"), "{reason}");
+}
+
+/// The published copy is the schema of this version: `RENEW_SCHEMA=1` writes it.
+#[test]
+fn the_schema_for_editors_is_in_the_docs() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/campaign.schema.json");
+    if std::env::var_os("RENEW_SCHEMA").is_some() {
+        std::fs::write(&path, super::schema()).expect("the copy");
+    }
+    let copy = std::fs::read_to_string(path).unwrap_or_default().replace('\r', "");
+    assert!(
+        copy == super::schema(),
+        "RENEW_SCHEMA=1 cargo test -p hal-sim --all-features --lib the_schema_for_editors"
+    );
+}
+
+/// The schema has the keys that the reader accepts.
+#[test]
+fn the_schema_has_the_keys_of_the_reader() {
+    let schema: serde_json::Value = serde_json::from_str(&super::schema()).expect("JSON");
+    let keys = |schema: &serde_json::Value| {
+        let keys: BTreeSet<String> = schema["properties"].as_object().expect("keys").keys().cloned().collect();
+        keys
+    };
+    let accepted = |text: &str| {
+        let reason = read(text).expect_err(text).reason;
+        let (_, accepted) = reason.rsplit_once("accepted: ").expect("a list");
+        accepted.split(", ").map(str::to_owned).collect::<BTreeSet<String>>()
+    };
+    assert_eq!(keys(&schema), accepted("qqq = 1"));
+    let defs = &schema["$defs"];
+    assert_eq!(keys(&defs["FaultTable"]), accepted(&format!("{HEAD}{SAFE}faults = [{{ qqq = 1 }}]")));
+    assert_eq!(keys(&defs["PlantChange"]), accepted(&format!("{HEAD}{SAFE}faults = [{{ plant = {{ qqq = 1 }} }}]")));
+    assert_eq!(keys(&defs["Detected"]), accepted(&format!("{HEAD}detected = {{ qqq = 1 }}\nfaults = []")));
+    assert!(!schema.to_string().contains("\"null\"") && !schema.to_string().contains("components"), "{schema:#}");
 }

@@ -39,6 +39,10 @@ pub(super) struct ScenarioFile {
     /// True: the steps must expect every frame of the devices, in order. By default, unexpected frames are accepted.
     #[serde(default)]
     pub(super) strict: bool,
+    /// Rules beside the steps.
+    #[serde(default)]
+    #[schema(value_type = Vec<ReactionTable>)]
+    pub(super) reactions: Vec<Spanned<ReactionTable>>,
     /// The steps, in order.
     #[serde(default)]
     #[schema(value_type = Vec<StepTable>, required)]
@@ -161,6 +165,41 @@ pub(super) struct StepTable {
     pub(super) for_ms: Option<u32>,
 }
 
+/// A rule beside the steps: a trigger, `on` or `missing`, and an action, `send` or `stop`. It acts once.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(as = Reaction)]
+pub(super) struct ReactionTable {
+    /// Acts at the end of a frame of a device, as in "0A0#1234 ..".
+    #[serde(default)]
+    pub(super) on: Option<String>,
+    /// Acts when no such frame of a device has come for `for_ms`, counted from the first one.
+    #[serde(default)]
+    pub(super) missing: Option<String>,
+    /// For missing: the time without the frame, in milliseconds.
+    #[serde(default)]
+    #[schema(minimum = 1, maximum = 4294967295_i64)]
+    pub(super) for_ms: Option<u32>,
+    /// Sends a frame, as in "000#0220".
+    #[serde(default)]
+    pub(super) send: Option<String>,
+    /// Repeats the frame with this period; replaces an earlier cyclic frame with the same identifier.
+    #[serde(default)]
+    #[schema(minimum = 1, maximum = 4294967295_i64)]
+    pub(super) every_ms: Option<u32>,
+    /// Stops the cyclic frame with an identifier, as in "220", if it is active; or "all".
+    #[serde(default)]
+    #[schema(value_type = Option<IdentifierOrAll>)]
+    pub(super) stop: Option<Identifier>,
+    /// The rule ignores frames before this virtual time, in milliseconds; 0 by default.
+    #[serde(default)]
+    #[schema(minimum = 0, maximum = 4294967295_i64)]
+    pub(super) from_ms: Option<u32>,
+    /// True: the rule acts each time. By default, it acts once.
+    #[serde(default)]
+    pub(super) again: bool,
+}
+
 /// The expected or forbidden frames or state.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
@@ -185,17 +224,22 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     // If devices or steps are missing, a later check reports them with an example.
     let schemas = Schemas::of::<ScenarioFile>();
-    parse(text, (schemas, "Scenario", "steps"), |table| document(toml::Value::Table(table), 0), |path| path.is_empty())
+    parse(
+        text,
+        (schemas, "Scenario", &["steps", "reactions"]),
+        |table| document(toml::Value::Table(table), 0),
+        |path| path.is_empty(),
+    )
 }
 
-/// Parses a text and validates it by the named schema. `list` is the key of a list whose items have a line each; their
+/// Parses a text and validates it by the named schema. `lists` are the keys of lists whose items have a line each; their
 /// index is left out of messages. `json` converts the text for the validation. Ignores a mismatch at an excused path.
 ///
 /// # Errors
 /// [`ReadError`] with the line of the error.
 pub(crate) fn parse<T: for<'de> Deserialize<'de>>(
     text: &str,
-    (schemas, name, list): (&Schemas, &str, &str),
+    (schemas, name, lists): (&Schemas, &str, &[&str]),
     json: impl FnOnce(toml::Table) -> serde_json::Value,
     is_excused: impl FnOnce(&[Place]) -> bool,
 ) -> Result<T, ReadError> {
@@ -207,10 +251,10 @@ pub(crate) fn parse<T: for<'de> Deserialize<'de>>(
     let document = toml::from_str(text).map(json).map_err(refuse)?;
     match schemas.check(name, &document, NONE) {
         Err(mismatch) if !is_excused(&mismatch.path) => {
-            let item = mismatch.path.get(1).map_or_else(String::new, |place| match place {
-                Place::Item(item) => format!("{list}[{item}]"),
-                Place::Key(_) => String::new(),
-            });
+            let item = match mismatch.path.as_slice() {
+                [Place::Key(list), Place::Item(item), ..] if lists.contains(&&**list) => format!("{list}[{item}]"),
+                _ => String::new(),
+            };
             let inner = mismatch.reason.strip_prefix(&item).filter(|_| !item.is_empty());
             let inner = inner.and_then(|rest| rest.strip_prefix('.').or_else(|| rest.strip_prefix(": ")));
             let reason = inner.unwrap_or(&mismatch.reason).to_owned();

@@ -6,7 +6,7 @@
 //! runner   executes a scenario              schema   the JSON schema for editors
 //! strict   each frame claimed by a step     report   failures as text
 //! frames   expected frames                  guard    running prohibitions
-//! target   a simulation, possibly with an emulated board
+//! reaction rules beside the steps           target   a simulation, possibly with an emulated board
 //! ```
 //!
 //! Each scenario has its own world, so that many can run in parallel. Two runs with the same seed are byte-identical.
@@ -14,6 +14,7 @@
 pub(crate) mod file;
 mod frames;
 mod guard;
+mod reaction;
 mod report;
 pub(crate) mod runner;
 pub(crate) mod schema;

@@ -4,6 +4,7 @@ use protocol_core::time::{Instant, NEVER, after};
 
 use super::frames::Frames;
 use super::guard::Guard;
+use super::reaction::Reactions;
 use super::report::{Failure, Outcome, Trace};
 use super::script::Scenario;
 use super::step::{Begin, Expect, Never, Step, What};
@@ -44,6 +45,7 @@ pub(crate) struct Run<'a> {
     /// The completed commands with their results.
     ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
+    reactions: Reactions<'a>,
     failures: Vec<Failure>,
     /// Whether failures no longer count.
     is_forgiven: bool,
@@ -104,6 +106,7 @@ impl<'a> Run<'a> {
             step: None,
             ended: Vec::new(),
             guards: Vec::new(),
+            reactions: Reactions::new(&scenario.reactions),
             failures: Vec::new(),
             is_forgiven: false,
             faults: Vec::new(),
@@ -128,6 +131,31 @@ impl<'a> Run<'a> {
             failures: self.failures,
             trace: self.trace.map_or_else(String::new, Trace::finish),
         }
+    }
+}
+
+/// For runs into which a campaign injects faults.
+#[cfg(feature = "campaign")]
+impl Run<'_> {
+    /// Advances to `until`, beyond the end of the scenario if necessary: cyclic frames, rules and devices go on.
+    pub(crate) fn pass<T: Target>(&mut self, target: &mut T, until: Instant, watch: &mut dyn Watch) {
+        if self.advance(target, until, watch) {
+            self.wait = Some(Wait::until(until));
+            Runner { run: self, target, watch }.pass(until);
+            self.wait = None;
+        }
+    }
+
+    /// Adds a note to the trace.
+    pub(crate) fn note(&mut self, note: &str) {
+        if let Some(trace) = &mut self.trace {
+            trace.note(note);
+        }
+    }
+
+    /// Goes on with the steps, but ignores further failures: a fault from outside the scenario may have caused them.
+    pub(crate) fn forgive(&mut self) {
+        (self.claims, self.held_claims, self.is_forgiven) = (None, None, true);
     }
 }
 
@@ -400,7 +428,8 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             if self.is_reached() || self.run.claims.as_ref().is_some_and(Claims::are_broken) {
                 return true;
             }
-            if self.target.go(end.min(until)) {
+            let (limit, due) = (end.min(until), self.run.reactions.due());
+            if self.target.go(limit.min(due)) && limit < due {
                 // At a pause, nothing has happened. A look would sample linked shafts, whose rounding it changes.
                 if until < end {
                     return false;
@@ -441,6 +470,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
     fn look(&mut self) {
         while let Some(happened) = self.target.simulation_mut().take_event() {
             self.watch.event(&happened);
+            self.run.reactions.observe(&happened);
             if let Some(trace) = &mut self.run.trace {
                 trace.add(&happened, self.target.simulation().history());
             }
@@ -455,6 +485,17 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         }
         self.fail_unheard();
         self.guard();
+        self.react(now);
+    }
+
+    /// Executes the actions of the rules that are due. Their frames are sent beside the steps, which do not wait for
+    /// them.
+    fn react(&mut self, now: Instant) {
+        for act in self.run.reactions.take_acts(now) {
+            if let Ok(Executed::Pending(ticket)) = self.target.execute(act.clone()) {
+                self.target.simulation_mut().forget(ticket);
+            }
+        }
     }
 
     /// Adds a failure for each device at a bit rate different from the bus. The failure refers to the line of the

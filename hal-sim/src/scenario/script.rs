@@ -3,6 +3,7 @@
 use protocol_core::controller::BitRate;
 
 use super::file::{self, DeviceEntry, ScenarioFile};
+use super::reaction::Reaction;
 use super::step::{Expect, Step, What};
 use super::trial::Trial;
 use super::{OWN, ReadError};
@@ -23,6 +24,8 @@ pub struct Scenario {
     bit_rate: BitRate,
     /// Whether every frame of a device must be claimed by a step.
     pub(super) strict: bool,
+    /// The rules beside the steps.
+    pub(super) reactions: Vec<Reaction>,
     pub(super) steps: Vec<Step>,
 }
 
@@ -44,7 +47,7 @@ impl Scenario {
     }
 
     fn read(text: &str) -> Result<Self, ReadError> {
-        let ScenarioFile { title, devices, links, bit_rate, allow_clash, strict, steps } = file::read(text)?;
+        let ScenarioFile { title, devices, links, bit_rate, allow_clash, strict, reactions, steps } = file::read(text)?;
         let at = |place: usize| move |reason: String| ReadError { line: Some(file::line_of(text, place)), reason };
         let first = devices.first().map_or(0, |device| device.span().start);
         let mut entries = Vec::new();
@@ -79,15 +82,23 @@ impl Scenario {
         if steps.is_empty() {
             return Err(at(0)("no steps; add steps = [{ expect = \"720#00\" }]".to_owned()));
         }
-        let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
+        let mut scenario =
+            Self { title, devices, entries, links, bit_rate, strict, reactions: Vec::new(), steps: Vec::new() };
         // The trial run refuses steps that cannot be executed.
         let mut simulation = scenario.simulation(0);
         simulation.send_as(OWN);
         let mut trial = Trial::new(simulation, scenario.devices.clone(), strict);
+        let places: Vec<usize> = reactions.iter().map(|reaction| reaction.span().start).collect();
+        for (reaction, place) in reactions.into_iter().zip(&places) {
+            scenario.reactions.push(trial.reaction(reaction.into_inner()).map_err(at(*place))?);
+        }
         for step in steps {
             let line = file::line_of(text, step.span().start);
             let step = trial.check(line, step.into_inner()).map_err(|reason| ReadError { line: Some(line), reason })?;
             scenario.steps.push(step);
+        }
+        for (reaction, place) in scenario.reactions.iter().zip(&places) {
+            trial.check_stop(reaction).map_err(at(*place))?;
         }
         refuse_unwatched(&scenario.steps)?;
         let expects_frames = |step: &Step| matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));

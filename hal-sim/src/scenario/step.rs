@@ -67,7 +67,7 @@ pub(crate) struct Wanted {
 
 impl Wanted {
     /// Returns the name of the device.
-    pub(super) fn device(&self) -> &str {
+    pub(crate) fn device(&self) -> &str {
         &self.device
     }
 

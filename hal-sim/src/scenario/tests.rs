@@ -8,6 +8,7 @@ use super::*;
 
 mod faults;
 mod pauses;
+mod reactions;
 mod refusals;
 mod strict;
 

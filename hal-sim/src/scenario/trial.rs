@@ -5,7 +5,8 @@ use protocol_core::device::{Protocol, Setup};
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::Duration;
 
-use super::file::{self, Expected, NONE, PATIENCE, StepTable};
+use super::file::{self, Expected, NONE, PATIENCE, ReactionTable, StepTable};
+use super::reaction::{Reaction, Trigger};
 use super::step::{Begin, Expect, Never, Step, Wanted, What};
 use crate::bus::Disturbance;
 use crate::devices::NamedDevice;
@@ -21,13 +22,15 @@ pub(super) struct Trial {
     strict: bool,
     /// The identifiers of the active cyclic frames.
     cyclic: Vec<Id>,
+    /// The identifiers of all cyclic frames that the scenario sends.
+    ever_cyclic: Vec<Id>,
     /// The names of all faults so far. A number appended to a default name is not included.
     faults: Vec<String>,
 }
 
 impl Trial {
     pub(super) const fn new(simulation: Simulation, devices: Vec<NamedDevice>, strict: bool) -> Self {
-        Self { simulation, devices, strict, cyclic: Vec::new(), faults: Vec::new() }
+        Self { simulation, devices, strict, cyclic: Vec::new(), ever_cyclic: Vec::new(), faults: Vec::new() }
     }
 
     /// Checks a step, and applies its plant and fault changes to the trial simulation.
@@ -151,8 +154,12 @@ impl Trial {
 
     fn send(&mut self, text: &str, every_ms: Option<u32>) -> Result<Command, String> {
         let (frame, period) = (one_frame(text)?, period(every_ms)?);
-        if period.is_some() && !self.cyclic.contains(&frame.id()) {
-            self.cyclic.push(frame.id());
+        if period.is_some() {
+            for known in [&mut self.cyclic, &mut self.ever_cyclic] {
+                if !known.contains(&frame.id()) {
+                    known.push(frame.id());
+                }
+            }
         }
         Ok(Command::Send(frame, period))
     }
@@ -164,14 +171,42 @@ impl Trial {
             self.cyclic.clear();
             return Ok(None);
         };
-        let Some(place) = self.cyclic.iter().position(|cyclic| *cyclic == id) else {
-            let cyclic =
-                self.cyclic.iter().map(|id| format!("\"{}\"", state::digits(*id))).chain(["\"all\"".to_owned()]);
-            let accepted = cyclic.collect::<Vec<_>>().join(", ");
-            return Err(format!("stop: there is no cyclic frame {which}; accepted: {accepted}"));
-        };
-        self.cyclic.remove(place);
+        let place = self.cyclic.iter().position(|cyclic| *cyclic == id);
+        self.cyclic.remove(place.ok_or_else(|| no_cyclic(&which.to_string(), &self.cyclic))?);
         Ok(Some(id))
+    }
+
+    /// Checks a rule.
+    pub(super) fn reaction(&mut self, table: ReactionTable) -> Result<Reaction, String> {
+        let ReactionTable { on, missing, for_ms, send, every_ms, stop, from_ms, again } = table;
+        let trigger = match (on, missing, for_ms) {
+            (Some(on), None, None) => Trigger::On(self.frame_to_come(&on).map_err(within("on"))?),
+            (Some(_), None, Some(_)) => return Err("for_ms is only valid together with missing".to_owned()),
+            (None, Some(frame), Some(ms)) => {
+                Trigger::Missing(self.frame_to_come(&frame).map_err(within("missing"))?, millis(ms))
+            }
+            (None, Some(_), None) => return Err("for_ms is missing: the time without the frame".to_owned()),
+            (None, None, _) => return Err("no trigger; give on = \"0A0\", or missing = \"720\" with for_ms".to_owned()),
+            (Some(_), Some(_), _) => return Err("on and missing cannot be in the same reaction".to_owned()),
+        };
+        let act = match (send, stop) {
+            (Some(frame), None) => self.send(&frame, every_ms)?,
+            (None, Some(_)) if every_ms.is_some() => return Err("every_ms is only valid together with send".to_owned()),
+            (None, Some(which)) => Command::Stop(stopped(&which)?),
+            (None, None) => return Err("no action; give send = \"000#0220\", or stop = \"220\"".to_owned()),
+            (Some(_), Some(_)) => return Err("send and stop cannot be in the same reaction".to_owned()),
+        };
+        Ok(Reaction { trigger, act, from: millis(from_ms.unwrap_or(0)), again })
+    }
+
+    /// Checks, after all steps, that the frame that a rule stops is sent cyclically at some time.
+    pub(super) fn check_stop(&self, reaction: &Reaction) -> Result<(), String> {
+        match reaction.act {
+            Command::Stop(Some(id)) if !self.ever_cyclic.contains(&id) => {
+                Err(no_cyclic(&format!("\"{}\"", state::digits(id)), &self.ever_cyclic))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn plant(&mut self, device: &NamedDevice, change: toml::Table) -> Result<Command, String> {
@@ -336,6 +371,12 @@ fn refuse_two_acts(table: &StepTable) -> Result<(), String> {
 fn one_frame(text: &str) -> Result<Frame, String> {
     let frame = text.parse::<Pattern>().map_err(within("send"))?.frame();
     frame.ok_or_else(|| format!("send: '{text}' is not a single frame; give all digits, as in \"220#0F00 0020\""))
+}
+
+/// Returns the refusal to stop a cyclic frame that is not among the known ones.
+fn no_cyclic(which: &str, known: &[Id]) -> String {
+    let known = known.iter().map(|id| format!("\"{}\"", state::digits(*id))).chain(["\"all\"".to_owned()]);
+    format!("stop: there is no cyclic frame {which}; accepted: {}", known.collect::<Vec<_>>().join(", "))
 }
 
 /// Returns the identifier of the cyclic frame to stop; `None` stops all cyclic frames.

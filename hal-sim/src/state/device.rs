@@ -164,6 +164,16 @@ impl DeviceState {
     /// Returns the current state of a device of this kind.
     pub fn of(node: NodeId, kind: Kind, world: &mut World) -> Self {
         let view = world.view(node);
+        Self::with(view, node, kind, world)
+    }
+
+    /// Returns the current state of a device of this kind, and leaves the world untouched, see [`World::peek`]. The
+    /// plant has the last sample of a linked shaft.
+    pub fn peek(node: NodeId, kind: Kind, world: &World) -> Self {
+        Self::with(world.peek(node), node, kind, world)
+    }
+
+    fn with(view: Option<View>, node: NodeId, kind: Kind, world: &World) -> Self {
         let is_valve = matches!(kind, Kind::Pve(_));
         let valve = view.as_ref().and_then(|view| view.valve);
         let at_rest = is_valve.then_some(0);

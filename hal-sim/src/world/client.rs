@@ -31,6 +31,14 @@ impl embedded_can::Error for WorldGone {
     }
 }
 
+impl Client {
+    /// Returns whether a received frame waits.
+    #[must_use]
+    pub fn has_received(&self) -> bool {
+        !lock(&self.0).received.is_empty()
+    }
+}
+
 impl embedded_can::nb::Can for Client {
     type Frame = Frame;
     type Error = WorldGone;

@@ -24,6 +24,46 @@ impl World {
         self.on(node).map(|device| device.view(self.now))
     }
 
+    /// Returns the current view of a device, and leaves the world untouched: a linked shaft is not sampled, which would
+    /// change how its later angles are rounded. `None` while the device is unpowered.
+    #[must_use]
+    pub fn peek(&self, node: NodeId) -> Option<View> {
+        let device = self.on(node)?;
+        let (Some(coupling), mut inputs) = (self.coupling_of(node), *self.inputs(node)) else {
+            return Some(device.view(self.now));
+        };
+        let mut device = device.boxed();
+        if let Some(shaft) = inputs.shaft_mut() {
+            shaft.angle_cdeg = coupling.angle_at(self, self.now);
+            device.sense(&inputs, self.now);
+        }
+        Some(device.view(self.now))
+    }
+
+    /// Returns the first time at which the position of a device enters a range, if no event occurs until then; `limit`
+    /// at the latest. The position must be outside the range now. For a device other than a valve, the position may
+    /// still be outside the range at the returned time.
+    #[must_use]
+    pub fn next_inside(&self, node: NodeId, range: &RangeInclusive<i16>, limit: Instant) -> Instant {
+        let Some(valve) = self.valve(node) else {
+            return match self.is_linked(node) {
+                true => self.next_position(node, limit),
+                false => self.outside_until(node, range).max(after(self.now, Duration::from_ticks(1))).min(limit),
+            };
+        };
+        // Between two bends of its path, the spool moves in one direction.
+        let end = valve.bends(self.now).min(limit);
+        let side = |at| {
+            let position = self.position_at(node, at);
+            (position > i64::from(*range.end())) as i8 - (position < i64::from(*range.start())) as i8
+        };
+        let here = side(self.now);
+        if end <= self.now || side(end) == here {
+            return end;
+        }
+        self.first(|at| side(at) != here, self.now, end)
+    }
+
     /// Returns the [key](protocol_core::frame::Frame::key) and the mapped objects of TPDO 1 of a device; `None` while
     /// the device is unpowered or the TPDO is disabled.
     #[must_use]
@@ -50,7 +90,7 @@ impl World {
         while same < limit {
             let next = after(same, step).min(limit);
             if self.position_at(node, next) != here {
-                return self.first_other(node, here, same, next);
+                return self.first(|at| self.position_at(node, at) != here, same, next);
             }
             same = next;
             step = Duration::from_ticks(step.as_ticks().saturating_mul(2)).min(longest);
@@ -89,18 +129,17 @@ impl World {
         micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
-    /// Finds the first time at which the position differs from `here`, by bisection. The position is `here` at `same`,
-    /// and differs from `here` at `other`.
-    fn first_other(&self, node: NodeId, here: i64, mut same: Instant, mut other: Instant) -> Instant {
-        while since(other, same) > Duration::from_ticks(1) {
-            let middle = after(same, Duration::from_ticks(since(other, same).as_ticks() / 2));
-            if self.position_at(node, middle) == here {
-                same = middle;
+    /// Finds the first time at which something holds, by bisection. It does not hold at `before`, and holds at `then`.
+    fn first(&self, holds: impl Fn(Instant) -> bool, mut before: Instant, mut then: Instant) -> Instant {
+        while since(then, before) > Duration::from_ticks(1) {
+            let middle = after(before, Duration::from_ticks(since(then, before).as_ticks() / 2));
+            if holds(middle) {
+                then = middle;
             } else {
-                other = middle;
+                before = middle;
             }
         }
-        other
+        then
     }
 
     /// Returns the position of a spool, or the raw position of a shaft, at the current time or later, if no event

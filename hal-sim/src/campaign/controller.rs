@@ -1,0 +1,110 @@
+//! Controllers in Rust.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+use super::master::{Master, Subject};
+use crate::scenario::Target;
+use crate::simulation::Simulation;
+use crate::world::Client;
+
+/// The name in traces of a controller in Rust.
+pub const CONTROLLER: &str = "the controller";
+
+/// A controller in Rust, over [`embedded_can`].
+pub trait Controller {
+    /// Receives and sends frames. Called at instant 0, at the end of each frame for the controller, and at the instant
+    /// that the last call returned. Returns the instant of the next call without a frame: later than `now`, or
+    /// [`NEVER`]. Sent frames take part in the arbitration at `now`.
+    ///
+    /// A panic ends the controller. A call that does not return cannot be interrupted.
+    fn poll(&mut self, can: &mut Client, now: Instant) -> Instant;
+}
+
+/// Controllers that are cloned with their simulation: cells are forked.
+#[derive(Clone, Copy, Debug)]
+pub struct Cloned<F>(pub(super) F);
+
+/// Controllers that cannot be cloned: each cell runs from the start.
+#[derive(Clone, Copy, Debug)]
+pub struct Fresh<F>(pub(super) F);
+
+/// A simulation with a controller.
+pub struct Controlled<C> {
+    simulation: Simulation,
+    client: Client,
+    /// `None` once the controller has panicked.
+    controller: Option<C>,
+    /// The instant of the next call without a frame.
+    next: Instant,
+}
+
+impl<C: Controller> Controlled<C> {
+    fn new(mut simulation: Simulation, controller: C) -> Self {
+        let client = simulation.world_mut().client(CONTROLLER);
+        Self { next: simulation.now(), simulation, client, controller: Some(controller) }
+    }
+
+    /// Calls the controller, and hands its frames to the bus.
+    fn poll(&mut self) {
+        let now = self.simulation.now();
+        let Some(controller) = &mut self.controller else { return };
+        match catch_unwind(AssertUnwindSafe(|| controller.poll(&mut self.client, now))) {
+            Ok(next) => self.next = next.max(after(now, Duration::from_ticks(1))),
+            Err(_) => (self.controller, self.next) = (None, NEVER),
+        }
+        self.simulation.world_mut().run_until(now);
+    }
+}
+
+impl<C: Controller> Target for Controlled<C> {
+    fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    fn simulation_mut(&mut self) -> &mut Simulation {
+        &mut self.simulation
+    }
+
+    fn go(&mut self, end: Instant) -> bool {
+        let has_arrived = self.simulation.go(end.min(self.next));
+        if self.controller.is_none() || (self.simulation.now() < self.next && !self.client.has_received()) {
+            return has_arrived;
+        }
+        self.poll();
+        false
+    }
+}
+
+impl<C: Controller> Subject for Controlled<C> {
+    fn is_alive(&self) -> bool {
+        self.controller.is_some()
+    }
+}
+
+impl<C: Controller + Clone, F: Fn() -> C> Master for Cloned<F> {
+    type Target = Controlled<C>;
+
+    fn start(&self, simulation: Simulation) -> Controlled<C> {
+        Controlled::new(simulation, (self.0)())
+    }
+
+    fn fork(&self, target: &Controlled<C>) -> Option<Controlled<C>> {
+        let mut simulation = target.simulation.clone();
+        let client = simulation.world_mut().take_client(CONTROLLER)?;
+        Some(Controlled { simulation, client, controller: target.controller.clone(), next: target.next })
+    }
+}
+
+impl<C: Controller, F: Fn() -> C> Master for Fresh<F> {
+    type Target = Controlled<C>;
+
+    fn start(&self, simulation: Simulation) -> Controlled<C> {
+        Controlled::new(simulation, (self.0)())
+    }
+
+    fn fork(&self, _: &Controlled<C>) -> Option<Controlled<C>> {
+        None
+    }
+}

@@ -1,0 +1,197 @@
+//! The golden run: the scenario without a fault, with which each cell is compared.
+
+use std::collections::BTreeMap;
+
+use protocol_core::device::View;
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::{Duration, Instant, after, since};
+
+use super::master::{Master, Subject};
+use super::oracles::{SAMPLE, next_sample};
+use super::plan::Plan;
+use super::rig::Rig;
+use crate::scenario::Target as _;
+use crate::scenario::runner::Watch;
+use crate::simulation::{Happened, Simulation};
+use crate::world::NodeId;
+
+/// The largest difference of two positions that are the same: 2 % of the stroke of a valve, or of the turn of a shaft.
+const TOLERANCE: i32 = 328;
+
+/// The reason why a campaign cannot run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CampaignError {
+    /// The scenario fails without a fault.
+    #[error("the scenario fails without a fault (seed {seed}):\n{failures}")]
+    Fails {
+        /// The seed of the run.
+        seed: u64,
+        /// The report of the failures.
+        failures: String,
+    },
+    /// The proof of detection holds without a fault.
+    #[error("detected: it holds without a fault, at {} ms (seed {seed}): it proves nothing", at_us / 1000)]
+    Detected {
+        /// The seed of the run.
+        seed: u64,
+        /// The instant, in microseconds of virtual time.
+        at_us: u64,
+    },
+    /// The controller ended before the end of the run.
+    #[error("the controller ended without a fault (seed {seed})")]
+    Hung {
+        /// The seed of the run.
+        seed: u64,
+    },
+    /// The plan needs frames that the run does not have, or has too many cells.
+    #[error("{0}")]
+    Plan(String),
+}
+
+/// A golden run.
+#[derive(Debug)]
+pub(super) struct Golden {
+    pub(super) seed: u64,
+    devices: Vec<NodeId>,
+    /// The states of all devices at each sample instant, from 0.
+    samples: Vec<Sample>,
+    /// The instants of the faults.
+    pub(super) instants: Vec<Instant>,
+    /// The identifiers that come within the observation of every instant, each with its last frame.
+    pub(super) identifiers: BTreeMap<(bool, u32), Frame>,
+}
+
+/// The state of a device that is compared with the golden run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Sample {
+    position: i16,
+    /// NMT state, device state machine, command, solenoids, power, and the active faults, as bits.
+    state: u32,
+}
+
+impl Sample {
+    fn of(view: Option<&View>) -> Self {
+        let Some(view) = view else { return Self::default() };
+        let faults = view.faults.iter().fold(0, |bits, fault| bits << 1 | u32::from(fault.active));
+        let valve = view.valve;
+        let code = |code: Option<u32>| code.map_or(0, |code| code + 1) & 0xF;
+        let nmt = code(view.nmt.map(|state| state as u32));
+        let dsm = code(valve.and_then(|valve| valve.dsm).map(|state| state as u32));
+        let command = code(valve.and_then(|valve| valve.command).map(|state| state as u32));
+        let solenoids = u32::from(valve.is_some_and(|valve| valve.solenoids));
+        let state = faults << 16 | nmt << 12 | dsm << 8 | command << 4 | solenoids << 1 | 1;
+        Self { position: view.position, state }
+    }
+}
+
+impl Golden {
+    /// Runs the scenario without a fault.
+    ///
+    /// # Errors
+    /// [`CampaignError`]
+    pub(super) fn run<M: Master>(plan: &Plan, master: &M, seed: u64) -> Result<Self, CampaignError> {
+        let mut rig = Rig::new(plan, master, seed, false);
+        let devices: Vec<NodeId> = rig.target.simulation().devices().iter().map(|(node, _)| *node).collect();
+        let from = after(Instant::from_ticks(0), Duration::from_millis(plan.grid.from_ms.into()));
+        let to = after(Instant::from_ticks(0), Duration::from_millis(plan.grid.to_ms.into()));
+        let end = after(to, plan.observe + SAMPLE);
+        let mut frames = Frames { from, to, ends: Vec::new(), identifiers: BTreeMap::new() };
+        let mut samples = Vec::new();
+        let mut now = Instant::from_ticks(0);
+        while now <= end {
+            if now > from && !rig.oracles.have_begun() {
+                rig.pass_frames(from, &mut frames);
+                rig.oracles.begin(None, rig.target.simulation());
+            }
+            rig.pass_frames(now, &mut frames);
+            samples.extend(devices.iter().map(|node| Sample::of(rig.target.simulation().world().peek(*node).as_ref())));
+            if let Some(detected) = rig.oracles.detected() {
+                return Err(CampaignError::Detected { seed, at_us: after(from, detected).as_micros() });
+            }
+            now = next_sample(now);
+        }
+        let is_alive = rig.target.is_alive();
+        let outcome = rig.finish();
+        if !is_alive {
+            return Err(CampaignError::Hung { seed });
+        }
+        if !outcome.is_success() {
+            let failures = outcome.failures(plan.scenario());
+            return Err(CampaignError::Fails { seed, failures: failures.trim_end().to_owned() });
+        }
+        let (instants, identifiers) = frames.finish(plan, end);
+        if instants.is_empty() {
+            return Err(CampaignError::Plan("instants: no frame comes between from_ms and to_ms".to_owned()));
+        }
+        Ok(Self { seed, devices, samples, instants, identifiers })
+    }
+
+    /// Returns whether each device is as in the golden run, at a sample instant. Changes may come up to a sample
+    /// earlier or later: an additional frame on the bus delays others.
+    pub(super) fn is_as(&self, simulation: &Simulation) -> bool {
+        let number = (simulation.now().as_ticks() / SAMPLE.as_ticks()) as usize;
+        let (count, all) = (self.devices.len(), self.samples.len() / self.devices.len().max(1));
+        self.devices.iter().enumerate().all(|(place, node)| {
+            let found = Sample::of(simulation.world().peek(*node).as_ref());
+            let near = number.saturating_sub(1)..(number + 2).min(all);
+            let near = near.filter_map(|number| self.samples.get(number * count + place));
+            let positions = near.clone().map(|sample| i32::from(sample.position));
+            let (min, max) = positions.fold((i32::MAX, i32::MIN), |(min, max), it| (min.min(it), max.max(it)));
+            let is_near = (min - TOLERANCE..=max + TOLERANCE).contains(&i32::from(found.position));
+            is_near && near.into_iter().any(|sample| sample.state == found.state)
+        })
+    }
+}
+
+/// The frames of a golden run.
+struct Frames {
+    from: Instant,
+    to: Instant,
+    /// The ends of the frames within the instants of the faults.
+    ends: Vec<Instant>,
+    identifiers: BTreeMap<(bool, u32), Seen>,
+}
+
+/// The frames with an identifier.
+struct Seen {
+    frame: Frame,
+    last: Instant,
+    /// The longest time without a frame, from the first instant of the faults on.
+    gap: Duration,
+}
+
+impl Watch for Frames {
+    fn event(&mut self, happened: &Happened) {
+        let (Some(frame), at) = (happened.event.frame(), happened.event.at) else { return };
+        if (self.from..=self.to).contains(&at) && self.ends.last() != Some(&at) {
+            self.ends.push(at);
+        }
+        if at > self.from && !frame.is_remote() {
+            let key = match frame.id() {
+                Id::Standard(id) => (false, id.as_raw().into()),
+                Id::Extended(id) => (true, id.as_raw()),
+            };
+            let first = Seen { frame: *frame, last: self.from, gap: Duration::from_ticks(0) };
+            let seen = self.identifiers.entry(key).or_insert(first);
+            seen.gap = seen.gap.max(since(at, seen.last));
+            (seen.frame, seen.last) = (*frame, at);
+        }
+    }
+}
+
+impl Frames {
+    fn finish(self, plan: &Plan, end: Instant) -> (Vec<Instant>, BTreeMap<(bool, u32), Frame>) {
+        let grid = plan.grid;
+        let instants = match grid.step_ms {
+            None => self.ends,
+            Some(step) => {
+                let ms = (grid.from_ms..=grid.to_ms).step_by(usize::try_from(step.get()).unwrap_or(usize::MAX));
+                ms.map(|ms| Instant::from_millis(ms.into())).collect()
+            }
+        };
+        let comes = |seen: &Seen| seen.gap.max(since(end, seen.last)) < plan.observe;
+        let identifiers = self.identifiers.into_iter().filter(|(_, seen)| comes(seen));
+        (instants, identifiers.map(|(key, seen)| (key, seen.frame)).collect())
+    }
+}

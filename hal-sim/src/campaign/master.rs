@@ -1,0 +1,44 @@
+//! The controller of a campaign.
+
+use crate::scenario::Target;
+use crate::simulation::Simulation;
+
+/// A simulation with its controller.
+pub trait Subject: Target {
+    /// Returns whether the controller works.
+    fn is_alive(&self) -> bool;
+}
+
+impl Subject for Simulation {
+    fn is_alive(&self) -> bool {
+        true
+    }
+}
+
+/// The kind of controller of a campaign.
+pub trait Master {
+    /// The simulation with the controller.
+    type Target: Subject;
+
+    /// Adds a new controller to a simulation.
+    fn start(&self, simulation: Simulation) -> Self::Target;
+
+    /// Returns a clone that continues as the original would; `None` if the controller cannot be cloned.
+    fn fork(&self, target: &Self::Target) -> Option<Self::Target>;
+}
+
+/// The steps of the scenario as controller.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Scripted;
+
+impl Master for Scripted {
+    type Target = Simulation;
+
+    fn start(&self, simulation: Simulation) -> Simulation {
+        simulation
+    }
+
+    fn fork(&self, target: &Simulation) -> Option<Simulation> {
+        Some(target.clone())
+    }
+}

@@ -1,0 +1,230 @@
+//! The oracles of a plan while a cell runs.
+
+use std::sync::Arc;
+
+use protocol_core::time::{Duration, Instant, NEVER, after, since};
+
+use super::oracle::{Proof, SafeState};
+use super::plan::Plan;
+use crate::Kind;
+use crate::scenario::runner::Watch;
+use crate::scenario::step::Wanted;
+use crate::simulation::{Happened, Simulation};
+use crate::state::DeviceState;
+use crate::world::NodeId;
+
+/// The oracles of a run. Before the fault, they only follow the frame that may stop.
+#[derive(Clone)]
+pub(super) struct Oracles<'a> {
+    proof: Option<Seeker<'a>>,
+    safe: Option<Safety<'a>>,
+    fault: Option<Injected>,
+    /// The first sample at which a device differed from the golden run.
+    effect: Option<Instant>,
+    detected: Option<Instant>,
+}
+
+#[derive(Clone)]
+struct Injected {
+    at: Instant,
+    /// The name of a communication fault, whose frames prove nothing.
+    name: Option<Arc<str>>,
+}
+
+#[derive(Clone)]
+enum Seeker<'a> {
+    /// The frames, and the number of those that have come.
+    Frames(&'a [crate::state::Pattern], usize),
+    State(StateEye<'a>),
+    /// The frame, its silence, and the end of its last transmission.
+    Stops(protocol_core::frame::Id, Duration, Option<Instant>),
+}
+
+#[derive(Clone)]
+struct Safety<'a> {
+    eye: StateEye<'a>,
+    span: Option<Duration>,
+    /// The beginning of the time for which the state has held without a break.
+    since: Option<Instant>,
+    /// The beginning of a time that was long enough.
+    proved: Option<Instant>,
+}
+
+/// A state of a device, checked without an effect on the run.
+#[derive(Clone)]
+struct StateEye<'a> {
+    wanted: &'a Wanted,
+    device: (NodeId, Kind),
+}
+
+impl<'a> StateEye<'a> {
+    fn new(wanted: &'a Wanted, simulation: &Simulation) -> Option<Self> {
+        simulation.find(wanted.device()).ok().map(|device| Self { wanted, device })
+    }
+
+    fn holds(&self, simulation: &Simulation) -> bool {
+        let (node, kind) = self.device;
+        self.wanted.condition.holds(&DeviceState::peek(node, kind, simulation.world()))
+    }
+
+    /// Returns the next instant at which the state can begin to hold without an event; `limit` at the latest.
+    fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
+        let (node, kind) = self.device;
+        let state = DeviceState::peek(node, kind, simulation.world());
+        match self.wanted.condition.wanted_positions(&state) {
+            Some(range) => {
+                let now = simulation.now();
+                simulation.world().next_inside(node, &range, limit).max(after(now, Duration::from_ticks(1))).min(limit)
+            }
+            None => limit,
+        }
+    }
+}
+
+impl Safety<'_> {
+    /// Returns the instant at which the state will have held for long enough, counted from the effect of the fault at
+    /// the earliest.
+    fn end(&self, effect: Option<Instant>) -> Option<Instant> {
+        Some(after(self.since?.max(effect?), self.span?))
+    }
+}
+
+impl<'a> Oracles<'a> {
+    pub(super) fn new(plan: &'a Plan, simulation: &Simulation) -> Self {
+        let proof = plan.detected.as_ref().and_then(|oracle| match &oracle.what {
+            Proof::Frames(patterns) => Some(Seeker::Frames(patterns, 0)),
+            Proof::State(wanted) => StateEye::new(wanted, simulation).map(Seeker::State),
+            Proof::Stops(id, span) => Some(Seeker::Stops(*id, *span, None)),
+        });
+        let safe = plan.safe.as_ref().and_then(|oracle| {
+            let SafeState { state, span } = &oracle.what;
+            let eye = StateEye::new(state, simulation)?;
+            Some(Safety { eye, span: *span, since: None, proved: None })
+        });
+        Self { proof, safe, fault: None, effect: None, detected: None }
+    }
+
+    /// Returns whether the oracles look for the proof and the safe state.
+    pub(super) const fn have_begun(&self) -> bool {
+        self.fault.is_some()
+    }
+
+    /// Begins to look for the proof and the safe state, at the instant of the fault. `name` is the name of a
+    /// communication fault.
+    pub(super) fn begin(&mut self, name: Option<Arc<str>>, simulation: &Simulation) {
+        self.fault = Some(Injected { at: simulation.now(), name });
+        self.look(simulation);
+    }
+
+    /// Notes that a device differs from the golden run. A safe state counts from now on, because the fault may not have
+    /// acted before.
+    pub(super) fn note_effect(&mut self, now: Instant) {
+        self.effect.get_or_insert(now);
+    }
+
+    /// Returns whether a device has differed from the golden run.
+    pub(super) const fn has_effect(&self) -> bool {
+        self.effect.is_some()
+    }
+
+    /// Checks the states at the current instant.
+    pub(super) fn look(&mut self, simulation: &Simulation) {
+        let Some(fault) = &self.fault else { return };
+        let now = simulation.now();
+        if self.detected.is_none() {
+            match &self.proof {
+                Some(Seeker::State(eye)) if eye.holds(simulation) => self.detected = Some(now),
+                Some(Seeker::Stops(_, span, Some(last))) if now >= after(*last, *span) => {
+                    self.detected = Some(after(*last, *span).max(fault.at));
+                }
+                _ => {}
+            }
+        }
+        if let Some(safety) = &mut self.safe
+            && safety.proved.is_none()
+        {
+            safety.since = safety.eye.holds(simulation).then(|| safety.since.unwrap_or(now));
+            if safety.end(self.effect).is_some_and(|end| now >= end) {
+                safety.proved = safety.since;
+            }
+        }
+    }
+
+    /// Returns the next instant at which an oracle has to look without an event; `limit` at the latest.
+    pub(super) fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
+        let mut due = limit;
+        if self.detected.is_none()
+            && let Some(Seeker::State(eye)) = &self.proof
+        {
+            due = eye.due(simulation, due);
+        }
+        match &self.safe {
+            Some(Safety { eye, since: None, proved: None, .. }) => eye.due(simulation, due),
+            Some(safety @ Safety { proved: None, .. }) => {
+                let tick = after(simulation.now(), Duration::from_ticks(1));
+                safety.end(self.effect).map_or(due, |end| end.max(tick).min(due))
+            }
+            _ => due,
+        }
+    }
+
+    /// Returns whether no later observation changes the result.
+    pub(super) fn are_decided(&self) -> bool {
+        (self.proof.is_none() || self.detected.is_some())
+            && self.safe.as_ref().is_none_or(|safety| safety.proved.is_some())
+    }
+
+    /// Returns the time from the fault to its detection, if any.
+    pub(super) fn detected(&self) -> Option<Duration> {
+        let fault = self.fault.as_ref()?;
+        self.detected.map(|at| since(at, fault.at))
+    }
+
+    /// Returns the time from the fault to the safe state at the end of the observation, if any.
+    pub(super) fn safe(&self) -> Option<Duration> {
+        let (fault, safety) = (self.fault.as_ref()?, self.safe.as_ref()?);
+        let begin = match safety.span {
+            None => safety.since,
+            Some(_) => safety.proved,
+        };
+        begin.map(|begin| since(begin.max(fault.at), fault.at))
+    }
+}
+
+impl Watch for Oracles<'_> {
+    fn event(&mut self, happened: &Happened) {
+        let Some(frame) = happened.event.frame() else { return };
+        let at = happened.event.at;
+        match (&mut self.proof, &self.fault) {
+            (Some(Seeker::Stops(id, span, last)), fault) if frame.id() == *id => {
+                if let (Some(fault), Some(last), None) = (fault, *last, self.detected)
+                    && at > after(last, *span)
+                {
+                    self.detected = Some(after(last, *span).max(fault.at));
+                }
+                *last = Some(at);
+            }
+            (Some(Seeker::Frames(patterns, came)), Some(fault)) if self.detected.is_none() => {
+                let is_of_fault = fault.name.as_ref() == Some(&happened.event.who);
+                if at > fault.at && !is_of_fault && patterns.get(*came).is_some_and(|wanted| wanted.matches(frame)) {
+                    *came += 1;
+                    self.detected = (*came == patterns.len()).then_some(at);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn step(&mut self, simulation: &mut Simulation) {
+        self.look(simulation);
+    }
+}
+
+/// The interval between two samples of a run.
+pub(super) const SAMPLE: Duration = Duration::from_millis(10);
+
+/// Returns the first sample instant after an instant.
+pub(super) fn next_sample(now: Instant) -> Instant {
+    let number = now.as_ticks() / SAMPLE.as_ticks() + 1;
+    number.checked_mul(SAMPLE.as_ticks()).map_or(NEVER, Instant::from_ticks)
+}

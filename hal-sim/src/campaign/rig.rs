@@ -1,0 +1,65 @@
+//! A run of a scenario with its simulation, its controller and the oracles.
+
+use protocol_core::time::{Instant, NEVER};
+
+use super::master::{Master, Subject};
+use super::oracles::Oracles;
+use super::plan::Plan;
+use crate::scenario::Outcome;
+use crate::scenario::runner::{Run, Watch};
+use crate::simulation::{Happened, Simulation};
+
+/// A run with everything that belongs to it.
+pub(super) struct Rig<'a, T> {
+    pub(super) run: Run<'a>,
+    pub(super) target: T,
+    pub(super) oracles: Oracles<'a>,
+}
+
+impl<'a, T: Subject> Rig<'a, T> {
+    /// Creates a run that has not begun.
+    pub(super) fn new<M: Master<Target = T>>(plan: &'a Plan, master: &M, seed: u64, traced: bool) -> Self {
+        let target = master.start(plan.scenario.powered(seed));
+        let oracles = Oracles::new(plan, target.simulation());
+        Self { run: Run::new(&plan.scenario, traced), target, oracles }
+    }
+
+    /// Returns a clone that continues as the original would, if the controller can be cloned.
+    pub(super) fn fork<M: Master<Target = T>>(&self, master: &M) -> Option<Self> {
+        let target = master.fork(&self.target)?;
+        Some(Self { run: self.run.clone(), target, oracles: self.oracles.clone() })
+    }
+
+    /// Advances to an instant.
+    pub(super) fn pass(&mut self, until: Instant) {
+        self.run.pass(&mut self.target, until, &mut self.oracles);
+    }
+
+    /// Advances to an instant, and shows the events to another observer, too.
+    pub(super) fn pass_frames(&mut self, until: Instant, also: &mut dyn Watch) {
+        let mut both = Both(&mut self.oracles, also);
+        self.run.pass(&mut self.target, until, &mut both);
+        self.oracles.look(self.target.simulation());
+    }
+
+    /// Runs the scenario to its end.
+    pub(super) fn finish(mut self) -> Outcome {
+        self.run.advance(&mut self.target, NEVER, &mut ());
+        self.run.outcome(self.target.simulation())
+    }
+}
+
+/// Two observers.
+struct Both<'r>(&'r mut dyn Watch, &'r mut dyn Watch);
+
+impl Watch for Both<'_> {
+    fn event(&mut self, happened: &Happened) {
+        self.0.event(happened);
+        self.1.event(happened);
+    }
+
+    fn step(&mut self, simulation: &mut Simulation) {
+        self.0.step(simulation);
+        self.1.step(simulation);
+    }
+}

@@ -1,0 +1,422 @@
+//! A campaign: its rows, the cells of each row by forking, and the refinement of each row.
+
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+use super::cell::{Cell, CellResult};
+use super::controller::{Cloned, Controller, Fresh};
+use super::fault::{Act, PlanFault, communication};
+use super::golden::{CampaignError, Golden};
+use super::master::{Master, Scripted, Subject};
+use super::oracles::next_sample;
+use super::plan::{Entry, Plan, refuse_more};
+use super::rig::Rig;
+use super::verdict::{Observed, Verdict};
+use crate::scenario::Target as _;
+use crate::simulation::{Command, Executed, Reply, Simulation};
+use crate::state::{PlantState, Power};
+
+/// The step of the refinement.
+const FINE: Duration = Duration::from_millis(1);
+
+/// A campaign whose golden runs have passed. Rows share nothing: they can run in parallel.
+#[derive(Debug)]
+pub struct Campaign<'a, M = Scripted> {
+    plan: &'a Plan,
+    master: M,
+    goldens: Vec<Golden>,
+    rows: Vec<Row>,
+    forks: bool,
+}
+
+/// A row: a fault and a seed, at all instants.
+#[derive(Debug)]
+pub struct Row {
+    fault: PlanFault,
+    golden: usize,
+    /// The seed of the runs.
+    pub seed: u64,
+    /// The number of the first cell.
+    pub first: u64,
+    /// The number of grid cells.
+    pub cells: u64,
+}
+
+impl Row {
+    /// Returns the fault in words.
+    #[must_use]
+    pub fn fault(&self) -> &str {
+        &self.fault.text
+    }
+
+    /// Returns the requirement that the fault belongs to.
+    #[must_use]
+    pub fn reference(&self) -> Option<&str> {
+        self.fault.reference.as_deref()
+    }
+}
+
+impl<'a> Campaign<'a> {
+    /// Runs the scenario of a plan without a fault for each seed. The steps of the scenario are the controller.
+    ///
+    /// # Errors
+    /// [`CampaignError`]
+    pub fn new(plan: &'a Plan) -> Result<Self, CampaignError> {
+        Self::of(plan, Scripted)
+    }
+}
+
+impl<'a, C: Controller + Clone, F: Fn() -> C> Campaign<'a, Cloned<F>> {
+    /// Runs the scenario of a plan without a fault for each seed, with a controller in Rust beside the steps. `make`
+    /// creates the controller of a run; cells clone it.
+    ///
+    /// # Errors
+    /// [`CampaignError`]
+    pub fn with_controller(plan: &'a Plan, make: F) -> Result<Self, CampaignError> {
+        Self::of(plan, Cloned(make))
+    }
+}
+
+impl<'a, C: Controller, F: Fn() -> C> Campaign<'a, Fresh<F>> {
+    /// Runs the scenario as [`with_controller`](Campaign::with_controller) does, with a controller that cannot be
+    /// cloned: each cell runs from the start.
+    ///
+    /// # Errors
+    /// [`CampaignError`]
+    pub fn with_fresh_controllers(plan: &'a Plan, make: F) -> Result<Self, CampaignError> {
+        Self::of(plan, Fresh(make))
+    }
+}
+
+impl<'a, M: Master> Campaign<'a, M> {
+    /// Runs the scenario of a plan without a fault for each seed, with this kind of controller.
+    ///
+    /// # Errors
+    /// [`CampaignError`]
+    pub fn of(plan: &'a Plan, master: M) -> Result<Self, CampaignError> {
+        let goldens: Vec<Golden> =
+            plan.seeds.iter().map(|seed| Golden::run(plan, &master, *seed)).collect::<Result<_, _>>()?;
+        let mut faults = Vec::new();
+        for entry in &plan.faults {
+            match entry {
+                Entry::Own(own) => faults.extend(own.iter().cloned()),
+                Entry::Communication => faults.extend(errors(&goldens)?),
+            }
+        }
+        let (mut rows, mut first) = (Vec::new(), 0);
+        for fault in &faults {
+            for (golden, Golden { seed, instants, .. }) in goldens.iter().enumerate() {
+                let cells = instants.len() as u64;
+                rows.push(Row { fault: fault.clone(), golden, seed: *seed, first, cells });
+                first += cells;
+            }
+        }
+        refuse_more(first).map_err(CampaignError::Plan)?;
+        Ok(Self { plan, master, goldens, rows, forks: true })
+    }
+
+    /// Runs each cell from the start of the scenario, instead of forking the golden run at the instant of the fault.
+    #[must_use]
+    pub fn without_forks(self) -> Self {
+        Self { forks: false, ..self }
+    }
+
+    /// Returns the rows, in the order of the plan.
+    #[must_use]
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// Returns the number of grid cells.
+    #[must_use]
+    pub fn cells(&self) -> u64 {
+        self.rows.last().map_or(0, |row| row.first + row.cells)
+    }
+
+    /// Returns the grid cell with a number.
+    #[must_use]
+    pub fn numbered(&self, number: u64) -> Option<Cell> {
+        let place = self.rows.partition_point(|row| row.first <= number).checked_sub(1)?;
+        let row = self.rows.get(place)?;
+        let index = usize::try_from(number - row.first).ok()?;
+        let at = *self.goldens.get(row.golden)?.instants.get(index)?;
+        Some(Cell { row: place, at })
+    }
+
+    /// Runs a row: its grid cells in order, each change of the verdict between two instants to 1 ms, and every 1 ms of
+    /// the worst interval. Hands over each result. An unknown row has no cells.
+    pub fn row(&self, row: usize, each: &mut dyn FnMut(CellResult)) {
+        let Some(golden) = self.rows.get(row).and_then(|row| self.goldens.get(row.golden)) else { return };
+        let mut base = self.base(row);
+        let mut before: Option<CellResult> = None;
+        let mut worst: Option<Interval> = None;
+        for at in &golden.instants {
+            let rig = self.rig_at(&mut base, row, *at);
+            let Some(result) = rig.and_then(|rig| self.judge(rig, Cell { row, at: *at })) else { continue };
+            each(result.clone());
+            if let Some(left) = before.replace(result.clone()) {
+                let mut refined = Vec::new();
+                if left.verdict != result.verdict {
+                    self.bisect(&left, &result, &mut refined);
+                    refined.iter().cloned().for_each(&mut *each);
+                }
+                let known = refined.into_iter().map(|cell| cell.at_us).collect();
+                let interval =
+                    Interval { left: left.at_us, right: result.at_us, severity: severity(&left, &result), known };
+                if worst.as_ref().is_none_or(|worst| interval.severity > worst.severity) {
+                    worst = Some(interval);
+                }
+            }
+        }
+        if let Some(worst) = worst.filter(|worst| worst.severity.0.0 != Verdict::NoEffect) {
+            self.scan(row, &worst, each);
+        }
+    }
+
+    /// Runs one cell alone. `None` for an unknown row.
+    #[must_use]
+    pub fn cell(&self, cell: Cell) -> Option<CellResult> {
+        let rig = self.rig_at(&mut None, cell.row, cell.at)?;
+        self.judge(rig, cell)
+    }
+
+    /// Runs one cell and returns its explained trace, with notes at the fault and at the end. `None` for an unknown row.
+    #[must_use]
+    pub fn trace(&self, cell: Cell) -> Option<String> {
+        let row = self.rows.get(cell.row)?;
+        let mut rig = Rig::new(self.plan, &self.master, row.seed, true);
+        rig.pass(cell.at);
+        rig.run.note(&format!("fault: {}", row.fault()));
+        let (rig, result) = self.observe(rig, cell)?;
+        let mut run = rig.run;
+        let ms = |time: Option<u64>| {
+            time.map_or("never".to_owned(), |us| format!("after {}.{:03} ms", us / 1000, us % 1000))
+        };
+        if self.plan.detected.is_some() {
+            run.note(&format!("detected: {}", ms(result.detected_us)));
+        }
+        if self.plan.safe.is_some() {
+            run.note(&format!("safe: {}", ms(result.safe_us)));
+        }
+        run.note(&format!("verdict: {}", result.verdict));
+        Some(run.outcome(rig.target.simulation()).trace().to_owned())
+    }
+
+    /// Returns the run of a row before its first event, from which cells are forked.
+    fn base(&self, row: usize) -> Option<Rig<'a, M::Target>> {
+        let row = self.rows.get(row).filter(|_| self.forks)?;
+        Some(Rig::new(self.plan, &self.master, row.seed, false))
+    }
+
+    /// Returns a run that has arrived at an instant: a fork of `base`, which is advanced to that instant, or a new run.
+    fn rig_at(&self, base: &mut Option<Rig<'a, M::Target>>, row: usize, at: Instant) -> Option<Rig<'a, M::Target>> {
+        if let Some(rig) = base {
+            rig.pass(at);
+            if let Some(fork) = rig.fork(&self.master) {
+                return Some(fork);
+            }
+            *base = None;
+        }
+        let mut rig = Rig::new(self.plan, &self.master, self.rows.get(row)?.seed, false);
+        rig.pass(at);
+        Some(rig)
+    }
+
+    /// Finds the change of the verdict between two cells, to 1 ms.
+    fn bisect(&self, left: &CellResult, right: &CellResult, refined: &mut Vec<CellResult>) {
+        let (row, fine) = (left.row, FINE.as_micros());
+        let mut base = self.base(row);
+        if let Some(base) = &mut base {
+            base.pass(Instant::from_micros(left.at_us));
+        }
+        let (mut left, mut right, first) = (left.clone(), right.clone(), left.verdict);
+        while right.at_us - left.at_us > fine {
+            // A multiple of 1 ms from the left end.
+            let half = ((right.at_us - left.at_us) / fine).div_ceil(2).max(1) * fine;
+            let at = Instant::from_micros(left.at_us + half.min(right.at_us - left.at_us - 1));
+            let mut fork = base.as_ref().and_then(|base| base.fork(&self.master));
+            let Some(rig) = self.rig_at(&mut fork, row, at) else { return };
+            let Some(result) = self.judge(rig, Cell { row, at }) else { return };
+            refined.push(result.clone());
+            if result.verdict == first {
+                left = result;
+            } else {
+                right = result;
+            }
+        }
+    }
+
+    /// Runs every 1 ms of an interval, except the cells that are known.
+    fn scan(&self, row: usize, interval: &Interval, each: &mut dyn FnMut(CellResult)) {
+        let mut base = self.base(row);
+        let instants = (interval.left..interval.right).step_by(FINE.as_micros() as usize).skip(1);
+        for at_us in instants.filter(|at| !interval.known.contains(at)) {
+            let at = Instant::from_micros(at_us);
+            if let Some(result) = self.rig_at(&mut base, row, at).and_then(|rig| self.judge(rig, Cell { row, at })) {
+                each(result);
+            }
+        }
+    }
+
+    /// Injects the fault of a cell into a run that has arrived at its instant. Returns the verdict.
+    fn judge(&self, rig: Rig<'a, M::Target>, cell: Cell) -> Option<CellResult> {
+        self.observe(rig, cell).map(|(_, result)| result)
+    }
+
+    fn observe(&self, mut rig: Rig<'a, M::Target>, cell: Cell) -> Option<(Rig<'a, M::Target>, CellResult)> {
+        let row = self.rows.get(cell.row)?;
+        let golden = self.goldens.get(row.golden)?;
+        let end = after(cell.at, self.plan.observe);
+        rig.run.forgive();
+        let mut injection = Injection::begin(&row.fault, &mut rig.target);
+        rig.oracles.begin(injection.name(), rig.target.simulation());
+        let mut now = cell.at;
+        while now < end {
+            let sample = next_sample(now);
+            let until = rig.oracles.due(rig.target.simulation(), sample.min(end).min(injection.due()));
+            rig.pass(until);
+            now = until;
+            injection.poll(now, &mut rig.target);
+            if now == sample && !rig.oracles.has_effect() && !golden.is_as(rig.target.simulation()) {
+                rig.oracles.note_effect(now);
+            }
+            rig.oracles.look(rig.target.simulation());
+            let is_over =
+                rig.oracles.are_decided() && rig.oracles.has_effect() && injection.has_struck(rig.target.simulation());
+            if is_over || !rig.target.is_alive() {
+                break;
+            }
+        }
+        let struck = injection.struck(rig.target.simulation());
+        let observed = Observed {
+            was_injected: struck > 0,
+            is_alive: rig.target.is_alive(),
+            had_effect: rig.oracles.has_effect(),
+            detected: rig.oracles.detected(),
+            safe: rig.oracles.safe(),
+        };
+        let index = golden.instants.binary_search(&cell.at).ok();
+        let result = CellResult {
+            number: index.map(|index| row.first + index as u64),
+            row: cell.row,
+            fault: row.fault.text.clone(),
+            seed: row.seed,
+            at_us: cell.at.as_micros(),
+            refined: index.is_none(),
+            verdict: Verdict::of(&observed, &self.plan.limits()),
+            detected_us: observed.detected.map(|time| time.as_micros()),
+            safe_us: observed.safe.map(|time| time.as_micros()),
+            struck,
+        };
+        Some((rig, result))
+    }
+}
+
+/// The interval between two cells of the grid.
+struct Interval {
+    left: u64,
+    right: u64,
+    severity: (Severity, Severity),
+    /// The cells inside that have been run.
+    known: Vec<u64>,
+}
+
+type Severity = (Verdict, bool, u64);
+
+/// Returns the severities of both ends of an interval, the worse first.
+fn severity(left: &CellResult, right: &CellResult) -> (Severity, Severity) {
+    let (left, right) = (left.severity(), right.severity());
+    (left.max(right), left.min(right))
+}
+
+/// Returns the communication errors on the identifiers that come throughout all golden runs.
+fn errors(goldens: &[Golden]) -> Result<Vec<PlanFault>, CampaignError> {
+    let frames = goldens.iter().take(1).flat_map(|golden| &golden.identifiers);
+    let common = frames.filter(|(key, _)| goldens.iter().all(|golden| golden.identifiers.contains_key(key)));
+    let faults: Vec<PlanFault> = common.flat_map(|(_, frame)| communication(frame)).collect();
+    if faults.is_empty() {
+        let reason = "'communication': no identifier comes within the observation of every instant";
+        return Err(CampaignError::Plan(reason.to_owned()));
+    }
+    Ok(faults)
+}
+
+/// The fault of a cell, and whether it acted.
+struct Injection<'a> {
+    fault: &'a PlanFault,
+    /// The name of the communication fault.
+    name: Option<String>,
+    /// The plant before the change.
+    plant: Option<PlantState>,
+    has_changed: bool,
+    /// The instant at which the power returns.
+    power_on: Instant,
+}
+
+impl<'a> Injection<'a> {
+    fn begin(fault: &'a PlanFault, target: &mut impl Subject) -> Self {
+        let mut injection = Self { fault, name: None, plant: None, has_changed: false, power_on: NEVER };
+        let now = target.simulation().now();
+        let before = injection.plant(target.simulation());
+        let was_powered = injection.is_powered(target.simulation());
+        let Ok(Executed::Done(reply)) = target.execute(fault.command()) else { return injection };
+        match (&fault.act, reply) {
+            (Act::Message(_), Reply::Fault(record)) => injection.name = Some(record.name),
+            (Act::Plant(..), _) => {
+                injection.has_changed = injection.plant(target.simulation()) != before;
+                injection.plant = before.map(|plant| plant.at_rest());
+            }
+            (Act::Power(_, power, lasts), _) => {
+                let is_powered = injection.is_powered(target.simulation());
+                injection.has_changed = *power == Power::Watchdog || was_powered != is_powered;
+                injection.power_on = lasts.map_or(NEVER, |lasts| after(now, lasts));
+            }
+            _ => {}
+        }
+        injection
+    }
+
+    fn plant(&self, simulation: &Simulation) -> Option<PlantState> {
+        let Act::Plant(device, _) = &self.fault.act else { return None };
+        simulation.find(device).ok().map(|(node, _)| PlantState::of(node, simulation.world()))
+    }
+
+    fn is_powered(&self, simulation: &Simulation) -> Option<bool> {
+        let Act::Power(device, ..) = &self.fault.act else { return None };
+        simulation.find(device).ok().map(|(node, _)| simulation.world().is_powered(node))
+    }
+
+    fn name(&self) -> Option<std::sync::Arc<str>> {
+        self.name.as_deref().map(Into::into)
+    }
+
+    /// Returns the next instant at which the fault needs a command.
+    const fn due(&self) -> Instant {
+        self.power_on
+    }
+
+    fn poll(&mut self, now: Instant, target: &mut impl Subject) {
+        if self.power_on <= now
+            && let Act::Power(device, ..) = &self.fault.act
+        {
+            self.power_on = NEVER;
+            // The device of a checked plan exists.
+            let _ = target.execute(Command::Power(device.clone(), Power::On));
+        }
+        // A profile changes the plant later.
+        if !self.has_changed && self.plant.is_some() {
+            self.has_changed = self.plant(target.simulation()).map(|plant| plant.at_rest()) != self.plant;
+        }
+    }
+
+    fn has_struck(&self, simulation: &Simulation) -> bool {
+        self.struck(simulation) > 0
+    }
+
+    /// Returns the number of affected frames; 1 for another fault that acted.
+    fn struck(&self, simulation: &Simulation) -> u64 {
+        match &self.name {
+            Some(name) => simulation.faults().find(|record| record.name == *name).map_or(0, |record| record.struck),
+            None => self.has_changed.into(),
+        }
+    }
+}
