@@ -154,14 +154,17 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         self.put(SETTING, &seal(SETTING_VERSION, &setting)?).map(drop)
     }
 
-    /// Writes an entry. An empty log gets an inventory first. An inventory is so short that interrupted attempts leave
-    /// little behind; once it is written, the remains of later power cuts cannot be mistaken for foreign data.
+    /// Writes an entry. An empty log gets an inventory first.
     fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
-        let before = self.survey(key, bytes)?;
-        if !before.0.any {
-            self.write(INVENTORY, &[NOTHING], false)?;
-        }
-        self.write(key, bytes, before.1)
+        let (found, held_before) = self.survey(key, bytes)?;
+        self.begin(&found)?;
+        self.write(key, bytes, held_before)
+    }
+
+    /// Writes an inventory if the log is empty. An inventory is so short that interrupted attempts leave little behind;
+    /// once it is written, the remains of later power cuts cannot be mistaken for foreign data.
+    fn begin(&mut self, found: &Survey) -> Result<(), StoreError> {
+        if found.any { Ok(()) } else { self.write(INVENTORY, &[NOTHING], false).map(drop) }
     }
 
     /// Writes an entry and scans the flash. Succeeds if the scan finds the content. If the write itself failed, the
@@ -201,18 +204,20 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// # Errors
     /// Returns [`StoreError`] if the flash fails.
     pub fn clear(&mut self) -> Result<(), StoreError> {
-        if self.is_clear()? {
+        let (found, _) = self.survey(INVENTORY, &[])?;
+        if self.is_clear(&found)? {
             return Ok(());
         }
+        self.begin(&found)?;
         self.log.begin_anew(&[NOTHING]).or_else(|error| {
             // The operation can fail after it has removed everything.
-            if self.is_clear()? { Ok(()) } else { Err(error) }
+            let (found, _) = self.survey(INVENTORY, &[])?;
+            if self.is_clear(&found)? { Ok(()) } else { Err(error) }
         })
     }
 
     /// Returns whether the flash is free of records and of their remains.
-    fn is_clear(&mut self) -> Result<bool, StoreError> {
-        let (found, _) = self.survey(INVENTORY, &[])?;
+    fn is_clear(&mut self, found: &Survey) -> Result<bool, StoreError> {
         let has_leftovers = self.log.has_leftovers().map_err(|_| StoreError)?;
         Ok(found.stored == 0 && found.inventory() == NOTHING && !has_leftovers)
     }

@@ -243,6 +243,23 @@ fn a_cut_between_two_words_leaves_the_old_content() {
     }
 }
 
+/// After an interrupted first store the memory has no entry, which could distinguish the remains of an interrupted erase
+/// from noise.
+#[test]
+fn a_cut_first_store_and_a_cut_clear_are_no_damage() {
+    for seed in 0..200 {
+        let mut flash = Flash::<4>::new(false, seed);
+        let mut buffer = [0; BUFFER];
+        let record = seal(1, b"never kept").expect("a record");
+        flash.power_for = Some(seed % 4);
+        assert!(Records::new(&mut flash, &mut buffer).store(RecordKey::LocalLayer, &record).is_err());
+        flash.power_for = Some(seed / 4 % 5);
+        let _ = Records::new(&mut flash, &mut buffer).clear();
+        flash.power_for = None;
+        assert_eq!(held(&mut flash).0, vec![None; RecordKey::ALL.len()], "seed {seed}");
+    }
+}
+
 #[test]
 fn noise_can_be_cleared() {
     for sector in 0..2 {
