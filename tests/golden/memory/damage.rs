@@ -33,7 +33,7 @@ pub(crate) fn of_the_file(kind: &str, other: &str) -> Files {
     add(&format!("that of a {other}"), written(other, "set"));
     add("empty", Vec::new());
     add("text", b"not a state file\n".to_vec());
-    for (at, name) in [(0, "magic"), (4, "version"), (8, "kind"), (12, "size")] {
+    for (at, name) in [(0, "magic"), (4, "version"), (8, "kind"), (9, "layout"), (12, "size")] {
         add(&format!("header: {name}"), changed(&good, |bytes| bytes[at] ^= 0x40));
     }
     for length in [HEADER - 1, HEADER, used(&good), HEADER + SECTOR, good.len() - 1] {
