@@ -18,7 +18,7 @@ use pve_sim::run;
 
 /// A failure, such as a port in use or a file that cannot be opened.
 const FAILURE: u8 = 1;
-/// Wrong usage.
+/// A usage error.
 const USAGE: u8 = 2;
 
 /// The time limit for writing the final error to stderr.

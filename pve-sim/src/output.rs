@@ -1,4 +1,4 @@
-//! The output of commands: every byte is written, or the program ends with an error.
+//! The output of commands. A write error is reported at the end of the command.
 
 use std::io::{self, Write};
 

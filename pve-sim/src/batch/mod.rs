@@ -2,12 +2,10 @@
 
 mod junit;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::thread;
 
 use hal_sim::scenario::{Outcome, ReadError, Scenario};
@@ -107,33 +105,20 @@ fn parse<'a>(file: &'a Path, text: &str) -> Result<Named<'a>, String> {
 }
 
 /// Runs scenarios on one thread per core, and passes their outcomes to `tell` in order.
-fn over_the_cores(scenarios: &[Named<'_>], options: &Options, mut tell: impl FnMut(Outcome)) {
+fn over_the_cores(scenarios: &[Named<'_>], options: &Options, tell: impl FnMut(Outcome)) {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(scenarios.len());
-    let (next, (sender, receiver)) = (&AtomicUsize::new(0), mpsc::channel());
+    let (senders, receivers): (Vec<_>, Vec<_>) = scenarios.iter().map(|_| mpsc::channel()).unzip();
+    let jobs = &Mutex::new(scenarios.iter().zip(senders));
+    let next = || jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
     thread::scope(|scope| {
         for _ in 0..threads {
-            let sender = sender.clone();
             scope.spawn(move || {
-                while let Some((place, named)) = {
-                    let place = next.fetch_add(1, Ordering::Relaxed);
-                    scenarios.get(place).map(|named| (place, named))
-                } {
-                    if sender.send((place, run_one(&named.scenario, options))).is_err() {
-                        break;
-                    }
+                while let Some((named, sender)) = next() {
+                    let _ = sender.send(run_one(&named.scenario, options));
                 }
             });
         }
-        drop(sender);
-        let mut early: BTreeMap<usize, Outcome> = BTreeMap::new();
-        let mut turn = 0;
-        for (place, outcome) in receiver {
-            early.insert(place, outcome);
-            while let Some(outcome) = early.remove(&turn) {
-                tell(outcome);
-                turn += 1;
-            }
-        }
+        receivers.into_iter().filter_map(|outcome| outcome.recv().ok()).for_each(tell);
     });
 }
 

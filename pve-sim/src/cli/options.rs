@@ -165,7 +165,7 @@ impl TryFrom<RunArgs> for RunOptions {
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
         let devices = on_one_bus(specs, args.allow_clash)?;
-        let links = between(&devices, args.link)?;
+        let links = checked_links(&devices, args.link)?;
         let buses = if args.bus.is_empty() { vec![BusUrl::default()] } else { args.bus };
         check_buses(&buses, args.speed)?;
         Ok(Self {
@@ -199,7 +199,7 @@ pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<
 }
 
 /// Validates the links between these devices.
-pub(super) fn between(devices: &[NamedDevice], links: Vec<NamedLink>) -> Result<Vec<NamedLink>, UsageError> {
+pub(super) fn checked_links(devices: &[NamedDevice], links: Vec<NamedLink>) -> Result<Vec<NamedLink>, UsageError> {
     devices::refuse_bad_links(devices, &links).map_err(|error| UsageError(format!("--link: {error}")))?;
     Ok(links)
 }

@@ -6,7 +6,7 @@ use clap::{Args, ValueHint};
 use protocol_core::time::Duration;
 
 use super::UsageError;
-use super::options::{between, on_one_bus};
+use super::options::{checked_links, on_one_bus};
 use hal_sim::decode::DecodeOptions;
 use hal_sim::devices::{self, DeviceSpec, NamedLink};
 use hal_sim::replay::ReplayOptions;
@@ -69,7 +69,7 @@ impl TryFrom<ReplayArgs> for ReplayOptions {
         }
         let mut devices = on_one_bus(args.device, false)?;
         devices::share_bit_rate(&mut devices, None);
-        let links = between(&devices, args.link)?;
+        let links = checked_links(&devices, args.link)?;
         let tolerance = Duration::from_millis(args.tolerance_ms.into());
         Ok(Self { file: args.file, devices, links, tolerance, from_boot_up: args.from_boot_up })
     }

@@ -132,9 +132,10 @@ struct Scheme {
     parse: Parse,
 }
 
-/// The parser of the text after the prefix and of the form; its error states the reason and the accepted form.
+/// The parser of a scheme.
 #[derive(Clone, Copy)]
 enum Parse {
+    /// A function of the text after the prefix, and of the form; its error states the reason and the accepted form.
     With(fn(&str, &str) -> Result<BusUrl, String>),
     /// The scheme is not supported on this system; the text names the supported systems.
     #[cfg_attr(target_os = "linux", expect(dead_code, reason = "Linux supports all schemes"))]

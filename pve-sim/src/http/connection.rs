@@ -47,7 +47,7 @@ impl Connection {
         self.waits.try_acquire().ok()
     }
 
-    /// Waits until the connection has to close.
+    /// Waits until the connection must close.
     pub(super) async fn dismissed(&self) {
         self.dismissed.notified().await;
     }

@@ -89,7 +89,7 @@ pub enum Note {
     None,
     /// The next message follows after a pause.
     Pause(Duration),
-    /// Frames have time stamps, or have none.
+    /// Whether later frames have time stamps.
     Stamps(bool),
 }
 

@@ -35,7 +35,7 @@ pub(super) struct Typing {
     modes: Modes,
 }
 
-/// The modes of the terminal without an editor.
+/// The terminal modes to restore when no editor is active.
 type Modes = Arc<Mutex<system::Modes>>;
 
 impl Typing {

@@ -20,7 +20,7 @@ pub struct RunOptions {
     pub buses: Vec<BusUrl>,
     /// Whether beacons announce the buses.
     pub beacon: bool,
-    /// Whether frames may pass to and from other machines, unless a URL specifies this.
+    /// Whether a multicast bus exchanges frames with other machines.
     pub allow_remote: bool,
     /// Whether communication faults may affect a bus with real devices.
     pub allow_real_bus: bool,

@@ -24,11 +24,11 @@ pub trait Platform {
 /// The spin before an event while a client listens: the usual wake-up delay of a thread.
 pub(super) const SPIN: Duration = Duration::from_micros(50);
 
-/// The system's clock, and the clients of the gateways.
+/// The wall clock of the system, and the inbox of the world.
 #[derive(Debug)]
 pub(super) struct System {
     inbox: Inbox,
-    /// Whether all gateways have ended.
+    /// Whether all senders of messages have ended.
     is_disconnected: bool,
 }
 

@@ -21,9 +21,7 @@ const END_TIMEOUT: Duration = Duration::from_secs(2);
 enum Text {
     /// Trace lines, each with its newline.
     Trace(String),
-    /// A warning for the user.
-    Warning(String),
-    /// Other text for the user, printed after all earlier lines.
+    /// Text for the user, printed after all earlier lines.
     Note(String),
 }
 
@@ -67,14 +65,14 @@ impl Printer {
         }
     }
 
-    /// Prints a line on stderr.
+    /// Prints a warning on stderr.
     pub(super) fn warn(&self, line: String) {
-        // If even a warning finds no space, nobody reads stderr.
-        let _ = self.queue.try_send(Text::Warning(line));
+        self.note(format!("pve-sim: {line}"));
     }
 
     /// Prints a text on stderr, because on stdout a reader could mistake the text for a frame.
     pub(super) fn note(&self, text: String) {
+        // If even this text finds no space, nobody reads stderr.
         let _ = self.queue.try_send(Text::Note(text));
     }
 
@@ -110,7 +108,7 @@ impl<O: Write, E: Write> Writer<O, E> {
             self.print(&mut batch);
             let lost = self.lost.swap(0, Ordering::Relaxed);
             if lost > 0 && self.stdout.is_some() {
-                self.warn(&format!("stdout was not read in time: dropped {lost} lines of the trace"));
+                self.note(&format!("pve-sim: stdout was not read in time: dropped {lost} lines of the trace"));
             }
         }
     }
@@ -118,10 +116,9 @@ impl<O: Write, E: Write> Writer<O, E> {
     fn take(&mut self, text: Text, batch: &mut String) {
         match text {
             Text::Trace(lines) => batch.push_str(&lines),
-            Text::Warning(line) => self.warn(&line),
             Text::Note(text) => {
                 self.print(batch);
-                let _ = writeln!(self.stderr, "{text}").and_then(|()| self.stderr.flush());
+                self.note(&text);
             }
         }
     }
@@ -138,15 +135,15 @@ impl<O: Write, E: Write> Writer<O, E> {
                 Err(error) => {
                     self.stdout = None;
                     self.is_cut.store(true, Ordering::Relaxed);
-                    self.warn(&format!("stdout: {error}; the trace has stopped"));
+                    self.note(&format!("pve-sim: stdout: {error}; the trace has stopped"));
                 }
             }
         }
         batch.clear();
     }
 
-    fn warn(&mut self, line: &str) {
-        let _ = writeln!(self.stderr, "pve-sim: {line}").and_then(|()| self.stderr.flush());
+    fn note(&mut self, text: &str) {
+        let _ = writeln!(self.stderr, "{text}").and_then(|()| self.stderr.flush());
     }
 }
 

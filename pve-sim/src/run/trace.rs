@@ -102,7 +102,7 @@ impl Trace {
         }
     }
 
-    /// Appends the line and its meaning.
+    /// Appends the current line and its meaning to the pending lines.
     fn plain(&mut self, meaning: &str) {
         for part in [&self.line, "  ", meaning, "\n"] {
             self.lines.push_str(part);

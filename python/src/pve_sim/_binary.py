@@ -24,7 +24,7 @@ def find_binary() -> str:
 
 
 def _installed() -> str | None:
-    """Returns the binary of the wheel, by its list of installed files."""
+    """Returns the path of the binary in the wheel, from the list of installed files."""
     try:
         files = metadata.files("pve-sim") or []
     except metadata.PackageNotFoundError:

@@ -160,7 +160,7 @@ class Faults:
         return ended
 
     def _fault(self, record: Json) -> CommunicationFault:
-        """Returns the fault of a record, with the counts of the record."""
+        """Returns the fault of a record, and updates its counts."""
         fault = self._known.get(record["name"])
         if fault is None:
             fault = self._known[record["name"]] = CommunicationFault(self, record)

@@ -63,7 +63,7 @@ class Simulator:
         executable: str | os.PathLike[str] | None = None,
         not_heard: str | Iterable[str] = (),
     ) -> None:
-        """Starts a simulator. The arguments are the options of `pve-sim run`, `not_heard` aside.
+        """Starts a simulator. The arguments are the options of `pve-sim run`, except for `not_heard`.
 
         Args:
             devices: As for `--device`, for example "pvea-canopen@0x20,name=boom"; by default one valve on CANopen.
@@ -178,11 +178,11 @@ class Simulator:
         return BusState.of(self._process.call("GET", "/bus"))
 
     def set_bit_rate(self, bit_rate: int) -> BusState:
-        """Changes the bit rate of the bus and of every client, in bit/s, as a master that changes its rate."""
+        """Changes the bit rate of the bus and of every client, in bit/s, like a master that changes its rate."""
         return BusState.of(self._process.call("PATCH", "/bus", {"bit_rate": bit_rate}))
 
     def disturb(self, frames: int, id: int | str | None = None, *, extended: bool | None = None) -> BusState:
-        """Destroys the next attempts to send a frame, with an identifier or any; replaces an earlier disturbance.
+        """Destroys the next attempts to send frames, of an identifier or any; replaces an earlier disturbance.
 
         32 in a row take a sender bus-off; 0 ends a disturbance.
         """

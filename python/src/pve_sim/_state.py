@@ -145,12 +145,12 @@ def _common(state: Json) -> Json:
 
 
 def _fields(kind: type, values: Json) -> Json:
-    """Returns the values for the fields of a class: a newer pve-sim may send more."""
+    """Returns the values of the fields of a class; other values, as from a newer pve-sim, are ignored."""
     return {name: values[name] for name in kind.__dataclass_fields__}  # type: ignore[attr-defined]
 
 
 class Limits(TypedDict, total=False):
-    """Limits, inclusive; a missing limit does not restrict."""
+    """Inclusive limits; a missing limit does not restrict the value."""
 
     min: int
     max: int
@@ -183,7 +183,7 @@ class _Change(TypedDict, total=False):
 
 
 class Spool(TypedDict):
-    """The spool of the control interface."""
+    """The spool, as in the JSON of the control interface."""
 
     fault: SpoolFault | None
 
@@ -215,7 +215,7 @@ class _Condition(TypedDict, total=False):
 
 
 class ValveCondition(_Condition, total=False):
-    """A part of the state of a valve: equal, or within limits."""
+    """A condition on the state of a valve: values are equal, or within limits."""
 
     dsm: Dsm | None
     command: Command | None
@@ -226,7 +226,7 @@ class ValveCondition(_Condition, total=False):
 
 
 class SensorCondition(_Condition, total=False):
-    """A part of the state of an angle sensor: equal, or within limits."""
+    """A condition on the state of an angle sensor: values are equal, or within limits."""
 
     position: int | Limits | None
 

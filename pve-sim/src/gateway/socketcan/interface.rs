@@ -134,10 +134,7 @@ async fn until(instant: Option<Instant>) {
     }
 }
 
-#[allow(
-    deprecated,
-    reason = "its successor is unsafe, for types whose descriptor changes: a CanSocket owns one for life"
-)]
+#[allow(deprecated, reason = "the successor is unsafe; the descriptor of a CanSocket never changes")]
 fn open(name: &str) -> io::Result<AsyncFd<CanSocket>> {
     let socket = CanSocket::open(name)?;
     socket.set_nonblocking(true)?;

@@ -14,7 +14,7 @@ pub(super) async fn show(control: Control) -> Result<Json<BusState>, Failure> {
     control.ask(Message::Bus).await.map(Json)
 }
 
-/// Changes the bit rate of the bus and of every client, as a master that changes its rate
+/// Changes the bit rate of the bus and of every client, like a master that changes its rate
 #[utoipa::path(
     patch, path = "/bus", operation_id = "changeBus", tag = "bus",
     request_body = BusChange,
@@ -34,7 +34,7 @@ pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> R
     control.execute(Command::Disturb(disturb.disturbance()?)).await
 }
 
-/// The communication faults, including exhausted ones
+/// The communication faults, including those that are over
 #[utoipa::path(
     get, path = "/bus/faults", operation_id = "listFaults", tag = "bus",
     responses((status = 200, body = Vec<FaultRecord>))

@@ -33,7 +33,7 @@ pub(super) async fn show(control: Control, Name(name): Name) -> Result<Json<Devi
         (status = 200, body = DeviceState, description = "The state after the change"),
         (status = 400, body = Error, description = "An unknown field, or a value out of range"),
         (status = 404, body = Error),
-        (status = 409, body = Error, description = "A field changes in time already")
+        (status = 409, body = Error, description = "A field is already changing")
     )
 )]
 pub(super) async fn change_plant(

@@ -38,14 +38,14 @@ pub(super) struct WhichFrames {
     /// The identifier in hex, with or without 0x; all identifiers by default.
     #[param(pattern = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$")]
     id: Option<String>,
-    /// True for an identifier of 29 bits; the default for eight digits and for values above 0x7FF.
+    /// Whether the identifier has 29 bits; by default, if it has eight digits or is above 0x7FF.
     extended: Option<bool>,
 }
 
 /// Sends a frame as a client would
 ///
-/// The answer comes when the frame was sent; with `every_ms`, the first frame. With `--speed step` this lets time
-/// pass.
+/// Answers when the frame was sent; with `every_ms`, when the first frame was sent. With `--speed step` this advances
+/// time.
 #[utoipa::path(
     post, path = "/bus/frames", operation_id = "sendFrame", tag = "bus",
     request_body = FrameToSend,

@@ -29,7 +29,7 @@ use hal_sim::simulation::{Command, Reply};
 /// The maximum size of a request body, in bytes.
 const BODY: usize = 64 * 1024;
 
-/// The connection from the calls to the world.
+/// The sender by which a call reaches the world, and the connection of its client.
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     world: WorldSender,

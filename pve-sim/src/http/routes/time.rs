@@ -32,7 +32,7 @@ pub(super) async fn show(control: Control) -> Result<Json<Time>, Failure> {
     responses(
         (status = 200, body = Time),
         (status = 400, body = Error),
-        (status = 409, body = Error, description = "Time advances automatically: no --speed step")
+        (status = 409, body = Error, description = "Time advances automatically, without --speed step")
     )
 )]
 pub(super) async fn advance(

@@ -41,16 +41,16 @@ pub(super) struct FrameToCome {
     #[serde(default, deserialize_with = "given")]
     extended: Option<bool>,
     /// The data, in hex: exactly these bytes; `..` at the end stands for any further bytes, `?` for any digit, `R`,
-    /// `R1` … for a remote frame. Without it, any data.
+    /// `R1` … for a remote frame. By default, any data.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<DataPattern>)]
     data: Option<String>,
 }
 
-/// The condition holds.
+/// The answer when the condition holds.
 #[derive(serde::Serialize, ToSchema)]
 #[serde(untagged)]
-#[expect(dead_code, reason = "described, and never made")]
+#[expect(dead_code, reason = "only for the OpenAPI description")]
 enum Waited {
     /// The state of the device at the first instant at which the condition holds.
     Device(Box<DeviceState>),
@@ -58,10 +58,10 @@ enum Waited {
     Frame(FrameRecord),
 }
 
-/// The answer 408: the time limit of the wait, or that of the body.
+/// The answer 408: the wait, or the reception of the body, exceeded its time limit.
 #[derive(serde::Serialize, ToSchema)]
 #[serde(untagged)]
-#[expect(dead_code, reason = "described, and never made")]
+#[expect(dead_code, reason = "only for the OpenAPI description")]
 enum NotInTime {
     Wait(TimedOut),
     Body(Error),
@@ -69,7 +69,7 @@ enum NotInTime {
 
 /// Waits until a device is in a state, or a frame is on the bus
 ///
-/// Answers at the first instant when the condition holds, which can be now. With `--speed step` this lets time pass.
+/// Answers at the first instant at which the condition holds, which can be now. With `--speed step` this advances time.
 #[utoipa::path(
     post, path = "/wait", operation_id = "wait", tag = "wait",
     request_body = Wait,

@@ -78,11 +78,11 @@ impl Modes {
     }
 
     /// Does nothing: no key stops a job.
-    #[expect(clippy::unused_self, reason = "the one of Unix has them")]
+    #[expect(clippy::unused_self, reason = "Unix uses self")]
     pub(in crate::run) const fn without_suspend_key(&self) {}
 
     /// Does nothing: the shell sets its own modes.
-    #[expect(clippy::unused_self, reason = "the one of Unix has them")]
+    #[expect(clippy::unused_self, reason = "Unix uses self")]
     pub(in crate::run) const fn restore(&self) {}
 }
 
