@@ -37,44 +37,24 @@ const UNFINISHED_SUFFIX: usize = 6;
 /// prevents the rename.
 const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
 
-/// The reason why a state file cannot be used.
+/// The reason why a state file, named first, cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StateFileError {
-    /// The file belongs to a device of another kind.
-    #[error("{}: holds the memory of {}, not of {}", path.display(), kind(*found), kind(*expected))]
-    OtherKind {
-        /// The file.
-        path: PathBuf,
-        /// The number of the kind in the file.
-        found: u32,
-        /// The number of the expected kind.
-        expected: u32,
-    },
+    /// The file belongs to a device of another kind: the number in the file, and the expected number.
+    #[error("{file}: holds the memory of {}, not of {}", kind(*.1), kind(*.2), file = .0.display())]
+    OtherKind(PathBuf, u32, u32),
     /// A newer program wrote the file.
-    #[error("{}: written by a newer pve-sim", path.display())]
-    Later {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: written by a newer pve-sim", .0.display())]
+    Later(PathBuf),
     /// Another simulator uses the file.
-    #[error("{} is in use by another pve-sim", path.display())]
-    InUse {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{} is in use by another pve-sim", .0.display())]
+    InUse(PathBuf),
     /// The file cannot be written or renamed.
     #[error(transparent)]
     Unkept(#[from] MemoryFileError),
-    /// A file system error.
-    #[error("{}: cannot {action}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The failed action.
-        action: &'static str,
-        /// The cause.
-        source: io::Error,
-    },
+    /// An action on the file failed.
+    #[error("{file}: cannot {1}: {2}", file = .0.display())]
+    Io(PathBuf, &'static str, #[source] io::Error),
 }
 
 /// Returns the name of a kind in messages.
@@ -143,7 +123,7 @@ impl StateFile {
         let lock = lock.map_err(|error| self.error("lock", error))?;
         match lock.try_lock() {
             Ok(()) => Ok(Some(lock)),
-            Err(TryLockError::WouldBlock) => Err(StateFileError::InUse { path: self.path.clone() }),
+            Err(TryLockError::WouldBlock) => Err(StateFileError::InUse(self.path.clone())),
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => Ok(None),
             Err(TryLockError::Error(error)) => Err(self.error("lock", error)),
         }
@@ -173,10 +153,10 @@ impl StateFile {
             return Ok(Content::Damaged);
         }
         if layout > LAYOUT {
-            return Err(StateFileError::Later { path: self.path.clone() });
+            return Err(StateFileError::Later(self.path.clone()));
         }
         if found != self.kind {
-            return Err(StateFileError::OtherKind { path: self.path.clone(), found, expected: self.kind });
+            return Err(StateFileError::OtherKind(self.path.clone(), found, self.kind));
         }
         Ok(Flash::from_image(image.to_vec()).map_or(Content::Damaged, Content::Image))
     }
@@ -210,7 +190,7 @@ impl StateFile {
     }
 
     fn error(&self, action: &'static str, source: io::Error) -> StateFileError {
-        StateFileError::Io { path: self.path.clone(), action, source }
+        StateFileError::Io(self.path.clone(), action, source)
     }
 }
 

@@ -95,7 +95,7 @@ fn a_file_of_a_later_program_is_refused_and_left_alone() {
     bytes[9] += 1;
     fs::write(path(&dir), &bytes).unwrap();
     let error = in_file(dir.path(), "valve", KIND).unwrap_err();
-    assert!(matches!(error, StateFileError::Later { .. }), "{error}");
+    assert!(matches!(error, StateFileError::Later(_)), "{error}");
     assert!(fs::read(path(&dir)).unwrap() == bytes);
 }
 
@@ -113,7 +113,7 @@ fn a_file_of_another_kind_is_refused_and_left_alone() {
     open(&dir).store(RecordKey::Parameters, &record(b"kept")).unwrap();
     let before = fs::read(path(&dir)).unwrap();
     let error = in_file(dir.path(), "valve", OTHER_KIND).unwrap_err();
-    assert!(matches!(error, StateFileError::OtherKind { found: KIND, expected: OTHER_KIND, .. }));
+    assert!(matches!(error, StateFileError::OtherKind(_, KIND, OTHER_KIND)));
     let line = error.to_string();
     assert!(line.contains("valve.nvm") && line.contains("of a pvea-canopen, not of a hat3000"), "{line}");
     assert!(fs::read(path(&dir)).unwrap() == before);
@@ -256,7 +256,7 @@ fn a_file_that_cannot_be_read_or_written_is_named() {
     // A directory in the file's place cannot be read as a file, even by root.
     fs::create_dir(path(&dir)).unwrap();
     let error = in_file(dir.path(), "valve", KIND).unwrap_err();
-    assert!(matches!(error, StateFileError::Io { action: "read", .. }));
+    assert!(matches!(error, StateFileError::Io(_, "read", _)));
     assert!(error.to_string().contains("valve.nvm"), "{error}");
     assert_eq!(names(dir.path()), ["valve.nvm"]);
 
@@ -321,7 +321,7 @@ fn a_file_is_taken_by_one_at_a_time() {
     let mut memory = open(&dir);
     for stored in [b"first", b"other"] {
         let error = in_file(dir.path(), "valve", KIND).unwrap_err();
-        assert!(matches!(error, StateFileError::InUse { .. }));
+        assert!(matches!(error, StateFileError::InUse(_)));
         let line = error.to_string();
         assert!(line.contains("valve.nvm is in use by another pve-sim"), "{line}");
         // Each write creates a new file.

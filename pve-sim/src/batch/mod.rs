@@ -32,13 +32,8 @@ pub enum BatchError {
     #[error("{}", .0.join("\n"))]
     Unreadable(Vec<String>),
     /// The file of `--junit` cannot be written.
-    #[error("--junit {}: {source}", path.display())]
-    Junit {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
+    #[error("--junit {file}: {1}", file = .0.display())]
+    Junit(PathBuf, #[source] io::Error),
 }
 
 /// A scenario with its file.
@@ -57,7 +52,7 @@ pub fn run(options: &Options, out: &mut dyn Write) -> Result<bool, BatchError> {
     let (files, outcomes) = run_all(&scenarios, options, out);
     if let Some(path) = &options.junit {
         let report = junit::report(&files, &outcomes);
-        fs::write(path, report).map_err(|source| BatchError::Junit { path: path.clone(), source })?;
+        fs::write(path, report).map_err(|error| BatchError::Junit(path.clone(), error))?;
     }
     Ok(outcomes.iter().all(Outcome::is_success))
 }

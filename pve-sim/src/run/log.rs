@@ -66,7 +66,7 @@ impl Log {
         bus: &str,
         start: Timestamp,
     ) -> Result<Self, RunError> {
-        let failed = |source| RunError::File { path: log.path.clone(), source };
+        let failed = |error| RunError::File(log.path.clone(), error);
         // Truncated only after the second check.
         let mut options = OpenOptions::new();
         let file = open_exclusively(options.write(true).create(true).truncate(false), &log.path).map_err(failed)?;
@@ -92,7 +92,7 @@ impl Log {
 const IN_USE: &str = "another pve-sim is writing to this log";
 
 fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
-    Err(RunError::File { path: log.path.clone(), source: io::Error::other(reason) })
+    Err(RunError::File(log.path.clone(), io::Error::other(reason)))
 }
 
 fn complaint(path: &Path, error: &io::Error) -> String {

@@ -71,32 +71,16 @@ use trace::Trace;
 /// The reason why the simulator could not start, in one line.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The address of a bus is in use or not of this machine, or its interface does not exist.
-    #[error("{url}: {source}{}", also_in_use(*http))]
-    Bind {
-        /// The URL of the bus.
-        url: BusUrl,
-        /// The cause.
-        source: io::Error,
-        /// The address of the control interface if that address is in use as well; otherwise `None`.
-        http: Option<SocketAddr>,
-    },
-    /// The control interface's address is in use or not of this machine.
-    #[error("--http {address}: {source}{}", http_remedy(source))]
-    Http {
-        /// The address.
-        address: SocketAddr,
-        /// The cause.
-        source: io::Error,
-    },
+    /// The address of a bus is in use or not of this machine, or its interface does not exist. Includes the address of
+    /// the control interface if that address is also in use.
+    #[error("{0}: {1}{hint}", hint = also_in_use(*.2))]
+    Bind(BusUrl, #[source] io::Error, Option<SocketAddr>),
+    /// The address of the control interface is in use or not of this machine.
+    #[error("--http {0}: {1}{remedy}", remedy = http_remedy(.1))]
+    Http(SocketAddr, #[source] io::Error),
     /// A file or folder that cannot be opened, or that a log must not replace.
-    #[error("{}: {source}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
+    #[error("{file}: {1}", file = .0.display())]
+    File(PathBuf, #[source] io::Error),
     /// A state file that cannot be used.
     #[error(transparent)]
     StateFile(#[from] StateFileError),
@@ -175,11 +159,11 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for url in &options.buses {
         let opened = url.open(options.beacon, options.allow_remote).await;
         let http = || options.http.filter(|address| is_in_use(*address));
-        gateways.push(opened.map_err(|source| RunError::Bind { url: url.clone(), source, http: http() })?);
+        gateways.push(opened.map_err(|error| RunError::Bind(url.clone(), error, http()))?);
     }
     let mut control = None;
     if let Some(address) = options.http {
-        let bind = |source| RunError::Http { address, source };
+        let bind = |error| RunError::Http(address, error);
         let server = http::Server::bind(address).map_err(bind)?;
         control = Some((server.address().map_err(bind)?, server));
     }

@@ -51,7 +51,7 @@ fn first_rate(device: &NamedDevice, memory: &Memory) -> Option<BitRate> {
 fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memory, RunError>>, RunError> {
     let mut files = Vec::new();
     if let Some(dir) = &options.state {
-        fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
+        fs::create_dir_all(dir).map_err(|error| RunError::File(dir.clone(), error))?;
         for device in &options.devices {
             files.push(StateFile::open(dir, &device.name, device.setup.kind.number().into())?);
         }
