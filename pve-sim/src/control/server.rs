@@ -5,14 +5,15 @@ use std::collections::VecDeque;
 use super::events::Events;
 use super::{Answer, Message, Speed, Time};
 use hal_sim::devices::CONTROL;
-use hal_sim::simulation::{Command, Executed, Happened, Refusal, Reply, Simulation, Ticket};
+use hal_sim::simulation::{Command, Executed, Refusal, Reply, Simulation, Ticket};
 use protocol_core::time::Instant;
 
 /// The control server: passes commands to the simulation and replies to the callers.
 #[derive(Debug)]
 pub(crate) struct ControlServer {
     speed: Speed,
-    events: Events,
+    /// The event stream. Show each event in order, before [`poll`](Self::poll).
+    pub(crate) events: Events,
     /// The pending commands.
     pending: Vec<(Ticket, Answer<Reply>)>,
     /// The queue of commands that take time; stepped time executes them one after the other.
@@ -66,11 +67,6 @@ impl ControlServer {
         }
     }
 
-    /// Sends an event to the followers. Call this for each event in order, before [`poll`](Self::poll).
-    pub(crate) fn show(&self, happened: &Happened, simulation: &Simulation) {
-        self.events.show(happened, simulation.history().explainer());
-    }
-
     /// Replies to the callers of completed commands, drops the commands of disconnected callers, and sends changed
     /// device states to the followers. Call this after every step of the simulation.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
@@ -83,16 +79,6 @@ impl ControlServer {
             }
         }
         self.events.poll(simulation);
-    }
-
-    /// Returns the time of the next position sample of the event stream.
-    pub(crate) fn due(&self) -> Instant {
-        self.events.due()
-    }
-
-    /// Returns whether there is a follower.
-    pub(crate) fn is_followed(&self) -> bool {
-        self.events.is_followed()
     }
 
     /// Returns the limit to which the current command lets stepped time advance. Starts the next queued command if no

@@ -103,11 +103,6 @@ impl Clients {
                 }
             }
             ToWorld::AskBitRate(asked) => drop(asked.send(world.bit_rate())),
-            ToWorld::Reply(id, reply) | ToWorld::Listen(id, reply) | ToWorld::Unlisten(id, reply)
-                if !self.clients.contains_key(&id) =>
-            {
-                drop(reply)
-            }
             ToWorld::Reply(id, reply) => return self.post(id, ToClient::Reply(reply)),
             ToWorld::Listen(id, reply) => {
                 self.post(id, ToClient::Reply(reply))?;

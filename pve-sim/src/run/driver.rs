@@ -90,7 +90,7 @@ impl<O: Platform> Driver<O> {
         stderr: impl Write + Send + 'static,
     ) -> io::Result<Self> {
         let clients = Clients::new(simulation.world_mut(), false);
-        let printer = Printer::start_with(stdout, stderr, watch::Sender::new(false))?;
+        let printer = Printer::start(stdout, stderr, watch::Sender::new(false))?;
         let trace = Trace::new("pve0", printer, None, None);
         let start = Timestamp::from_micros(0);
         let mut driver = Self::new(simulation, clients, None, platform, Speed::Factor(speed), start, trace);
@@ -210,7 +210,7 @@ impl<O: Platform> Driver<O> {
     fn wait(&mut self, due: Instant) {
         let now = self.time.last_reading();
         let holds = self.time.holds_in_stalls();
-        let is_followed = self.control.as_ref().is_some_and(ControlServer::is_followed);
+        let is_followed = self.control.as_ref().is_some_and(|control| control.events.is_followed());
         let is_watched = self.clients.is_heard() || self.simulation.is_busy() || is_followed;
         let event = if holds && !is_watched { NEVER } else { self.next() };
         let next = self.time.when(event.min(due));
@@ -233,7 +233,7 @@ impl<O: Platform> Driver<O> {
     /// Advances to the next event or position sample, or to `end` if `end` comes first; returns whether it reached
     /// `end`.
     fn advance_to(&mut self, end: Instant) -> bool {
-        let followers = self.control.as_ref().map_or(NEVER, ControlServer::due);
+        let followers = self.control.as_ref().map_or(NEVER, |control| control.events.due());
         let has_arrived = if followers <= end && followers < self.simulation.next() {
             self.simulation.go(followers);
             false
@@ -248,7 +248,7 @@ impl<O: Platform> Driver<O> {
 
     /// Returns the instant of the next event or position sample.
     fn next(&self) -> Instant {
-        self.control.as_ref().map_or(NEVER, ControlServer::due).min(self.simulation.next())
+        self.control.as_ref().map_or(NEVER, |control| control.events.due()).min(self.simulation.next())
     }
 
     /// Processes due power-ups, messages and samples, and sends the replies.
@@ -263,7 +263,7 @@ impl<O: Platform> Driver<O> {
     fn execute_next(&mut self) {
         let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
         match message {
-            ToWorld::Warn(line) => self.trace.warn(line),
+            ToWorld::Warn(line) => self.trace.printer.warn(line),
             ToWorld::Control(message) => {
                 if let Some(control) = &mut self.control {
                     control.execute(message, &mut self.simulation);
@@ -272,8 +272,8 @@ impl<O: Platform> Driver<O> {
             }
             ToWorld::Typed(line, _done) => {
                 match console::execute(&line, &mut self.simulation) {
-                    Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
-                    Err(refusal) => self.trace.warn(refusal),
+                    Ok(answer) => answer.into_iter().for_each(|answer| self.trace.printer.note(answer)),
+                    Err(refusal) => self.trace.printer.warn(refusal),
                 }
                 self.show();
                 if let Some(control) = &mut self.control {
@@ -297,7 +297,7 @@ impl<O: Platform> Driver<O> {
                 self.report_overrun();
             }
             if let Some(control) = &self.control {
-                control.show(&happened, &self.simulation);
+                control.events.show(&happened, self.simulation.history().explainer());
             }
             self.trace.tell(&happened, at, self.simulation.history().explainer());
             self.clients.withdraw(&happened.event, self.simulation.world_mut());
@@ -310,7 +310,7 @@ impl<O: Platform> Driver<O> {
         self.warn_of_memories();
         let dropped = self.clients.take_dropped();
         if dropped > 0 {
-            self.trace.warn(format!(
+            self.trace.printer.warn(format!(
                 "dropped {dropped} pending frames of disconnected clients: the backlog limit was exceeded"
             ));
         }
@@ -319,7 +319,7 @@ impl<O: Platform> Driver<O> {
     /// Warns about devices at another bit rate.
     fn warn_of_bit_rates(&mut self) {
         for found in self.simulation.rates_mut().take_found() {
-            self.trace.warn(found.reason);
+            self.trace.printer.warn(found.reason);
         }
     }
 
@@ -329,7 +329,7 @@ impl<O: Platform> Driver<O> {
         let world = self.simulation.world_mut();
         for node in world.devices() {
             for warning in world.memory_mut(node).take_warnings() {
-                self.trace.warn(warning);
+                self.trace.printer.warn(warning);
                 warned = true;
             }
         }
@@ -338,12 +338,12 @@ impl<O: Platform> Driver<O> {
 
     fn warn(&self, warning: Option<String>) {
         if let Some(line) = warning {
-            self.trace.warn(line);
+            self.trace.printer.warn(line);
         }
     }
 
     fn report_overrun(&self) {
-        self.trace.warn("disconnected a client that did not read its data".to_owned());
+        self.trace.printer.warn("disconnected a client that did not read its data".to_owned());
     }
 }
 

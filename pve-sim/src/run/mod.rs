@@ -186,8 +186,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let log = log.map(|log| Log::create(log, options.state.as_deref(), bus, start)).transpose()?;
     let typing = Typing::new();
     let printer = match &typing {
-        Some(typing) => Printer::start_with(typing.screen(), typing.screen(), reader_gone.clone())?,
-        None => Printer::start(reader_gone.clone())?,
+        Some(typing) => Printer::start(typing.screen(), typing.screen(), reader_gone.clone())?,
+        None => Printer::start(io::stdout(), io::stderr(), reader_gone.clone())?,
     };
     announce(&printer, &gateways, http, warnings);
     let (world_sender, inbox) = WorldSender::new();

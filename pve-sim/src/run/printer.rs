@@ -36,11 +36,7 @@ pub(super) struct Printer {
 
 impl Printer {
     /// Starts the thread. `reader_gone` is set when stdout is closed.
-    pub(super) fn start(reader_gone: watch::Sender<bool>) -> io::Result<Self> {
-        Self::start_with(io::stdout(), io::stderr(), reader_gone)
-    }
-
-    pub(super) fn start_with(
+    pub(super) fn start(
         stdout: impl Write + Send + 'static,
         stderr: impl Write + Send + 'static,
         reader_gone: watch::Sender<bool>,
@@ -190,7 +186,7 @@ mod tests {
         drop(closed);
         let (stderr, said) = channel();
         let (closed_sender, gone) = watch::channel(false);
-        let printer = Printer::start_with(Pipe(stdout), Collect(stderr), closed_sender).unwrap();
+        let printer = Printer::start(Pipe(stdout), Collect(stderr), closed_sender).unwrap();
         assert!(!*gone.borrow());
         printer.trace("one\n".to_owned());
         printer.trace("two\n".to_owned());
@@ -204,7 +200,7 @@ mod tests {
     fn a_stdout_that_nobody_reads_loses_lines_and_says_so() {
         let (stdout, pipe) = sync_channel(0);
         let (stderr, said) = channel();
-        let printer = Printer::start_with(Pipe(stdout), Collect(stderr), watch::Sender::new(false)).unwrap();
+        let printer = Printer::start(Pipe(stdout), Collect(stderr), watch::Sender::new(false)).unwrap();
         // One batch waits for the reader, the queue fills up, and the rest finds no space.
         let lines = 4 * QUEUE;
         for _ in 0..lines {

@@ -43,7 +43,7 @@ pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
 pub(super) struct Trace {
     /// The name of the bus.
     bus: String,
-    printer: Printer,
+    pub(super) printer: Printer,
     log: Option<Log>,
     /// Whether the log is incomplete because of a write error.
     log_is_cut: bool,
@@ -118,16 +118,6 @@ impl Trace {
         if !self.lines.is_empty() {
             self.print();
         }
-    }
-
-    /// Prints the answer to a line that the user typed.
-    pub(super) fn answer(&self, text: String) {
-        self.printer.note(text);
-    }
-
-    /// Prints a warning for the user.
-    pub(super) fn warn(&self, line: String) {
-        self.printer.warn(line);
     }
 
     /// Flushes all lines, and waits until they are printed or stdout is closed. Returns whether stdout and the log are
