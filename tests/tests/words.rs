@@ -62,7 +62,7 @@ fn check_rows(page: &str, rows: &[Vec<String>], values: usize) {
 
 #[test]
 fn the_tables_of_the_consoles() {
-    let board = rows("docs/board.md", "What acts on the device, none of it stored", "What acts on the board:");
+    let board = rows("docs/board.md", "These words change the plant of the device.", "These words control the board:");
     let mut sim = rows("docs/pve-sim.md", "### Faults by hand", "### From another terminal");
     sim.retain(|row| row[0] != "`status`" && row[0] != "`help`");
     for (page, rows, value) in [("docs/board.md", board, 1), ("docs/pve-sim.md", sim, 2)] {
