@@ -21,6 +21,7 @@ macro_rules! calls {
 mod command_line;
 mod control;
 mod dissectors;
+mod eight_errors;
 mod isobus;
 mod panel;
 mod programs;
