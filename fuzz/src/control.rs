@@ -69,7 +69,7 @@ fn options(arguments: &str) -> RunOptions {
 /// Asserts that the printed form of the options parses to the same options.
 fn check_words(options: &RunOptions) {
     for device in &options.devices {
-        let NamedDevice { name, setup, spool_times, has_oil, electronics } = device;
+        let NamedDevice { name, setup, spool_times, has_oil, electronics, roughness } = device;
         let id = setup.node_id.map_or_else(|| ",blank".to_owned(), |id| format!("@{id}"));
         let mut text = format!("{}{id},name={name}", setup.kind);
         text.extend(setup.serial.map(|serial| format!(",serial=0x{serial:X}")));
@@ -81,6 +81,7 @@ fn check_words(options: &RunOptions) {
         let [boot, from, to, cycle] = [boot, from, to, cycle].map(|time| time.as_millis());
         text += &format!(",boot-ms={boot},answer-ms={from}..{to},cycle-ms={cycle}");
         text.extend(brown_out_mv.map(|supply| format!(",brown-out-mv={supply}")));
+        text += &format!(",noise={},dead-band={}", roughness.noise, roughness.dead_band);
         text.extend(has_oil.then_some(",oil"));
         let spec: DeviceSpec = text.parse().unwrap_or_else(|error| panic!("{text}: {error}"));
         assert_eq!(named(vec![spec]).as_ref().map(Vec::as_slice), Ok(std::slice::from_ref(device)));

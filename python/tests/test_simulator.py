@@ -91,6 +91,9 @@ def test_every_part_of_the_plant_is_changed_and_put_right(stepped: Simulator) ->
     ).plant
     assert (broken.supply_mv, broken.temperature_c, broken.spool, broken.lever) == (30000, -5, "stuck", -99)
     assert (broken.internal_fault, broken.memory, broken.bus_off) == (True, "damaged", True)
+    weak = stepped.valve.plant(brown_out_mv=7000, oil=True, boot_ms=300, answer_ms=[5, 20], cycle_ms=10).plant
+    assert (weak.brown_out_mv, weak.oil, weak.boot_ms, weak.answer_ms, weak.cycle_ms) == (7000, True, 300, [5, 20], 10)
+    assert stepped.valve.plant(brown_out_mv=None, answer_ms=0).plant.brown_out_mv is None
     right = stepped.valve.plant(spool=None, lever=None, memory="ok").plant
     assert (right.spool, right.lever, right.memory, right.supply_mv) == (None, None, "ok", 30000)
 

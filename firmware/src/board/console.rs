@@ -89,7 +89,7 @@ pub(super) async fn run(mut port: Port, lines: &'static Lines, answers: &'static
 
 async fn tell(transmitter: &mut Transmitter, answer: &Answer, text: &mut Text) {
     if let Answer::Help(product) = answer {
-        for word in product.words() {
+        for word in product.words_of_board() {
             text.clear();
             tell_help(word, &mut |part| {
                 let _ = text.extend_from_slice(part.as_bytes());

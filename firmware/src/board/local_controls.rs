@@ -91,6 +91,8 @@ fn tell((word, value): (&str, Value), status: &mut Text) {
             (if number < 0 { b"-" } else { b"" }, &digits)
         }
         Value::Word(word) => (b"", word.as_bytes()),
+        // No word of a board has ranges.
+        Value::Range(..) => (b"", b""),
     };
     for part in [word.as_bytes(), b" ", sign, value, b"\r\n"] {
         let _ = status.extend_from_slice(part);

@@ -4,7 +4,7 @@ use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER, after};
 
-use super::faults::Handed;
+use super::faults::{FaultId, Handed};
 use super::transmit::Transmit;
 
 /// The maximum number of delayed frames of a device or gateway. The application must keep further frames.
@@ -52,8 +52,8 @@ enum Wait {
     Until(Instant),
     /// A free mailbox in the controller.
     Room,
-    /// The sender's next frame, but at the latest this time.
-    Next(Instant),
+    /// The sender's next frame, but at the latest this time. The fault swaps the two frames.
+    Next(Instant, FaultId),
     /// The transmission of the frame with which this frame was swapped.
     Sent,
 }
@@ -104,7 +104,7 @@ impl DelayedFrames {
     pub(super) fn holds_back(&self, frame: &Frame) -> bool {
         self.0.iter().any(|delayed| match delayed.wait {
             Wait::Until(_) | Wait::Room => delayed.precedes(frame),
-            Wait::Next(_) => false,
+            Wait::Next(..) => false,
             Wait::Sent => true,
         })
     }
@@ -121,7 +121,7 @@ impl DelayedFrames {
             _ => None,
         });
         let wait = match handed.swaps {
-            Some(within) => Wait::Next(after(due, within)),
+            Some((within, fault)) => Wait::Next(after(due, within), fault),
             None => Wait::Until(last.max().map_or(due, |last| last.max(due))),
         };
         self.0.push(Delayed::new(handed, wait));
@@ -132,9 +132,12 @@ impl DelayedFrames {
         self.0.push(Delayed::new(Handed::at_once(frame), Wait::Room));
     }
 
-    /// Returns the index of the frame to be swapped with the sender's next frame.
-    pub(super) fn swapped(&self) -> Option<usize> {
-        self.0.iter().position(|delayed| matches!(delayed.wait, Wait::Next(_)))
+    /// Returns the index of the frame to be swapped with the sender's next frame, and the fault that swaps.
+    pub(super) fn swapped(&self) -> Option<(usize, FaultId)> {
+        self.0.iter().enumerate().find_map(|(place, delayed)| match delayed.wait {
+            Wait::Next(_, fault) => Some((place, fault)),
+            _ => None,
+        })
     }
 
     /// Places the frame at index `swapped` after the sender's next frame. `next` is the index of the next frame if a
@@ -153,7 +156,7 @@ impl DelayedFrames {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get(place).copied() {
             let is_due = match delayed.wait {
-                Wait::Until(due) | Wait::Next(due) => due <= now,
+                Wait::Until(due) | Wait::Next(due, _) => due <= now,
                 Wait::Room => true,
                 Wait::Sent => transmit.is_empty() && !self.0[..place].iter().any(|earlier| earlier.is_next),
             };
@@ -183,7 +186,7 @@ impl DelayedFrames {
     pub(super) fn next_due(&self) -> Instant {
         let dues =
             self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent).filter_map(|delayed| match delayed.wait {
-                Wait::Until(due) | Wait::Next(due) => Some(due),
+                Wait::Until(due) | Wait::Next(due, _) => Some(due),
                 Wait::Room | Wait::Sent => None,
             });
         dues.min().unwrap_or(NEVER)

@@ -178,6 +178,14 @@ pub enum FaultError {
         /// The names on the bus.
         known: String,
     },
+    /// Frames are to be lost for a client that uses no received frame.
+    #[error("'{name}' receives no frames; receivers: {known}")]
+    NoReceiver {
+        /// The name of the client.
+        name: Arc<str>,
+        /// The names of the receivers on the bus.
+        known: String,
+    },
     /// A parameter is out of range or contradicts another parameter.
     #[error("{0}")]
     Invalid(&'static str),

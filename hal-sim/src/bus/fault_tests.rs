@@ -129,6 +129,43 @@ fn a_frame_without_a_successor_is_not_swapped() {
     rig.send(0, sent);
     rig.run_for(millis(1100));
     assert_eq!(rig.ended[0].0, START + millis(1000) + bits(length(&sent)));
+    assert_eq!(struck(&rig), (0, false), "a swap without a successor affects no frame");
+    rig.send(0, sent);
+    rig.send(0, sent);
+    rig.run_for(millis(5));
+    assert_eq!(struck(&rig), (1, false));
+}
+
+/// Frames that still wait for their successors count towards the limit.
+#[test]
+fn a_swap_exchanges_no_more_than_its_count() {
+    let mut rig = rig_with(count_one(SWAP));
+    for port in [0, 1, 0, 1] {
+        rig.send(port, frame(0x220, &[port as u8]));
+        rig.run_for(millis(3));
+    }
+    assert_eq!(struck(&rig), (1, true));
+    // The second sender was not held back.
+    assert_eq!(rig.frames(), [1, 0, 0, 1].map(|port| frame(0x220, &[port])));
+}
+
+/// Two faults that swap the same frame exchange it once.
+#[test]
+fn two_swaps_of_one_frame_are_one() {
+    let mut rig = rig_with(count_one(SWAP));
+    rig.bus.add_fault(named("other", count_one(SWAP)), &[], rig.now).unwrap();
+    for byte in 1..=4 {
+        rig.send(0, frame(0x220, &[byte]));
+        rig.run_for(millis(3));
+    }
+    assert_eq!(rig.frames(), [2, 1, 4, 3].map(|byte| frame(0x220, &[byte])));
+    assert_eq!(rig.bus.faults(rig.now).map(|state| state.struck).collect::<Vec<_>>(), [1, 1]);
+}
+
+/// Returns the number of affected frames of the first fault, and whether the fault is over.
+fn struck(rig: &Rig) -> (u64, bool) {
+    let state = rig.bus.faults(rig.now).next().unwrap();
+    (state.struck, state.is_over)
 }
 
 #[test]

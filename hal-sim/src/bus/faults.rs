@@ -12,6 +12,8 @@ use super::{Event, EventKind};
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     list: Vec<Active>,
+    /// The number of the next fault.
+    next_id: FaultId,
     /// Whether frames can be delayed or changed between a sending application and its controller: by a fault, or by a
     /// slow application.
     pub(super) at_senders: bool,
@@ -29,6 +31,7 @@ impl Default for Faults {
     fn default() -> Self {
         Self {
             list: Vec::new(),
+            next_id: FaultId::default(),
             at_senders: false,
             is_slow: false,
             at_receivers: false,
@@ -38,9 +41,14 @@ impl Default for Faults {
     }
 }
 
+/// The number of a fault, unique on its bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct FaultId(u64);
+
 /// A fault and its progress.
 #[derive(Clone, Debug)]
 struct Active {
+    id: FaultId,
     fault: Fault,
     begins: Instant,
     ends: Instant,
@@ -71,8 +79,9 @@ pub(super) struct Handed {
     pub(super) late: Duration,
     /// Whether later frames with the same identifier may overtake this frame.
     pub(super) is_overtaken: bool,
-    /// The maximum wait for the sender's next frame; `None` unless this frame is to be swapped.
-    pub(super) swaps: Option<Duration>,
+    /// The maximum wait for the sender's next frame, and the fault that swaps; `None` unless this frame is to be
+    /// swapped.
+    pub(super) swaps: Option<(Duration, FaultId)>,
     /// Whether the frame is a copy made by a fault.
     pub(super) is_copy: bool,
     /// Whether the slow application itself delays the frame.
@@ -134,7 +143,10 @@ impl Faults {
         }
         let begins = after(now, fault.from);
         let is_once = matches!(fault.kind, FaultKind::Insert { every: None, .. });
+        let id = self.next_id;
+        self.next_id.0 += 1;
         self.list.push(Active {
+            id,
             begins,
             ends: fault.lasts.map_or(NEVER, |lasts| after(begins, lasts)),
             left: fault.count.unwrap_or(if is_once { 1 } else { u32::MAX }),
@@ -190,29 +202,38 @@ impl Faults {
     }
 
     /// Applies the faults between the sending application and its controller. Returns the resulting frames and fault
-    /// events; `None` if no fault applies.
+    /// events; `None` if no fault applies. `held` returns the number of frames that a fault holds back for a swap; it is
+    /// `None` if the sender already has such a frame.
     pub(super) fn at_sender(
         &mut self,
         sender: &Arc<str>,
         frame: &Frame,
-        can_swap: bool,
+        held: Option<impl Fn(FaultId) -> usize>,
         now: Instant,
     ) -> Option<Struck> {
         let mut struck = Struck::default();
         let mut frames = vec![Handed::at_once(frame)];
         for active in &mut self.list {
-            if active.fault.kind.acts_at_sender()
-                && (can_swap || !matches!(active.fault.kind, FaultKind::Swap { .. }))
-                && active.strikes(sender, frame, now)
-            {
-                match active.act(&mut frames, now) {
-                    Some(effect) => struck.events.push(active.event(sender, frame, now, effect)),
-                    None => active.miss(),
+            let is_swap = matches!(active.fault.kind, FaultKind::Swap { .. });
+            let can_swap = || held.as_ref().is_some_and(|held| held(active.id) < active.left as usize);
+            if active.fault.kind.acts_at_sender() && (!is_swap || can_swap()) && active.strikes(sender, frame, now) {
+                let effect = active.act(&mut frames, now);
+                if is_swap || effect.is_none() {
+                    // A swap counts when the frames are exchanged.
+                    active.miss();
                 }
+                struck.events.extend(effect.map(|effect| active.event(sender, frame, now, effect)));
             }
         }
         struck.frames = frames;
         Some(struck).filter(|struck| !struck.events.is_empty())
+    }
+
+    /// Counts a frame that was exchanged with the next frame of its sender.
+    pub(super) fn count_swap(&mut self, id: FaultId) {
+        if let Some(active) = self.list.iter_mut().find(|active| active.id == id) {
+            active.count();
+        }
     }
 
     /// Counts a frame for each fault that loses the frame at receivers. Returns one event per such fault; the caller
@@ -292,11 +313,16 @@ impl Active {
         if !can || self.random.u32(..ALWAYS) >= self.fault.probability {
             return false;
         }
+        self.count();
+        true
+    }
+
+    /// Counts an affected frame.
+    fn count(&mut self) {
         if self.is_limited() {
-            self.left -= 1;
+            self.left = self.left.saturating_sub(1);
         }
         self.struck += 1;
-        true
     }
 
     /// Uncounts a frame that the fault left unchanged.
@@ -353,8 +379,9 @@ impl Active {
                 frames.extend((1..=*times).map(copy));
                 FaultEffect::Repeated(*times)
             }
+            FaultKind::Swap { .. } if frames[0].swaps.is_some() => return None,
             FaultKind::Swap { within } => {
-                frames[0].swaps = Some(*within);
+                frames[0].swaps = Some((*within, self.id));
                 FaultEffect::Swapped
             }
             FaultKind::Lose { .. } | FaultKind::Insert { .. } | FaultKind::Destroy | FaultKind::Omit { .. } => {

@@ -7,7 +7,7 @@ use protocol_core::controller::{Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
-use super::faults::{Handed, Struck};
+use super::faults::{FaultId, Handed, Struck};
 use super::port::{Port, SlowAnswers};
 use super::transmit::Transmit;
 use super::{Bus, PortId};
@@ -108,7 +108,14 @@ impl Bus {
                 None
             }
             None => {
-                let struck = self.faults.at_sender(&port.name, frame, swapped.is_none(), now);
+                let (faults, ports, delaying) = (&mut self.faults, &self.ports, &self.delaying);
+                let held = |fault: FaultId| {
+                    let swaps = delaying.iter().filter_map(|id| ports[id.0].delayed.swapped());
+                    swaps.filter(|(_, swaps)| *swaps == fault).count()
+                };
+                let held = swapped.is_none().then_some(held);
+                let struck = faults.at_sender(&ports[id.0].name, frame, held, now);
+                let port = &mut self.ports[id.0];
                 match port.answers.as_mut().and_then(|answers| answers.delay(frame)) {
                     Some(late) => Some(struck.unwrap_or_else(|| Struck::unaffected(frame)).delayed(late)),
                     None => struck,
@@ -139,18 +146,28 @@ impl Bus {
                 Ok(None)
             }
         };
-        if let Some(swapped) = swapped {
+        if let Some((swapped, fault)) = swapped {
             port.delayed.follow(swapped, next);
+            self.faults.count_swap(fault);
         }
         self.release(id, now);
         taken
     }
 
-    /// Sets the delay of a device's answers; `None` is no delay. If `queues`, frames queue for a free mailbox,
-    /// because a device with a slow cycle could offer them again only in its next cycle.
-    pub(crate) fn slow_down(&mut self, id: PortId, answers: Option<SlowAnswers>, queues: bool) {
+    /// Sets the delay of a device's answers; `None` is no delay.
+    pub(crate) fn delay_answers(&mut self, id: PortId, answers: Option<SlowAnswers>) {
         self.ports[id.0].answers = answers.map(Box::new);
+        self.slow_down();
+    }
+
+    /// Sets whether frames of a device queue for a free mailbox, because a device with a slow cycle could offer them
+    /// again only in its next cycle.
+    pub(crate) fn queue_frames(&mut self, id: PortId, queues: bool) {
         self.ports[id.0].queues = queues;
+        self.slow_down();
+    }
+
+    fn slow_down(&mut self) {
         self.faults.slow_down(self.ports.iter().any(|port| port.answers.is_some() || port.queues));
     }
 

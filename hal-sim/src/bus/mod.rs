@@ -139,6 +139,11 @@ impl Bus {
         id
     }
 
+    /// States that a client uses no received frame, so that no frame can be lost for it.
+    pub(crate) fn only_send(&mut self, id: PortId) {
+        self.ports[id.0].only_sends = true;
+    }
+
     /// Removes a client; its port number can be reused.
     pub(crate) fn remove(&mut self, id: PortId, now: Instant) {
         self.disconnect(id, now);
@@ -258,10 +263,17 @@ impl Bus {
     /// [`FaultError`]; the faults are unchanged.
     pub(crate) fn add_fault(&mut self, fault: Fault, own: &[Arc<str>], now: Instant) -> Result<(), FaultError> {
         let ports = (0..).zip(&self.ports).filter(|(number, _)| !self.vacant.contains(&PortId(*number)));
-        let names = ports.map(|(_, port)| &*port.name).filter(|name| !name.ends_with(LISTENING));
-        let known: Vec<&str> = names.collect();
+        let ports = ports.map(|(_, port)| port).filter(|port| !port.name.ends_with(LISTENING));
+        let (known, receivers): (Vec<&str>, Vec<Option<&str>>) =
+            ports.map(|port| (&*port.name, (!port.only_sends).then_some(&*port.name))).unzip();
         if let Some(name) = fault.names().find(|name| !known.contains(&&***name) && !self.faults.inserts(name)) {
             return Err(FaultError::Unknown { name: Arc::clone(name), known: known.join(", ") });
+        }
+        let receivers: Vec<&str> = receivers.into_iter().flatten().collect();
+        if let FaultKind::Lose { receivers: named } = &fault.kind
+            && let Some(name) = named.iter().find(|name| !receivers.contains(&&***name))
+        {
+            return Err(FaultError::NoReceiver { name: Arc::clone(name), known: receivers.join(", ") });
         }
         if matches!(fault.kind, FaultKind::Insert { .. }) && known.contains(&&*fault.name) && !own.contains(&fault.name)
         {

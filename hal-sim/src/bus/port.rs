@@ -24,6 +24,8 @@ pub(super) const RECEIVE_QUEUE: usize = 256;
 #[derive(Clone, Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
+    /// Whether the port belongs to a client that uses no received frame.
+    pub(super) only_sends: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
@@ -116,6 +118,7 @@ impl Port {
         Self {
             external: matches!(transmit, Transmit::Offer(..)).then(Box::default),
             name,
+            only_sends: false,
             rate,
             connected: false,
             confinement: Confinement::default(),

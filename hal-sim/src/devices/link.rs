@@ -1,5 +1,6 @@
 //! The text form of a link: `VALVE=SENSOR[,key=value…]`.
 
+use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
@@ -35,7 +36,11 @@ impl FromStr for NamedLink {
                 "rate" => link.rate = rate(value)?,
                 "min" => link.min = angle(value)?,
                 "max" => link.max = angle(value)?,
-                _ => return Err(format!("unknown key '{key}'; accepted: rate=, min=, max=")),
+                "noise" => link.noise = up_to(value, Link::NOISE_MAX, "noise", ", in percent")?,
+                "dead-band" => {
+                    link.dead_band = up_to(value, Link::DEAD_BAND_MAX, "dead-band", ", 16384 is full stroke")?
+                }
+                _ => return Err(format!("unknown key '{key}'; accepted: rate=, min=, max=, noise=, dead-band=")),
             }
         }
         if link.min >= link.max {
@@ -50,6 +55,17 @@ fn rate(text: &str) -> Result<i32, String> {
     rate.ok_or_else(|| {
         format!("'{text}' is not a valid rate; accepted: -{RATE_MAX}–{RATE_MAX}, in 1/100 degree per second")
     })
+}
+
+/// Parses a number up to a limit.
+pub(super) fn up_to<T: FromStr + PartialOrd + Display>(
+    text: &str,
+    max: T,
+    what: &str,
+    unit: &str,
+) -> Result<T, String> {
+    let number = text.parse().ok().filter(|number| *number <= max);
+    number.ok_or_else(|| format!("'{text}' is not a valid {what}; accepted: 0–{max}{unit}"))
 }
 
 fn angle(text: &str) -> Result<u32, String> {

@@ -23,7 +23,7 @@ use protocol_core::device::Setup;
 
 use crate::Kind;
 use crate::memory::Memory;
-use crate::world::{Electronics, Link, NodeId, World};
+use crate::world::{Electronics, Link, NodeId, Plant, Roughness, World};
 
 /// A device with its unique name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,6 +38,8 @@ pub struct NamedDevice {
     pub has_oil: bool,
     /// The delays and the undervoltage limit of the electronics.
     pub electronics: Electronics,
+    /// The roughness of the spool or the shaft.
+    pub roughness: Roughness,
 }
 
 impl NamedDevice {
@@ -50,6 +52,7 @@ impl NamedDevice {
             spool_times: SpoolTimes::default(),
             has_oil: false,
             electronics: Electronics::default(),
+            roughness: Roughness::default(),
         }
     }
 
@@ -62,10 +65,15 @@ impl NamedDevice {
             world.set_inputs(node, inputs);
         }
         if self.has_oil {
-            world.fill_with_oil(node);
+            // A device with oil is a valve.
+            let filled = world.set_plant(node, Plant::Oil(true));
+            debug_assert_eq!(filled, Ok(()));
         }
         if self.electronics != Electronics::default() {
             world.set_electronics(node, self.electronics);
+        }
+        if self.roughness != Roughness::default() {
+            world.set_roughness(node, self.roughness);
         }
         node
     }
@@ -124,6 +132,7 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
             spool_times: spec.spool_times,
             has_oil: spec.has_oil,
             electronics: spec.electronics,
+            roughness: spec.roughness,
         }
     });
     let mut devices: Vec<NamedDevice> = devices.collect();

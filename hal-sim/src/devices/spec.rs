@@ -8,11 +8,13 @@ use protocol_core::device::Setup;
 use protocol_core::time::Duration;
 
 use crate::Kind;
-use crate::world::Electronics;
+use crate::world::{Electronics, Plant, Roughness};
+
+use super::link::up_to;
 
 /// The accepted keys of a device specification.
-const KEYS: &str =
-    "name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, oil, blank";
+const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, noise=, \
+     dead-band=, oil, blank";
 
 /// The maximum length of a device name, in characters.
 const NAME_MAX: usize = 32;
@@ -30,6 +32,8 @@ pub struct DeviceSpec {
     pub has_oil: bool,
     /// The delays and the undervoltage limit of the electronics.
     pub electronics: Electronics,
+    /// The roughness of the spool or the shaft.
+    pub roughness: Roughness,
 }
 
 impl DeviceSpec {
@@ -42,6 +46,7 @@ impl DeviceSpec {
             spool_times: SpoolTimes::DEFAULT,
             has_oil: false,
             electronics: Electronics::default(),
+            roughness: Roughness::default(),
         }
     }
 }
@@ -87,13 +92,15 @@ impl FromStr for DeviceSpec {
                 }
                 ("stroke-ms", Some(time)) => stroke_ms = spool_time(time)?,
                 ("return-ms", Some(time)) => return_ms = spool_time(time)?,
-                ("boot-ms", Some(time)) => spec.electronics.boot = millis(time, MAX_BOOT_MS)?,
+                ("boot-ms", Some(time)) => spec.electronics.boot = millis(time, Plant::BootMs(0))?,
                 ("answer-ms", Some(times)) => spec.electronics.answer = answer_times(times)?,
-                ("cycle-ms", Some(time)) => spec.electronics.cycle = millis(time, MAX_CYCLE_MS)?,
+                ("cycle-ms", Some(time)) => spec.electronics.cycle = millis(time, Plant::CycleMs(0))?,
                 ("brown-out-mv", _) if matches!(kind, Kind::Hat(_)) => {
                     return Err(format!("'{key}' applies to a valve's supply; that of a {kind} is not simulated"));
                 }
                 ("brown-out-mv", Some(supply)) => spec.electronics.brown_out_mv = Some(brown_out(supply)?),
+                ("noise", Some(noise)) => spec.roughness.noise = roughness(kind, noise, "noise")?,
+                ("dead-band", Some(band)) => spec.roughness.dead_band = roughness(kind, band, "dead-band")?,
                 ("oil", None) if matches!(kind, Kind::Hat(_)) => {
                     return Err(format!("'oil' applies to a valve; a {kind} has none"));
                 }
@@ -109,7 +116,7 @@ impl FromStr for DeviceSpec {
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
                 (
                     "name" | "serial" | "bit-rate" | "stroke-ms" | "return-ms" | "boot-ms" | "answer-ms" | "cycle-ms"
-                    | "brown-out-mv",
+                    | "brown-out-mv" | "noise" | "dead-band",
                     None,
                 ) => {
                     return Err(format!("'{key}' needs a value, as in {key}=…"));
@@ -163,22 +170,24 @@ fn spool_time(text: &str) -> Result<u16, String> {
     })
 }
 
-// The maximum values of boot-ms, answer-ms and cycle-ms, in milliseconds.
-const MAX_BOOT_MS: u64 = 60_000;
-const MAX_ANSWER_MS: u64 = 60_000;
-const MAX_CYCLE_MS: u64 = 1_000;
+/// Returns the range of a plant word.
+fn range(word: Plant) -> (i64, i64) {
+    word.word().values.range().map_or((0, 0), |(min, max)| (min.into(), max.into()))
+}
 
-/// Parses a time in milliseconds.
-fn millis(text: &str, max: u64) -> Result<Duration, String> {
-    let ms = number(text).map(u64::from).filter(|ms| *ms <= max);
-    ms.map(Duration::from_millis)
-        .ok_or_else(|| format!("'{text}' is not a valid time; accepted: 0–{max}, in milliseconds"))
+/// Parses a time in milliseconds, in the range of a plant word.
+fn millis(text: &str, word: Plant) -> Result<Duration, String> {
+    let (min, max) = range(word);
+    let ms = number(text).filter(|ms| (min..=max).contains(&i64::from(*ms)));
+    ms.map(|ms| Duration::from_millis(ms.into()))
+        .ok_or_else(|| format!("'{text}' is not a valid time; accepted: {min}–{max}, in milliseconds"))
 }
 
 /// Parses a time or a range of times, in milliseconds: `20` or `5..20`.
 fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
     let (from, to) = text.split_once("..").unwrap_or((text, text));
-    let times = (millis(from, MAX_ANSWER_MS)?, millis(to, MAX_ANSWER_MS)?);
+    let word = Plant::AnswerMs(0, 0);
+    let times = (millis(from, word)?, millis(to, word)?);
     if times.0 > times.1 {
         return Err(format!("'{text}' is not a valid range; accepted: the smaller time first, as in 5..20"));
     }
@@ -187,12 +196,18 @@ fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
 
 /// Parses an undervoltage limit in millivolts.
 fn brown_out(text: &str) -> Result<u32, String> {
-    let limit = number(text).filter(|limit| (1..=MAX_SUPPLY_MV).contains(limit));
-    limit.ok_or_else(|| format!("'{text}' is not a valid supply; accepted: 1–{MAX_SUPPLY_MV}, in millivolts"))
+    let (min, max) = range(Plant::BrownOutMv(None));
+    let limit = number(text).filter(|limit| (min..=max).contains(&i64::from(*limit)));
+    limit.ok_or_else(|| format!("'{text}' is not a valid supply; accepted: {min}–{max}, in millivolts"))
 }
 
-/// The maximum supply voltage of the plant, in millivolts.
-const MAX_SUPPLY_MV: u32 = 100_000;
+/// Parses the noise or the dead-band of a spool or a shaft.
+fn roughness(kind: Kind, text: &str, what: &str) -> Result<u16, String> {
+    match kind {
+        Kind::Pve(_) => up_to(text, Roughness::MAX_OF_SPOOL, what, ", 16384 is full stroke"),
+        Kind::Hat(_) => up_to(text, Roughness::MAX_OF_SHAFT, what, ", in 1/100 degree"),
+    }
+}
 
 fn serial_number(text: &str) -> Result<u32, String> {
     number(text)

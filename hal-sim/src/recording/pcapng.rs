@@ -27,6 +27,7 @@ const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;
 const INTERFACE_DESCRIPTION: u32 = 1;
+const INTERFACE_STATISTICS: u32 = 5;
 const ENHANCED_PACKET: u32 = 6;
 
 /// The option codes of a block.
@@ -63,7 +64,7 @@ fn write_option(block: &mut Vec<u8>, code: u16, value: &[u8]) {
 }
 
 /// Writes an entry with its comments.
-pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record, comments: Vec<String>) -> io::Result<()> {
+pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record, comments: &[String]) -> io::Result<()> {
     let (id, length, data) = match entry {
         Entry::Frame(frame) => {
             let remote = if frame.is_remote() { REMOTE_FLAG } else { 0 };
@@ -86,13 +87,28 @@ pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record, comment
     body.extend([length, 0, 0, 0]);
     body.extend(data);
     body.resize(body.len().next_multiple_of(4), 0);
-    for comment in &comments {
-        write_option(&mut body, COMMENT, comment.as_bytes());
+    write_comments(&mut body, comments);
+    write_block(out, ENHANCED_PACKET, &body)
+}
+
+/// Writes comments that no packet follows: in a block of interface statistics, the last block of a capture.
+pub(super) fn write_end(out: &mut impl Write, at: Timestamp, comments: &[String]) -> io::Result<()> {
+    let mut body = Vec::new();
+    // The first interface, and the time.
+    for number in [0, (at.as_micros() >> 32) as u32, at.as_micros() as u32] {
+        body.extend(number.to_le_bytes());
+    }
+    write_comments(&mut body, comments);
+    write_block(out, INTERFACE_STATISTICS, &body)
+}
+
+fn write_comments(block: &mut Vec<u8>, comments: &[String]) {
+    for comment in comments {
+        write_option(block, COMMENT, comment.as_bytes());
     }
     if !comments.is_empty() {
-        write_option(&mut body, END_OF_OPTIONS, &[]);
+        write_option(block, END_OF_OPTIONS, &[]);
     }
-    write_block(out, ENHANCED_PACKET, &body)
 }
 
 fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {

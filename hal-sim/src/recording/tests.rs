@@ -393,7 +393,20 @@ fn comments_are_written_and_skipped() {
     let asc = String::from_utf8(commented[1].clone()).unwrap();
     assert!(asc.lines().any(|line| line == "// 0.001542 fault lose-220: 220 lost"), "{asc}");
     // The option opt_comment with its length, in the second packet.
-    let option = [&[1, 0, 24, 0], "fault lose-220: 220 lost".as_bytes()].concat();
-    assert_eq!(commented[2].windows(option.len()).filter(|bytes| *bytes == option).count(), 1);
+    let option: Vec<u8> = [&[1, 0, 24, 0], "fault lose-220: 220 lost".as_bytes()].concat();
+    let comments = |bytes: &[u8]| bytes.windows(option.len()).filter(|bytes| *bytes == option).count();
+    assert_eq!(comments(&commented[2]), 1);
     assert!(commented[2].ends_with(&[0, 0, 0, 0, 76, 0, 0, 0]), "{:?}", &commented[2][commented[2].len() - 16..]);
+
+    // A comment after the last frame.
+    let last = FORMATS.map(|format| {
+        let mut writer = Writer::new(Vec::new(), format, "pve0", Timestamp::from_micros(START)).unwrap();
+        writer.write(&records[0]).unwrap();
+        writer.comment(Timestamp::from_micros(START + 1_500), "fault lose-220: 220 lost").unwrap();
+        writer.finish().unwrap()
+    });
+    assert_eq!(comments(&last[2]), 1);
+    for (place, bytes) in last.iter().enumerate() {
+        assert_eq!(read(Cursor::new(bytes.clone()), FORMATS[place]), (records[..1].to_vec(), Vec::new()));
+    }
 }

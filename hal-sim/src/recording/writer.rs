@@ -23,8 +23,8 @@ enum Style {
     Candump,
     /// The time of the measurement start, to which all times refer.
     Asc(Timestamp),
-    /// The comments that the next packet will contain.
-    Pcapng(Vec<String>),
+    /// The comments that the next packet will contain, and the time of the last comment.
+    Pcapng(Vec<String>, Timestamp),
 }
 
 impl<W: Write> Writer<W> {
@@ -38,7 +38,7 @@ impl<W: Write> Writer<W> {
             Format::Asc => Style::Asc(asc::write_head(&mut out, start)?),
             Format::Pcapng => {
                 pcapng::write_head(&mut out, bus)?;
-                Style::Pcapng(Vec::new())
+                Style::Pcapng(Vec::new(), start)
             }
         };
         Ok(Self { out, bus: bus.to_owned(), style, line: String::new() })
@@ -58,7 +58,7 @@ impl<W: Write> Writer<W> {
                 self.out.write_all(self.line.as_bytes())
             }
             Style::Asc(origin) => asc::write(&mut self.out, *origin, record),
-            Style::Pcapng(comments) => pcapng::write(&mut self.out, record, std::mem::take(comments)),
+            Style::Pcapng(comments, _) => pcapng::write(&mut self.out, record, &std::mem::take(comments)),
         }
     }
 
@@ -70,8 +70,9 @@ impl<W: Write> Writer<W> {
         match &mut self.style {
             Style::Candump => Ok(()),
             Style::Asc(origin) => asc::write_comment(&mut self.out, *origin, at, text),
-            Style::Pcapng(comments) => {
+            Style::Pcapng(comments, last) => {
                 comments.push(text.to_owned());
+                *last = at;
                 Ok(())
             }
         }
@@ -90,8 +91,12 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// The errors of `out`.
     pub fn finish(mut self) -> io::Result<W> {
-        if let Style::Asc(_) = self.style {
-            asc::write_end(&mut self.out)?;
+        match &self.style {
+            Style::Asc(_) => asc::write_end(&mut self.out)?,
+            Style::Pcapng(comments, last) if !comments.is_empty() => {
+                pcapng::write_end(&mut self.out, *last, comments)?;
+            }
+            Style::Candump | Style::Pcapng(..) => {}
         }
         self.out.flush()?;
         Ok(self.out)

@@ -58,7 +58,7 @@ pub(super) struct ScenarioFile {
 #[schema(as = Device)]
 pub(super) enum DeviceEntry {
     /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
-    /// answer-ms, cycle-ms, brown-out-mv, oil, blank.
+    /// answer-ms, cycle-ms, brown-out-mv, noise, dead-band, oil, blank.
     Text(String),
     /// The same text, with requirements of the scenario.
     Table(DeviceTable),
@@ -70,7 +70,7 @@ pub(super) enum DeviceEntry {
 #[schema(as = DeviceTable)]
 pub(super) struct DeviceTable {
     /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
-    /// answer-ms, cycle-ms, brown-out-mv, oil, blank.
+    /// answer-ms, cycle-ms, brown-out-mv, noise, dead-band, oil, blank.
     pub(super) device: String,
     /// True, the default: the device has to run at the bit rate of the bus.
     #[serde(default)]

@@ -6,6 +6,7 @@ use super::super::{Command, Refusal, Reply, Simulation};
 use super::*;
 use crate::devices::NamedDevice;
 use crate::memory::Memory;
+use crate::state::Power;
 
 /// Creates a simulation with a valve and an angle sensor, powered for 100 ms.
 fn simulation() -> Simulation {
@@ -40,6 +41,11 @@ fn a_change_ends_and_the_earlier_values_are_back() {
         ("boom", json!({"memory": "write-fails", "for_ms": 100}), "memory", json!("write-fails"), json!("ok")),
         ("boom", json!({"internal_fault": true, "for_ms": 100}), "internal_fault", json!(true), json!(false)),
         ("boom", json!({"bus_off": true, "for_ms": 100}), "bus_off", json!(true), json!(false)),
+        ("boom", json!({"oil": true, "for_ms": 100}), "oil", json!(true), json!(false)),
+        ("boom", json!({"brown_out_mv": 7000, "for_ms": 100}), "brown_out_mv", json!(7000), json!(null)),
+        ("boom", json!({"answer_ms": [5, 20], "for_ms": 100}), "answer_ms", json!([5, 20]), json!(0)),
+        ("angle", json!({"boot_ms": 300, "for_ms": 100}), "boot_ms", json!(300), json!(0)),
+        ("angle", json!({"cycle_ms": 10, "for_ms": 100}), "cycle_ms", json!(10), json!(0)),
         ("angle", json!({"angle_cdeg": 9000, "for_ms": 100}), "angle_cdeg", json!(9000), json!(0)),
         ("angle", json!({"measuring_error": true, "for_ms": 100}), "measuring_error", json!(true), json!(false)),
     ] {
@@ -117,6 +123,12 @@ fn what_is_no_profile_is_refused_and_changes_nothing() {
         (profile("supply_mv", json!([])), "profile of supply_mv: has no points"),
         (profile("spool", json!([[0, 1]])), "profile of 'spool': must be one of supply_mv, "),
         (profile("angle_cdeg", json!([[0, 1]])), "angle_cdeg 1: not a plant word of this kind of device"),
+        (json!({"boot_ms": 60_001}), "boot_ms 60001: out of range; accepted: 0 to 60000 ms"),
+        (
+            json!({"answer_ms": [20, 5]}),
+            "answer_ms 20..5: out of range; accepted: 0 to 60000 ms, or a range as in 5..20",
+        ),
+        (json!({"brown_out_mv": 0}), "brown_out_mv 0: out of range; accepted: 1 to 100000, or off"),
         (json!({"for_ms": 5}), "for_ms is only valid together with a change"),
         (
             json!({"supply_mv": 5, "profile": {"word": "supply_mv", "points": "cranking"}}),
@@ -128,6 +140,25 @@ fn what_is_no_profile_is_refused_and_changes_nothing() {
         assert_eq!(after_ms(&mut simulation, 1, "boom", "internal_fault"), json!(false), "{request}");
     }
     assert_eq!(after_ms(&mut simulation, 1, "boom", "supply_mv"), json!(24_000));
+}
+
+/// A reset starts the start delay anew; a device without power stays off.
+#[test]
+fn a_reset_during_the_start_delay() {
+    let mut simulation = simulation();
+    let power =
+        |simulation: &mut Simulation, change| simulation.run(Command::Power("boom".to_owned(), change)).map(drop);
+    change(&mut simulation, "boom", json!({"boot_ms": 100})).expect("a delay");
+    assert_eq!(power(&mut simulation, Power::Watchdog), Ok(()));
+    assert_eq!(after_ms(&mut simulation, 60, "boom", "boot_ms"), json!(100));
+    assert_eq!(power(&mut simulation, Power::Watchdog), Ok(()), "the device has power");
+    let mut is_powered = |ms| {
+        simulation.run_until(after(simulation.now(), Duration::from_millis(ms)));
+        simulation.state("boom").expect("a device").powered
+    };
+    assert_eq!([is_powered(99), is_powered(1)], [false, true]);
+    assert_eq!(power(&mut simulation, Power::Off), Ok(()));
+    assert!(power(&mut simulation, Power::Watchdog).is_err());
 }
 
 /// A clone continues as the original does.

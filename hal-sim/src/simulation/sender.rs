@@ -58,7 +58,7 @@ struct Cyclic {
 impl Sender {
     /// Creates a sender and adds its controller to the bus. `name` identifies the controller in traces.
     pub(super) fn new(name: &str, world: &mut World) -> Self {
-        Self { port: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
+        Self { port: world.add_sender(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
     /// Sends a frame once or, with a period, cyclically. Replaces a cyclic frame with the same identifier.

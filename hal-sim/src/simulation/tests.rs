@@ -261,7 +261,7 @@ proptest! {
     #[test]
     fn reading_changes_nothing(acts in prop::collection::vec((valve_act(), 0_u64..50_000), 1..20), rate in -9000_i32..9000) {
         let run = |reads: bool| {
-            let link = Link { rate, min: 0, max: 35_999 };
+            let link = Link { rate, min: 0, max: 35_999, ..Link::default() };
             let mut rig = Rig::new(&["pvea-canopen", "hat3000"], Some(link), reads);
             for frame in ["000: 01 00", "601: 2F 00 18 02 FE 00 00 00", "601: 2B 00 18 05 0A 00 00 00", "601: 23 00 18 01 81 01 00 00"] {
                 rig.act(&Act::Send(frame.to_owned()));
@@ -298,7 +298,11 @@ fn command(state: &DeviceState) -> State {
 /// The next position is found to the microsecond, and no position in between is missed.
 #[test]
 fn the_next_position_of_a_spool_and_of_shafts() {
-    let mut rig = Rig::new(&["pvea-canopen", "hat1000"], Some(Link { rate: 36_000, min: 0, max: 35_999 }), false);
+    let mut rig = Rig::new(
+        &["pvea-canopen", "hat1000"],
+        Some(Link { rate: 36_000, min: 0, max: 35_999, ..Link::default() }),
+        false,
+    );
     for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"] {
         assert!(rig.sent(frame));
     }
@@ -421,7 +425,7 @@ fn running_to_now_takes_what_has_happened() {
 fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
     for (rate, wanted) in [(3_000, 60..=60), (36_000, 700..=701), (-3_000, 16_000..=16_323), (100, 2..=2)] {
         let moving = || {
-            let link = Link { rate, min: 0, max: 35_999 };
+            let link = Link { rate, min: 0, max: 35_999, ..Link::default() };
             let mut rig = Rig::new(&["pvea-canopen", "hat1000"], Some(link), false);
             let angle = if rate < 0 { 35_999 } else { 0 };
             rig.world.set_plant(rig.devices[1].0, crate::world::Plant::AngleCdeg(angle)).expect("an angle");

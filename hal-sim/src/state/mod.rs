@@ -32,7 +32,7 @@ pub use given::{given, given_object};
 pub(crate) use identifier::digits;
 pub use identifier::{Identifier, IdentifierOrAll};
 pub use pattern::{DATA, DATA_PATTERN, Pattern};
-pub use plant::{CRANKING, PlantChange, PlantState, Points, Profile, ReadyProfile};
+pub use plant::{AnswerMs, CRANKING, PlantChange, PlantState, Points, Profile, ReadyProfile};
 pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
 

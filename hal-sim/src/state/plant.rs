@@ -1,11 +1,15 @@
 //! The plant of a device, for JSON: its state and its changes.
 
+use std::borrow::Cow;
+
 use protocol_core::actuator::SpoolFault;
+use protocol_core::time::Duration;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::openapi::{ArrayBuilder, Object, RefOr, Schema, Type};
+use utoipa::{PartialSchema, ToSchema};
 
 use super::given::{given, given_object, object, present};
-use crate::world::{NodeId, Plant, PlantError, World};
+use crate::world::{Electronics, NodeId, Plant, PlantError, World};
 
 /// The plant of a device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
@@ -35,6 +39,17 @@ pub struct ValvePlant {
     pub memory: Memory,
     /// The CAN controller is forced bus-off.
     pub bus_off: bool,
+    /// The supply in millivolt below which the valve is off; null if it is never off.
+    #[schema(required)]
+    pub brown_out_mv: Option<u32>,
+    /// Whether cold oil slows the spool down.
+    pub oil: bool,
+    /// The time from power to the start of the program, in milliseconds.
+    pub boot_ms: u16,
+    /// The delay of answers, in milliseconds.
+    pub answer_ms: AnswerMs,
+    /// The cycle of the program, in milliseconds; 0 acts at once.
+    pub cycle_ms: u16,
 }
 
 /// The plant of an angle sensor.
@@ -52,6 +67,56 @@ pub struct EncoderPlant {
     pub memory: Memory,
     /// The CAN controller is forced bus-off.
     pub bus_off: bool,
+    /// The time from power to the start of the program, in milliseconds.
+    pub boot_ms: u16,
+    /// The delay of answers, in milliseconds.
+    pub answer_ms: AnswerMs,
+    /// The cycle of the program, in milliseconds; 0 acts at once.
+    pub cycle_ms: u16,
+}
+
+/// A delay of answers in milliseconds, or its minimum and maximum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged, expecting = "answer_ms must be a number of milliseconds, or [MIN, MAX]")]
+pub enum AnswerMs {
+    /// The same delay for every answer.
+    #[schema(value_type = Delay)]
+    One(u16),
+    /// The smallest and the largest delay.
+    #[schema(value_type = TwoDelays)]
+    Between([u16; 2]),
+}
+
+/// The schema of a delay of answers, in milliseconds.
+#[derive(Clone, Copy, Debug)]
+struct Delay;
+
+impl PartialSchema for Delay {
+    fn schema() -> RefOr<Schema> {
+        Object::builder().schema_type(Type::Integer).minimum(Some(0)).maximum(Some(60_000)).into()
+    }
+}
+
+impl ToSchema for Delay {
+    fn name() -> Cow<'static, str> {
+        "DelayOfAnswers".into()
+    }
+}
+
+/// The schema of the smallest and the largest delay of answers.
+#[derive(Clone, Copy, Debug)]
+struct TwoDelays;
+
+impl PartialSchema for TwoDelays {
+    fn schema() -> RefOr<Schema> {
+        ArrayBuilder::new().items(Delay::schema()).min_items(Some(2)).max_items(Some(2)).into()
+    }
+}
+
+impl ToSchema for TwoDelays {
+    fn name() -> Cow<'static, str> {
+        "TwoDelaysOfAnswers".into()
+    }
 }
 
 /// The spool.
@@ -139,6 +204,22 @@ pub struct PlantChange {
     /// Forces the CAN controller bus-off.
     #[serde(default, deserialize_with = "given")]
     pub bus_off: Option<bool>,
+    /// Valves: the supply in millivolt below which the valve is off, 1…100000; null: it is never off.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<u32>)]
+    pub brown_out_mv: Option<Option<u32>>,
+    /// Valves: cold oil slows the spool down.
+    #[serde(default, deserialize_with = "given")]
+    pub oil: Option<bool>,
+    /// The time from power to the start of the program, 0…60000 ms; a new one acts from the next start.
+    #[serde(default, deserialize_with = "given")]
+    pub boot_ms: Option<u16>,
+    /// The delay of answers, 0…60000 ms, or the smallest and the largest delay.
+    #[serde(default, deserialize_with = "given")]
+    pub answer_ms: Option<AnswerMs>,
+    /// The cycle of the program, 0…1000 ms; 0 acts at once.
+    #[serde(default, deserialize_with = "given")]
+    pub cycle_ms: Option<u16>,
     /// The duration of the change, in milliseconds, after which the earlier values are restored; permanent by default.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
@@ -208,6 +289,9 @@ impl PlantState {
             memory if memory.write_fails() => Memory::WriteFails,
             _ => Memory::Ok,
         };
+        let Electronics { boot, answer: (from, to), cycle, brown_out_mv } = world.electronics(node);
+        let [boot_ms, from, to, cycle_ms] = [boot, from, to, cycle].map(millis);
+        let answer_ms = AnswerMs::of(from, to);
         if let Some(shaft) = inputs.shaft() {
             return Self::Encoder(EncoderPlant {
                 angle_cdeg: world.angle_cdeg(node).unwrap_or(shaft.angle_cdeg),
@@ -216,6 +300,9 @@ impl PlantState {
                 internal_fault,
                 memory,
                 bus_off,
+                boot_ms,
+                answer_ms,
+                cycle_ms,
             });
         }
         let valve = inputs.valve().copied().unwrap_or_default();
@@ -227,6 +314,11 @@ impl PlantState {
             internal_fault,
             memory,
             bus_off,
+            brown_out_mv,
+            oil: world.has_oil(node),
+            boot_ms,
+            answer_ms,
+            cycle_ms,
         })
     }
 
@@ -272,6 +364,8 @@ impl PlantChange {
                 earlier.temperature_c = self.temperature_c.map(|_| plant.temperature_c);
                 earlier.spool = self.spool.map(|_| SpoolChange::Object(plant.spool));
                 earlier.lever = self.lever.map(|_| plant.lever);
+                earlier.brown_out_mv = self.brown_out_mv.map(|_| plant.brown_out_mv);
+                earlier.oil = self.oil.map(|_| plant.oil);
             }
             PlantState::Encoder(plant) => {
                 earlier.angle_cdeg = self.angle_cdeg.map(|_| plant.angle_cdeg);
@@ -279,11 +373,16 @@ impl PlantChange {
                 earlier.measuring_error = self.measuring_error.map(|_| plant.measuring_error);
             }
         }
-        let (PlantState::Valve(ValvePlant { internal_fault, memory, bus_off, .. })
-        | PlantState::Encoder(EncoderPlant { internal_fault, memory, bus_off, .. })) = state;
+        let (PlantState::Valve(ValvePlant { internal_fault, memory, bus_off, boot_ms, answer_ms, cycle_ms, .. })
+        | PlantState::Encoder(EncoderPlant {
+            internal_fault, memory, bus_off, boot_ms, answer_ms, cycle_ms, ..
+        })) = state;
         earlier.internal_fault = self.internal_fault.map(|_| *internal_fault);
         earlier.memory = self.memory.map(|_| *memory);
         earlier.bus_off = self.bus_off.map(|_| *bus_off);
+        earlier.boot_ms = self.boot_ms.map(|_| *boot_ms);
+        earlier.answer_ms = self.answer_ms.map(|_| *answer_ms);
+        earlier.cycle_ms = self.cycle_ms.map(|_| *cycle_ms);
         earlier
     }
 
@@ -300,6 +399,11 @@ impl PlantChange {
             measuring_error.map(Plant::MeasuringError),
             self.internal_fault.map(Plant::InternalFault),
             self.bus_off.map(Plant::BusOff),
+            self.brown_out_mv.map(Plant::BrownOutMv),
+            self.oil.map(Plant::Oil),
+            self.boot_ms.map(Plant::BootMs),
+            self.answer_ms.map(AnswerMs::plant),
+            self.cycle_ms.map(Plant::CycleMs),
         ];
         plants.into_iter().flatten().collect()
     }
@@ -321,9 +425,32 @@ impl From<Plant> for PlantChange {
             Plant::InternalFault(there) => change.internal_fault = Some(there),
             Plant::MemoryFails(fails) => change.memory = Some(if fails { Memory::WriteFails } else { Memory::Ok }),
             Plant::BusOff(there) => change.bus_off = Some(there),
+            Plant::BrownOutMv(limit) => change.brown_out_mv = Some(limit),
+            Plant::Oil(there) => change.oil = Some(there),
+            Plant::BootMs(ms) => change.boot_ms = Some(ms),
+            Plant::AnswerMs(from, to) => change.answer_ms = Some(AnswerMs::of(from, to)),
+            Plant::CycleMs(ms) => change.cycle_ms = Some(ms),
         }
         change
     }
+}
+
+impl AnswerMs {
+    const fn of(from: u16, to: u16) -> Self {
+        if from == to { Self::One(to) } else { Self::Between([from, to]) }
+    }
+
+    const fn plant(self) -> Plant {
+        match self {
+            Self::One(ms) => Plant::AnswerMs(ms, ms),
+            Self::Between([from, to]) => Plant::AnswerMs(from, to),
+        }
+    }
+}
+
+/// Returns a time in milliseconds, limited to the largest number.
+fn millis(time: Duration) -> u16 {
+    u16::try_from(time.as_millis()).unwrap_or(u16::MAX)
 }
 
 impl SpoolChange {
@@ -389,9 +516,13 @@ mod tests {
             let refusal = |value| {
                 schemas.check("PlantChange", &json!({ word.name: value }), "null").map_err(|mismatch| mismatch.reason)
             };
-            let Some((min, max)) = word.values.range() else {
+            let range = word.values.range().filter(|_| word.name != "answer_ms");
+            let Some((min, max)) = range else {
                 let told = refusal(json!("bent")).expect_err(word.name);
-                let values = word.values.to_string().replace("on, off", "true or false");
+                let values = match word.name {
+                    "answer_ms" => "a whole number from 0 to 60000, or a list of 2".to_owned(),
+                    _ => word.values.to_string().replace("on, off", "true or false"),
+                };
                 assert!(told.contains(&format!("accepted: {values}")), "{told}");
                 continue;
             };

@@ -59,7 +59,7 @@ impl Power {
         match self {
             Self::Off => world.power(node, false),
             Self::On => world.power(node, true),
-            Self::Watchdog if !world.is_powered(node) => {
+            Self::Watchdog if !world.can_reset(node) => {
                 return Err("the device has no power: its watchdog cannot reset it");
             }
             Self::Watchdog => world.power_with(node, StartCause::Watchdog),

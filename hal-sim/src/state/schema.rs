@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use protocol_core::actuator::Position;
-use protocol_core::device::plant::{Product, WORDS};
+use protocol_core::device::plant::{Product, Values, WORDS};
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 use utoipa::openapi::{RefOr, schema};
@@ -17,7 +17,7 @@ use crate::Kind;
 /// The nullable members of each schema. All other optional members may be missing but not null.
 const NULLABLE: &[(&str, &[&str])] = &[
     ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
-    ("PlantChange", &["lever"]),
+    ("PlantChange", &["lever", "brown_out_mv"]),
     ("Spool", &["fault"]),
 ];
 
@@ -169,7 +169,9 @@ fn restrict(name: &str, schema: &mut Value) {
         }
         "PlantChange" => {
             for word in &WORDS {
-                if let Some((min, max)) = word.values.range() {
+                // The schema of a number or a range has its own limits.
+                let is_simple = !matches!(word.values, Values::NumberOrRange { .. });
+                if let Some((min, max)) = word.values.range().filter(|_| is_simple) {
                     schema["properties"][word.name]["minimum"] = min.into();
                     schema["properties"][word.name]["maximum"] = max.into();
                 }
@@ -257,7 +259,7 @@ impl<'a> Checker<'a> {
             Value::Null => true,
             kind => is_of(kind, value),
         };
-        if !fits || !is_within(schema, value) {
+        if !fits || !is_within(schema, value) || !has_length(schema, value) {
             return Some(self.refusal(schema, value, path));
         }
         match value {
@@ -371,7 +373,10 @@ impl<'a> Checker<'a> {
                 Some(example) => format!("a hex string as in \"{example}\""),
                 None => "a string".to_owned(),
             },
-            "array" => "a list".to_owned(),
+            "array" => match schema["maxItems"].as_u64() {
+                Some(items) => format!("a list of {items}"),
+                None => "a list".to_owned(),
+            },
             "null" => self.null.to_owned(),
             "object" => match schema["properties"].as_object() {
                 Some(members) if members.len() < 4 => {
@@ -414,6 +419,11 @@ fn is_within(schema: &Value, value: &Value) -> bool {
     };
     whole(&schema["minimum"]).is_none_or(|min| number >= min)
         && whole(&schema["maximum"]).is_none_or(|max| number <= max)
+}
+
+/// Returns whether a list has the number of items of a schema that states one; true for any other value.
+fn has_length(schema: &Value, value: &Value) -> bool {
+    schema["maxItems"].as_u64().zip(value.as_array()).is_none_or(|(items, list)| list.len() as u64 == items)
 }
 
 /// Converts whole numbers in a value to integers, because JSON does not distinguish 8.0 from 8.

@@ -6,6 +6,8 @@ use protocol_core::wire::cob_id::{Function, LSS_ANSWER, classify};
 use protocol_core::wire::j1939_id::{J1939Id, Pgn};
 use protocol_core::wire::uds;
 
+use super::Plant;
+
 /// The electronics of a device. The defaults add no delay and have no undervoltage reset (A): the manuals name neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Electronics {
@@ -20,6 +22,31 @@ pub struct Electronics {
     /// The supply voltage in mV below which a valve is off (A). The valve restarts when the supply reaches this
     /// voltage. `None`: the valve is never off.
     pub brown_out_mv: Option<u32>,
+}
+
+impl Electronics {
+    /// Applies a plant change; other words than those of the electronics have no effect.
+    pub(super) fn change(&mut self, plant: Plant) {
+        let millis = |ms: u16| Duration::from_millis(ms.into());
+        match plant {
+            Plant::BootMs(ms) => self.boot = millis(ms),
+            Plant::AnswerMs(from, to) => self.answer = (millis(from), millis(to)),
+            Plant::CycleMs(ms) => self.cycle = millis(ms),
+            Plant::BrownOutMv(limit) => self.brown_out_mv = limit,
+            _ => {}
+        }
+    }
+
+    /// Returns the changes that reproduce the delays.
+    pub(super) fn words(&self) -> [Plant; 3] {
+        let millis = |time: Duration| u16::try_from(time.as_millis()).unwrap_or(u16::MAX);
+        let (from, to) = self.answer;
+        [
+            Plant::BootMs(millis(self.boot)),
+            Plant::AnswerMs(millis(from), millis(to)),
+            Plant::CycleMs(millis(self.cycle)),
+        ]
+    }
 }
 
 /// The state of a device's electronics.

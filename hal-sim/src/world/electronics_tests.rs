@@ -54,6 +54,10 @@ impl Rig {
         self.world.now().as_micros()
     }
 
+    fn set(&mut self, plants: &[Plant]) {
+        self.world.set_plants(self.device, plants).expect("a valve");
+    }
+
     fn supply(&mut self, mv: u32) {
         self.world.set_plant(self.device, Plant::SupplyMv(mv)).expect("a supply");
     }
@@ -240,6 +244,44 @@ fn below_its_limit_a_valve_is_off() {
     assert_eq!(rig.frames(100), []);
     rig.supply(12_000);
     assert!(!rig.frames(100).is_empty());
+}
+
+/// The words of a running device have the effects of the keys.
+#[test]
+fn the_words_change_a_running_device() {
+    let mut rig = Rig::started("pvea-canopen");
+    rig.set(&[Plant::AnswerMs(20, 20)]);
+    let asked = rig.send(READ_VENDOR);
+    assert_eq!(rig.frames(100)[0].0, asked + 20_000);
+    rig.set(&[Plant::AnswerMs(0, 0), Plant::CycleMs(10)]);
+    rig.frames(3);
+    let asked = rig.send(READ_VENDOR);
+    assert_eq!(rig.frames(100)[0].0, asked.next_multiple_of(10_000));
+    rig.set(&[Plant::CycleMs(0)]);
+    let asked = rig.send(READ_VENDOR);
+    assert!(rig.frames(100)[0].0 < asked + 1_000);
+    // The start delay acts from the next start, also from the restart after low supply.
+    rig.set(&[Plant::BootMs(50), Plant::BrownOutMv(Some(7_000))]);
+    assert!(rig.world.is_powered(rig.device));
+    rig.supply(6_000);
+    rig.supply(24_000);
+    assert_eq!(rig.frames(50), []);
+    assert_eq!(rig.frames(10).len(), 2, "boot-up and EMCY");
+}
+
+/// A supply is compared with the limit that changes at the same instant.
+#[test]
+fn supply_and_limit_change_together() {
+    let mut rig = Rig::started("pvea-canopen,brown-out-mv=7000");
+    rig.set(&[Plant::SupplyMv(6_000), Plant::BrownOutMv(Some(5_000))]);
+    assert!(rig.world.is_powered(rig.device));
+    rig.set(&[Plant::BrownOutMv(Some(20_000)), Plant::SupplyMv(24_000)]);
+    assert!(rig.world.is_powered(rig.device));
+    assert_eq!(rig.frames(50), [], "the valve did not boot");
+    rig.set(&[Plant::BrownOutMv(Some(24_001))]);
+    assert!(!rig.world.is_powered(rig.device));
+    rig.set(&[Plant::BrownOutMv(None)]);
+    assert!(rig.world.is_powered(rig.device), "without a limit the valve is never off");
 }
 
 #[test]

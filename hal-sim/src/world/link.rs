@@ -4,13 +4,13 @@
 //! therefore a sum of trapezoids, computed in integers. The integral is updated when the shaft is read or the valve
 //! changes; the number of updates does not affect the result.
 
-use protocol_core::actuator::Valve;
+use protocol_core::actuator::{Position, Valve};
 use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::node::Power;
-use super::{NodeId, World};
+use super::node::{Node, Power};
+use super::{NodeId, World, rough};
 
 /// The parameters of a link between a valve and a sensor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,12 +21,23 @@ pub struct Link {
     pub min: u32,
     /// The upper end stop, inclusive, in 1/100 degree. It must be less than one turn and not below the lower end stop.
     pub max: u32,
+    /// The largest deviation of the speed, in percent, up to 100. It changes every [`NOISE_STEP`](super::NOISE_STEP).
+    pub noise: u8,
+    /// The overlap of the spool: the position up to which nothing flows, up to 16384. Beyond it the speed begins at 0.
+    pub dead_band: u16,
+}
+
+impl Link {
+    /// The largest noise, in percent (A).
+    pub const NOISE_MAX: u8 = 100;
+    /// The largest dead-band: the full stroke (A).
+    pub const DEAD_BAND_MAX: u16 = Position::FULL.unsigned_abs();
 }
 
 impl Default for Link {
-    /// Returns 30 degrees per second, from 0 to 90 degrees (A, SPEC 9).
+    /// Returns 30 degrees per second, from 0 to 90 degrees, without noise and dead-band (A, SPEC 9).
     fn default() -> Self {
-        Self { rate: 3_000, min: 0, max: 9_000 }
+        Self { rate: 3_000, min: 0, max: 9_000, noise: 0, dead_band: 0 }
     }
 }
 
@@ -46,11 +57,20 @@ pub enum LinkError {
     /// The lower end stop is above the upper end stop, or the upper end stop is not less than one turn.
     #[error("end stops must be 0 to 35999 in 1/100 degree, the lower one first")]
     Stops,
+    /// The noise or the dead-band is above its limit.
+    #[error("the noise must be 0 to 100 percent, and the dead-band 0 to 16384")]
+    Roughness,
 }
 
 /// The number of internal angle units in 1/100 degree: the full stroke in units of [`Valve::opening`], times the
-/// microseconds of a second, times 2. The factor 2 avoids the fraction 1/2 of the trapezoid formula.
-const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
+/// microseconds of a second, times 2, times 100. The factor 2 avoids the fraction 1/2 of the trapezoid formula, the
+/// factor 100 those of the noise.
+const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000 * PERCENT;
+
+const PERCENT: i128 = 100;
+
+/// The opening of a valve in one unit of its position.
+const UNIT: i128 = Valve::STROKE as i128 / Position::FULL as i128;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
 
@@ -63,6 +83,8 @@ pub(super) struct Coupling {
     /// The angle at the time `reckoned`, in internal units: [`CDEG`] units are 1/100 degree.
     angle: i128,
     reckoned: Instant,
+    /// The seed of the noise.
+    seed: u64,
 }
 
 impl World {
@@ -82,9 +104,13 @@ impl World {
         if link.min > link.max || link.max >= TURN_CDEG {
             return Err(LinkError::Stops);
         }
+        if link.noise > Link::NOISE_MAX || link.dead_band > Link::DEAD_BAND_MAX {
+            return Err(LinkError::Roughness);
+        }
+        let seed = if link.noise > 0 { self.random.u64(..) } else { 0 };
         let angle_cdeg = shaft.angle_at(self.now).clamp(link.min, link.max);
         let angle = i128::from(angle_cdeg) * CDEG;
-        self.couplings.push(Coupling { valve, sensor, link, angle, reckoned: self.now });
+        self.couplings.push(Coupling { valve, sensor, link, angle, reckoned: self.now, seed });
         self.set_inputs(sensor, *self.inputs(sensor));
         Ok(())
     }
@@ -131,8 +157,9 @@ impl World {
                 && shaft.angle_cdeg != angle_cdeg
             {
                 shaft.angle_cdeg = angle_cdeg;
-                if let Power::On(device) = &mut node.power {
-                    device.sense(&node.inputs, self.now);
+                let Node { power, inputs, rough, .. } = node;
+                if let Power::On(device) = power {
+                    device.sense(&rough.sensed(inputs, self.now), self.now);
                 }
             }
         }
@@ -174,9 +201,9 @@ impl Coupling {
         self.angle_cdeg(self.reckon(world.valve(self.valve), at))
     }
 
-    /// Returns the speed of the shaft at full stroke, in 1/100 degree per second: its maximum speed.
-    pub(super) const fn rate(&self) -> i32 {
-        self.link.rate
+    /// Returns the maximum speed of the shaft, in 1/100 degree per second.
+    pub(super) const fn max_speed(&self) -> u64 {
+        (self.link.rate.unsigned_abs() as u64 * (100 + self.link.noise as u64)).div_ceil(100)
     }
 
     fn angle_cdeg(&self, angle: i128) -> u32 {
@@ -191,21 +218,34 @@ impl Coupling {
         while at < now {
             let end = valve.bends(at).min(now);
             let (from, to) = (i128::from(valve.opening(at)), i128::from(valve.opening(end)));
-            if from == 0 && to == 0 {
-                at = end;
-                continue;
-            }
-            // The flow changes sign where the spool passes neutral. The interval is split into three parts: before the
-            // microsecond of the zero crossing, that microsecond, and the rest.
+            let band = i128::from(self.link.dead_band) * UNIT;
+            let flow = |opening: i128| opening - opening.clamp(-band, band);
+            // The flow bends where the spool enters or leaves the dead-band, which without a dead-band is the zero
+            // crossing. The interval is split into three parts: before the microsecond of the crossing, that
+            // microsecond, and the rest.
             let micros = i128::from(since(end, at).as_micros());
-            let end = if from * to < 0 {
-                let passes = Duration::from_micros(u64::try_from(from * micros / (from - to)).unwrap_or(0));
-                after(at, passes.max(MICROSECOND)).min(end)
-            } else {
-                end
+            let crossings = [band, -band].into_iter().filter(|level| (from - level) * (to - level) < 0);
+            let passes = crossings.map(|level| (from - level) * micros / (from - to)).min();
+            let end = match passes {
+                Some(passes) => {
+                    let passes = Duration::from_micros(u64::try_from(passes).unwrap_or(0));
+                    after(at, passes.max(MICROSECOND)).min(end)
+                }
+                None if flow(from) == 0 && flow(to) == 0 => {
+                    at = end;
+                    continue;
+                }
+                None => end,
+            };
+            let (end, speed) = match self.link.noise {
+                0 => (end, PERCENT),
+                noise => {
+                    let noise = rough::noise(self.seed, noise.into(), at);
+                    (end.min(rough::next_step(at)), PERCENT + i128::from(noise))
+                }
             };
             let to = i128::from(valve.opening(end));
-            angle = self.moved(angle, (from + to) * i128::from(since(end, at).as_micros()));
+            angle = self.moved(angle, (flow(from) + flow(to)) * i128::from(since(end, at).as_micros()) * speed);
             at = end;
         }
         angle

@@ -12,6 +12,7 @@ mod node;
 mod oil;
 mod plant;
 mod power;
+mod rough;
 mod run;
 mod view;
 
@@ -37,6 +38,7 @@ pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, writ
 pub use oil::OIL;
 pub use plant::{Plant, PlantError};
 pub use power::SUPPLY_JITTER;
+pub use rough::{NOISE_STEP, Roughness};
 pub use run::FLUSH_PATIENCE;
 
 pub use crate::bus::{Event, EventKind};
@@ -150,6 +152,7 @@ impl World {
             frames_dropped: 0,
             electronics: electronics::State::default(),
             oil: None,
+            rough: rough::State::default(),
         });
         id
     }
@@ -264,6 +267,13 @@ impl World {
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}{LISTENING}");
         let [port, _] = [name, &listener].map(|name| self.add_deaf_client(name.into()));
+        port
+    }
+
+    /// Adds a [gateway](Self::add_gateway) that only sends: no frame can be lost for it.
+    pub fn add_sender(&mut self, name: &str) -> ClientPortId {
+        let port = self.add_gateway(name);
+        self.bus.only_send(port.0);
         port
     }
 

@@ -9,7 +9,7 @@ use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::electronics;
+use super::{electronics, rough};
 use crate::bus::{DeviceCan, PortId};
 use crate::memory::Memory;
 
@@ -74,6 +74,7 @@ pub(super) struct Node {
     pub(super) electronics: electronics::State,
     /// A valve's spool times in warm oil, if they depend on the temperature.
     pub(super) oil: Option<SpoolTimes>,
+    pub(super) rough: rough::State,
 }
 
 /// The power state of a device.
@@ -112,7 +113,7 @@ impl Node {
         match &self.power {
             Power::Off => NEVER,
             Power::Coming(at, _) => *at,
-            Power::On(device) => due(&**device, self.write.as_ref(), &self.electronics),
+            Power::On(device) => due(&**device, self.write.as_ref(), &self.electronics).min(self.rough.next),
         }
     }
 }

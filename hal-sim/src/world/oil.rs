@@ -53,7 +53,7 @@ mod tests {
         let valve = world.add("boom", pve::Kind::PveaCanopen);
         let master = world.add_client_port("master");
         world.power(valve, true);
-        world.fill_with_oil(valve);
+        world.set_plant(valve, Plant::Oil(true)).expect("a valve");
         world.run_for(Duration::from_millis(100));
         world.send(master, "000: 01 20".parse().expect("a frame"));
         (world, valve, master)
@@ -85,10 +85,12 @@ mod tests {
     fn a_change_moves_nothing_and_is_reversible() {
         let (mut world, valve, master) = moving();
         let own = SpoolTimes::new(320, 210).expect("times");
+        world.set_plant(valve, Plant::Oil(false)).expect("a valve");
         let mut inputs = *world.inputs(valve);
         inputs.valve_mut().expect("a valve").spool.times = own;
         world.set_inputs(valve, inputs);
-        world.fill_with_oil(valve);
+        // Twice has no further effect.
+        world.set_plants(valve, &[Plant::Oil(true), Plant::Oil(true)]).expect("a valve");
         for _ in 0..5 {
             world.send(master, "220: 0F 00 00 40".parse().expect("a frame"));
             world.run_for(Duration::from_millis(30));
@@ -101,6 +103,9 @@ mod tests {
             SpoolTimes::new(960, 630).expect("times")
         );
         world.set_plant(valve, Plant::TemperatureC(25)).expect("a temperature");
+        assert_eq!(world.inputs(valve).valve().expect("a valve").spool.times, own);
+        world.set_plant(valve, Plant::TemperatureC(-30)).expect("a temperature");
+        world.set_plant(valve, Plant::Oil(false)).expect("a valve");
         assert_eq!(world.inputs(valve).valve().expect("a valve").spool.times, own);
     }
 }

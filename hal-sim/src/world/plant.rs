@@ -38,6 +38,16 @@ impl World {
     pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
         let mut inputs = self.check_plants(node, plants)?;
+        let mut electronics = self.electronics(node);
+        for plant in plants {
+            match *plant {
+                Plant::Oil(there) => self.pour_oil(node, there, &mut inputs),
+                plant => electronics.change(plant),
+            }
+        }
+        // Supply and limit change together, so that the supply is compared with the new limit alone.
+        let has_new_electronics = electronics != self.electronics(node);
+        self.fit_electronics(node, electronics);
         self.warm_oil(node, &mut inputs);
         // A linked shaft is set through its link, not through the inputs.
         for plant in plants {
@@ -45,7 +55,7 @@ impl World {
                 self.turn_link(node, angle);
             }
         }
-        if inputs != *self.inputs(node) {
+        if inputs != *self.inputs(node) || has_new_electronics {
             self.set_inputs(node, inputs);
         }
         for plant in plants {
@@ -58,13 +68,22 @@ impl World {
         Ok(())
     }
 
-    /// Makes a valve's spool times depend on the temperature, see [`OIL`](super::OIL). The current times become the
-    /// times in warm oil, from 0 to 60 °C.
-    pub fn fill_with_oil(&mut self, node: NodeId) {
-        let mut inputs = *self.inputs(node);
-        self.nodes[node.0].oil = inputs.valve().map(|valve| valve.spool.times);
-        self.warm_oil(node, &mut inputs);
-        self.set_inputs(node, inputs);
+    /// Makes a valve's spool times depend on the temperature, see [`OIL`](super::OIL), or no longer. The current times
+    /// become the times in warm oil, from 0 to 60 °C; without oil, the spool has these times again.
+    fn pour_oil(&mut self, node: NodeId, there: bool, inputs: &mut Inputs) {
+        let Some(valve) = inputs.valve_mut() else { return };
+        let oil = &mut self.nodes[node.0].oil;
+        if there {
+            oil.get_or_insert(valve.spool.times);
+        } else if let Some(times) = oil.take() {
+            valve.spool.times = times;
+        }
+    }
+
+    /// Returns whether a valve's spool times depend on the temperature.
+    #[must_use]
+    pub fn has_oil(&self, node: NodeId) -> bool {
+        self.nodes[node.0].oil.is_some()
     }
 
     /// Adapts the times of a valve's spool to the temperature.
@@ -89,13 +108,17 @@ impl World {
         Ok(inputs)
     }
 
-    /// Returns the plant of a device as one change for each supported plant word.
+    /// Returns the plant of a device as one change for each supported plant word, in the order of the words.
     pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Plant> + use<> {
         let mut inputs = *self.inputs(node);
         if let (Some(shaft), Some(angle)) = (inputs.shaft_mut(), self.angle_cdeg(node)) {
             (shaft.angle_cdeg, shaft.since) = (angle, self.now);
         }
         let (memory_fails, bus_off) = (self.memory(node).write_fails(), self.is_bus_off_forced(node));
-        protocol_core::device::plant::Plant { inputs, memory_fails, bus_off }.words(self.now)
+        let words = protocol_core::device::plant::Plant { inputs, memory_fails, bus_off }.words(self.now);
+        let electronics = self.electronics(node);
+        let of_valve =
+            inputs.valve().map(|_| [Plant::BrownOutMv(electronics.brown_out_mv), Plant::Oil(self.has_oil(node))]);
+        words.chain(of_valve.into_iter().flatten()).chain(electronics.words())
     }
 }

@@ -67,6 +67,11 @@ impl World {
         self.on(node).is_some()
     }
 
+    /// Returns whether the processor of a device can be reset: the device runs or starts.
+    pub(crate) fn can_reset(&self, node: NodeId) -> bool {
+        !matches!(self.nodes[node.0].power, Power::Off)
+    }
+
     /// Reads the memory, creates the device and connects its controller.
     pub(super) fn boot(&mut self, id: NodeId, cause: StartCause) {
         self.follow_links(id);
@@ -91,10 +96,10 @@ impl World {
             self.bus.force_bus_off(port, true, now);
         }
         let mode = self.bus.port(port).mode();
-        let Node { power, inputs, .. } = &mut self.nodes[id.0];
+        let Node { power, inputs, rough, .. } = &mut self.nodes[id.0];
         inputs.bus = mode;
         if let Power::On(device) = power {
-            device.sense(inputs, now);
+            device.sense(&rough.sensed(inputs, now), now);
         }
         self.service(id);
     }
@@ -127,15 +132,24 @@ impl World {
 
     /// Sets the electronics of a device. A new start delay applies from the next start.
     pub fn set_electronics(&mut self, node: NodeId, electronics: Electronics) {
-        let seed = self.random.u64(..);
-        let Node { port, electronics: state, .. } = &mut self.nodes[node.0];
-        state.settings = electronics;
-        let (from, to) = electronics.answer;
-        let slow = SlowAnswers { is_answer, from, to, random: fastrand::Rng::with_seed(seed) };
-        let queues = electronics.cycle > Duration::from_ticks(0);
-        self.bus.slow_down(*port, Some(slow).filter(|_| to > Duration::from_ticks(0)), queues);
+        self.fit_electronics(node, electronics);
         self.watch_supply(node);
         self.service(node);
+    }
+
+    /// Sets the electronics of a device, without an effect on its power.
+    pub(super) fn fit_electronics(&mut self, node: NodeId, electronics: Electronics) {
+        let earlier = std::mem::replace(&mut self.nodes[node.0].electronics.settings, electronics);
+        let port = self.nodes[node.0].port;
+        if electronics.answer != earlier.answer {
+            let (from, to) = electronics.answer;
+            let random = fastrand::Rng::with_seed(self.random.u64(..));
+            let slow = SlowAnswers { is_answer, from, to, random };
+            self.bus.delay_answers(port, Some(slow).filter(|_| to > Duration::from_ticks(0)));
+        }
+        if electronics.cycle != earlier.cycle {
+            self.bus.queue_frames(port, electronics.cycle > Duration::from_ticks(0));
+        }
     }
 
     /// Returns the electronics of a device.

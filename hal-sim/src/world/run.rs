@@ -116,6 +116,7 @@ impl World {
             let known = self.inserters.iter().find(|(name, _)| *name == fault).map(|(_, port)| *port);
             let port = known.unwrap_or_else(|| {
                 let port = self.add_deaf_client(Arc::clone(&fault));
+                self.bus.only_send(port.0);
                 self.inserters.push((fault, port));
                 port
             });
@@ -155,6 +156,9 @@ impl World {
             return;
         }
         self.finish_write(id, now);
+        if self.nodes[id.0].rough.next <= now {
+            self.tremble(id);
+        }
         self.service(id);
     }
 
@@ -199,7 +203,7 @@ impl World {
     fn pump(&mut self, id: NodeId) -> Option<Effect> {
         let Self { nodes, bus, agenda, now, .. } = self;
         let now = *now;
-        let Node { port, power, inputs, write, frames_dropped, electronics, .. } = &mut nodes[id.0];
+        let Node { port, power, inputs, write, frames_dropped, electronics, rough, .. } = &mut nodes[id.0];
         let (port_id, Power::On(device)) = (*port, power) else { return None };
         let port = bus.port_mut(port_id);
         if port.mode() != inputs.bus {
@@ -207,10 +211,10 @@ impl World {
             if inputs.bus == BusErrorMode::BusOff {
                 bus.drop_pending(port_id, now);
             }
-            device.sense(inputs, now);
+            device.sense(&rough.sensed(inputs, now), now);
         }
-        if std::mem::take(&mut electronics.has_new_inputs) {
-            device.sense(inputs, now);
+        if std::mem::take(&mut electronics.has_new_inputs) || rough.is_rough_shaft(inputs) {
+            device.sense(&rough.sensed(inputs, now), now);
         }
         let effect = device.pump(&mut DeviceCan::new(bus, port_id, now), now);
         if effect.is_some() {
@@ -222,7 +226,7 @@ impl World {
         }
         *frames_dropped = dropped;
         bus.refresh_used(port_id, now);
-        let due = due(&**device, write.as_ref(), electronics);
+        let due = due(&**device, write.as_ref(), electronics).min(rough.next);
         // A device that is due again immediately is served at the next tick, or in its next cycle; otherwise time would
         // not advance.
         agenda.set(id.0, if due <= now { electronics.cycle_from(after(now, TICK)) } else { due });

@@ -7,7 +7,8 @@ use protocol_core::encoder::{POSITION_MAX, STEPS, Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use protocol_core::wire::pdo_mapping::MappingEntry;
 
-use super::{NodeId, World};
+use super::node::{Node, Power};
+use super::{NodeId, World, rough};
 
 /// The maximum time between two samples of a linked shaft. A spool that passes neutral reverses the shaft; within this
 /// time, the shaft cannot leave its position and return to it.
@@ -21,7 +22,15 @@ impl World {
     /// Returns the current view of a device; `None` without power.
     pub fn view(&mut self, node: NodeId) -> Option<View> {
         self.follow_links(node);
-        self.on(node).map(|device| device.view(self.now))
+        let now = self.now;
+        let Node { power, inputs, rough, .. } = &mut self.nodes[node.0];
+        let Power::On(device) = power else { return None };
+        if rough.is_rough_shaft(inputs) {
+            // Only the device's own samples move the play.
+            let mut sampled = *rough;
+            device.sense(&sampled.sensed(inputs, now), now);
+        }
+        Some(device.view(now))
     }
 
     /// Returns the current view of a device, and leaves the world untouched: a linked shaft is not sampled, which would
@@ -29,14 +38,15 @@ impl World {
     #[must_use]
     pub fn peek(&self, node: NodeId) -> Option<View> {
         let device = self.on(node)?;
-        let (Some(coupling), mut inputs) = (self.coupling_of(node), *self.inputs(node)) else {
+        let (coupling, mut inputs) = (self.coupling_of(node), *self.inputs(node));
+        if coupling.is_none() && !self.is_rough_shaft(node) {
             return Some(device.view(self.now));
-        };
-        let mut device = device.boxed();
-        if let Some(shaft) = inputs.shaft_mut() {
-            shaft.angle_cdeg = coupling.angle_at(self, self.now);
-            device.sense(&inputs, self.now);
         }
+        if let (Some(coupling), Some(shaft)) = (coupling, inputs.shaft_mut()) {
+            shaft.angle_cdeg = coupling.angle_at(self, self.now);
+        }
+        let (mut device, mut rough) = (device.boxed(), self.nodes[node.0].rough);
+        device.sense(&rough.sensed(&inputs, self.now), self.now);
         Some(device.view(self.now))
     }
 
@@ -46,7 +56,7 @@ impl World {
     #[must_use]
     pub fn next_inside(&self, node: NodeId, range: &RangeInclusive<i16>, limit: Instant) -> Instant {
         let Some(valve) = self.valve(node) else {
-            return match self.is_linked(node) {
+            return match self.is_linked(node) || self.is_rough_shaft(node) {
                 true => self.next_position(node, limit),
                 false => self.outside_until(node, range).max(after(self.now, Duration::from_ticks(1))).min(limit),
             };
@@ -85,6 +95,8 @@ impl World {
         let longest = if self.coupling_of(node).is_some() { LINKED_STEP } else { Duration::MAX };
         // Between two bends of its path, the spool moves in one direction and passes each position once.
         let limit = self.valve(node).map_or(limit, |valve| valve.bends(now).min(limit));
+        let is_rough = self.is_rough_shaft(node);
+        let limit = if is_rough { limit.min(rough::next_step(now)) } else { limit };
         let here = self.position_at(node, now);
         let (mut same, mut step) = (now, Duration::from_ticks(1));
         while same < limit {
@@ -100,11 +112,11 @@ impl World {
 
     /// Returns a time until which the position of a device stays outside a range, unless an event occurs. The position
     /// must be outside the range now. For a rotating shaft without a link, the result is close to the latest such time.
-    /// For a linked shaft, the result is calculated with the maximum speed. For a spool, the result is the current
-    /// time.
+    /// For a linked shaft, the result is calculated with the maximum speed. For a spool or a rough shaft, the result is
+    /// the current time.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
-        let Some(shaft) = self.inputs(node).shaft() else { return self.now };
+        let Some(shaft) = self.inputs(node).shaft().filter(|_| !self.is_rough_shaft(node)) else { return self.now };
         let Some(device) = self.on(node) else { return NEVER };
         let position = i64::from(device.view(self.now).position);
         let (min, max) = (i64::from(*range.start()).max(0), i64::from(*range.end()).min(POSITION_MAX.into()));
@@ -118,7 +130,7 @@ impl World {
         let whole_steps = u64::try_from(steps - 1).unwrap_or(0);
         let micros = match self.coupling_of(node) {
             Some(coupling) => {
-                let steps_a_second = u64::from(STEPS) * u64::from(coupling.rate().unsigned_abs());
+                let steps_a_second = u64::from(STEPS) * coupling.max_speed();
                 (whole_steps * SECOND.as_micros() * u64::from(TURN_CDEG)).checked_div(steps_a_second)
             }
             None => {
@@ -127,6 +139,11 @@ impl World {
             }
         };
         micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
+    }
+
+    fn is_rough_shaft(&self, node: NodeId) -> bool {
+        let Node { rough, inputs, .. } = &self.nodes[node.0];
+        rough.is_rough_shaft(inputs)
     }
 
     /// Finds the first time at which something holds, by bisection. It does not hold at `before`, and holds at `then`.
@@ -145,7 +162,12 @@ impl World {
     /// Returns the position of a spool, or the raw position of a shaft, at the current time or later, if no event
     /// occurs until then.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
-        let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
+        let rough = &self.nodes[node.0].rough;
+        let is_rough = self.is_rough_shaft(node);
+        let raw = |shaft: &Shaft| {
+            let seen = is_rough.then(|| Shaft::at(rough.angle_of(shaft.angle_at(at), at)));
+            i64::from(seen.as_ref().unwrap_or(shaft).position_at(at))
+        };
         match (self.coupling_of(node), self.inputs(node).shaft(), self.valve(node)) {
             (Some(coupling), ..) => raw(&Shaft::at(coupling.angle_at(self, at))),
             (None, Some(shaft), _) => raw(shaft),

@@ -37,8 +37,8 @@ pub use power_save::POWER_SAVE_DELAY;
 pub use register::Changes;
 pub use set_point::{Position, Scale, SetPoint};
 pub use spool::{
-    DRIFT_PERCENT, DRIFT_STROKE, END_BAND_PERCENT, NO_FLOAT_PERCENT, SLOWNESS, SOLENOID_STROKE, SPRING_STROKE,
-    SpoolFault, SpoolSense, SpoolTimes,
+    DRIFT_PERCENT, DRIFT_STROKE, END_BAND_PERCENT, NO_FLOAT_PERCENT, Roughness, SLOWNESS, SOLENOID_STROKE,
+    SPRING_STROKE, SpoolFault, SpoolSense, SpoolTimes,
 };
 pub use valve::{ActuatorType, Drive, SpoolMonitors, Valve, ValveConfig, ValveInputs};
 

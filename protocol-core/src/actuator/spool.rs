@@ -90,6 +90,21 @@ impl Default for SpoolTimes {
     }
 }
 
+/// The roughness of a simulated spool (A): none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Roughness {
+    /// The present deviation of the spool from its set-point, which a simulator changes at random.
+    pub offset: Position,
+    /// The distance of a new set-point from the last one that the spool followed, in units of a [`Position`], up to
+    /// which the spool does not follow.
+    pub dead_band: u16,
+}
+
+impl Roughness {
+    /// A smooth spool.
+    pub const NONE: Self = Self { offset: Position::NEUTRAL, dead_band: 0 };
+}
+
 /// The rates at which solenoids and springs move the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Rates {
@@ -114,11 +129,19 @@ pub struct SpoolSense {
     pub measured: Option<Position>,
     /// The stroke times.
     pub times: SpoolTimes,
+    /// The roughness.
+    pub roughness: Roughness,
 }
 
 impl SpoolSense {
     /// A healthy spool without external influences.
-    pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None, times: SpoolTimes::DEFAULT };
+    pub const FREE: Self = Self {
+        fault: SpoolFault::None,
+        lever: None,
+        measured: None,
+        times: SpoolTimes::DEFAULT,
+        roughness: Roughness::NONE,
+    };
 }
 
 /// The action of the device on the spool.
@@ -137,8 +160,8 @@ pub(super) enum Action {
 enum Influence {
     /// The spool follows the device alone.
     Device,
-    /// The spool follows the device, with this fault.
-    Faulty(SpoolFault),
+    /// The spool follows the device, with this fault and this roughness.
+    Impaired(SpoolFault, Roughness),
     /// The lever or the sensor determines the position.
     At(Position),
     /// The spool cannot move.
@@ -151,8 +174,8 @@ impl From<SpoolSense> for Influence {
             SpoolSense { measured: Some(position), .. } => Self::At(position),
             SpoolSense { fault: SpoolFault::Stuck, .. } => Self::Stuck,
             SpoolSense { lever: Some(position), .. } => Self::At(position),
-            SpoolSense { fault: SpoolFault::None, .. } => Self::Device,
-            SpoolSense { fault, .. } => Self::Faulty(fault),
+            SpoolSense { fault: SpoolFault::None, roughness: Roughness::NONE, .. } => Self::Device,
+            SpoolSense { fault, roughness, .. } => Self::Impaired(fault, roughness),
         }
     }
 }
@@ -188,10 +211,20 @@ impl Spool {
 
     /// Applies an action of the device to the spool, which is at `here`.
     pub(super) fn act(&mut self, action: Action, here: Travel, now: Instant) {
-        if action != self.action {
+        if action != self.action && !self.ignores(action) {
             self.action = action;
             self.plan(here, now);
         }
+    }
+
+    /// Returns whether a rough spool does not follow a new set-point.
+    fn ignores(&self, action: Action) -> bool {
+        let (Influence::Impaired(_, Roughness { dead_band, .. }), Action::Move(to), Action::Move(from)) =
+            (self.influence, action, self.action)
+        else {
+            return false;
+        };
+        to.steps().abs_diff(from.steps()) <= u32::from(dead_band).saturating_mul(Travel::UNIT.unsigned_abs())
     }
 
     /// Returns whether the device alone moves a healthy spool. Such a spool moves at constant speed to its destination
@@ -240,8 +273,10 @@ impl Spool {
     /// Plans the path of the spool from `here`.
     fn plan(&mut self, here: Travel, now: Instant) {
         self.path = match self.influence {
-            Influence::Device => self.action.path(here, SpoolFault::None, self.rates, now),
-            Influence::Faulty(fault) => self.action.path(here, fault, self.rates, now),
+            Influence::Device => self.action.path(here, SpoolFault::None, Position::NEUTRAL, self.rates, now),
+            Influence::Impaired(fault, Roughness { offset, .. }) => {
+                self.action.path(here, fault, offset, self.rates, now)
+            }
             Influence::At(position) => Path::rest(position.into(), now),
             Influence::Stuck => Path::rest(here, now),
         };
@@ -249,11 +284,15 @@ impl Spool {
 }
 
 impl Action {
-    /// Returns the path of a spool that is neither stuck nor held, from `here`.
-    fn path(self, here: Travel, fault: SpoolFault, rates: Rates, now: Instant) -> Path {
+    /// Returns the path of a spool that is neither stuck nor held, from `here`. The solenoids move it to `offset` beside
+    /// their target.
+    fn path(self, here: Travel, fault: SpoolFault, offset: Position, rates: Rates, now: Instant) -> Path {
         let (to, rate) = match self {
             Self::Release => (Travel::NEUTRAL, rates.springs),
-            Self::Move(target) => (target, rates.solenoids),
+            Self::Move(target) => {
+                let beside = target.shifted(Travel::from(offset).steps());
+                (beside.clamp(Travel::FULL_A, Travel::FULL_B), rates.solenoids)
+            }
             Self::Float if fault == SpoolFault::NoFloat => (NO_FLOAT, rates.solenoids),
             Self::Float => (Travel::FULL_B, rates.solenoids),
         };

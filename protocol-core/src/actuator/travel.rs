@@ -16,7 +16,7 @@ impl Travel {
     /// stroke times of 250 000 and 150 000 µs, eight times each of these times (for a slow spool), and 100 (percent).
     pub(super) const FULL: i32 = 768_000_000;
     /// The number of steps in one unit of a [`Position`].
-    const UNIT: i32 = Self::FULL / Position::FULL as i32;
+    pub(super) const UNIT: i32 = Self::FULL / Position::FULL as i32;
 
     pub(super) const NEUTRAL: Self = Self(0);
     pub(super) const FULL_B: Self = Self(Self::FULL);

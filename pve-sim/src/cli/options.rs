@@ -54,6 +54,10 @@ pub struct RunArgs {
     ///   cycle-ms=N 0–1000 ms, the cycle time of the device's program, by default 0
     ///   brown-out-mv=N
     ///              valves only: the supply below which the valve is off; by default never off
+    ///   noise=N, dead-band=N
+    ///              valves 0–16384: how far the spool trembles, and the changes of the set-point
+    ///              that it does not follow; angle sensors 0–9000 1/100 degree: the noise of the
+    ///              measurement, and the play of the shaft; by default 0
     ///   oil        valves only: cold oil slows the spool down
     ///   blank      CANopen only: a device without a node ID, for configuration by LSS
     ///
@@ -67,6 +71,8 @@ pub struct RunArgs {
     ///   rate=N  1/100 degree per second at full stroke, signed, by default 3000
     ///   min=N   the lower end stop, inclusive, 1/100 degree, by default 0
     ///   max=N   the upper end stop, by default 9000
+    ///   noise=N      percent by which the speed deviates, 0–100, by default 0
+    ///   dead-band=N  the position of the spool up to which nothing flows, 0–16384, by default 0
     #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
     link: Vec<NamedLink>,
 

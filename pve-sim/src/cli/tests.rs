@@ -15,7 +15,7 @@ use crate::remote::PlantWord;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
 use hal_sim::Kind;
 use hal_sim::devices::{NamedDevice, NamedLink};
-use hal_sim::world::{Electronics, Link};
+use hal_sim::world::{Electronics, Link, Roughness};
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
@@ -66,6 +66,7 @@ fn defaults() {
                 spool_times: SpoolTimes::DEFAULT,
                 has_oil: false,
                 electronics: Electronics::default(),
+                roughness: Roughness::default(),
             }],
             links: vec![],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
@@ -228,11 +229,11 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-canopen,blank,blank", "duplicate key 'blank'"),
         (
             "--device pvea-canopen,colour=red",
-            "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, oil, blank",
+            "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, noise=, dead-band=, oil, blank",
         ),
         (
             "--device pvea-canopen,",
-            "unknown key ''; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, oil, blank",
+            "unknown key ''; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, noise=, dead-band=, oil, blank",
         ),
         ("--device pvea-canopen,stroke-ms=9", "'9' is not a valid spool time; accepted: 10–5000, in milliseconds"),
         ("--device pvea-isobus,return-ms=5001", "'5001' is not a valid spool time; accepted: 10–5000, in milliseconds"),
@@ -264,7 +265,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "hat1000 and hat3000 both have node ID 0x01; give each its own with @ID, or use --allow-clash",
         ),
         ("--link pvea-canopen", "'pvea-canopen' is not a link; accepted: VALVE=SENSOR"),
-        ("--link a=b,speed=1", "unknown key 'speed'; accepted: rate=, min=, max="),
+        ("--link a=b,speed=1", "unknown key 'speed'; accepted: rate=, min=, max=, noise=, dead-band="),
         ("--link a=b,min=1,min=2", "duplicate key 'min'"),
         ("--link a=b,rate=fast", "'fast' is not a valid rate; accepted: -3600000–3600000, in 1/100 degree per second"),
         ("--link a=b,max=36000", "'36000' is not a valid end stop; accepted: 0–35999, in 1/100 degree"),
@@ -399,8 +400,8 @@ fn links_with_and_without_keys() {
     assert_eq!(
         links.links,
         [
-            named("pvea-canopen", "hat1000", Link { rate: 3_000, min: 0, max: 9_000 }),
-            named("pvea-isobus", "hat3000", Link { rate: -50, min: 10, max: 18_000 }),
+            named("pvea-canopen", "hat1000", Link::default()),
+            named("pvea-isobus", "hat3000", Link { rate: -50, min: 10, max: 18_000, ..Link::default() }),
         ]
     );
 }

@@ -37,14 +37,16 @@ impl PlantWord {
     }
 }
 
-/// Converts the value of a plant change to JSON: on and off become Booleans, and a released lever becomes `null`.
+/// Converts the value of a plant change to JSON: on and off become Booleans, `off` beside numbers becomes `null`, and a
+/// range becomes a list.
 fn of_console(change: Plant) -> Value {
     match change {
-        Plant::Lever(None) => Value::Null,
-        Plant::MeasuringError(on) | Plant::InternalFault(on) | Plant::BusOff(on) => on.into(),
+        Plant::Lever(None) | Plant::BrownOutMv(None) => Value::Null,
+        Plant::MeasuringError(on) | Plant::InternalFault(on) | Plant::BusOff(on) | Plant::Oil(on) => on.into(),
         change => match change.text().1 {
             plant::Value::Natural(number) => number.into(),
             plant::Value::Integer(number) => number.into(),
+            plant::Value::Range(from, to) => [from, to].as_slice().into(),
             plant::Value::Word(word) => word.into(),
         },
     }

@@ -22,7 +22,8 @@ use hal_sim::world::{NodeId, Plant, PlantError, World};
 
 /// Executes a line; returns the answer or an error message. An empty line has no answer.
 pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
-    let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    let words = split(line)?;
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let world = simulation.world_mut();
     let (name, words) = match words.as_slice() {
         [] => return Ok(None),
@@ -55,6 +56,27 @@ pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<
     }
 }
 
+/// Splits a line at its blanks, except those between quotation marks, which are removed.
+fn split(line: &str) -> Result<Vec<String>, String> {
+    let (mut words, mut is_quoted) = (Vec::new(), false);
+    let mut word: Option<String> = None;
+    for letter in line.chars() {
+        match letter {
+            '"' => {
+                is_quoted = !is_quoted;
+                word.get_or_insert_default();
+            }
+            blank if blank.is_ascii_whitespace() && !is_quoted => words.extend(word.take()),
+            letter => word.get_or_insert_default().push(letter),
+        }
+    }
+    if is_quoted {
+        return Err(format!("'{}': a quotation mark is missing", line.trim()));
+    }
+    words.extend(word);
+    Ok(words)
+}
+
 /// Returns the possible next words of a line: names, plant words, and values that are words. Ranges are not checked
 /// here.
 pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String> {
@@ -76,7 +98,7 @@ pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String
         [typed] => match own.filter(|word| word.name == typed).map(|word| word.values).next() {
             Some(Values::Words(values)) => values.to_vec(),
             Some(Values::NumberOrOff { .. }) => vec!["off"],
-            Some(Values::Number { .. }) | None => Vec::new(),
+            Some(Values::Number { .. } | Values::NumberOrRange { .. }) | None => Vec::new(),
         },
         _ => Vec::new(),
     };
@@ -147,7 +169,8 @@ fn accepted(node: Option<NodeId>, world: &World) -> String {
     format!("accepted: {words}status, help")
 }
 
-/// Returns one line about a device: its state, its error mode and its plant.
+/// Returns one line about a device: its state, its error mode and its plant. Words of the simulator alone are left out
+/// unless they were changed.
 fn status(id: NodeId, world: &mut World) -> String {
     let mut text = format!("{}: ", world.name(id));
     // Writing to a string cannot fail.
@@ -162,7 +185,8 @@ fn status(id: NodeId, world: &mut World) -> String {
     };
     let dropped = world.device(id).map_or(0, Device::frames_dropped);
     let _ = write!(text, ", bus {bus}, dropped {dropped}");
-    for plant in world.plant(id) {
+    let is_told = |plant: &Plant| !plant.word().simulated || Some(plant.text().1) != plant.word().healthy();
+    for plant in world.plant(id).filter(is_told) {
         let _ = write!(text, ", {plant}");
     }
     text
@@ -341,6 +365,35 @@ mod tests {
     }
 
     #[test]
+    fn words_of_the_simulator_alone_are_in_the_status_once_they_are_changed() {
+        let mut simulation = simulation(&["valve"]);
+        assert!(answer("status", &mut simulation).ends_with(", bus_off off"));
+        for line in ["brown_out_mv 7000", "oil on", "boot_ms 300", "answer_ms 5..20", "cycle_ms 10"] {
+            assert_eq!(answer(line, &mut simulation), "ok", "{line}");
+        }
+        let status = answer("status", &mut simulation);
+        let changed = ", bus_off off, brown_out_mv 7000, oil on, boot_ms 300, answer_ms 5..20, cycle_ms 10";
+        assert!(status.ends_with(changed), "{status}");
+        assert_eq!(answer("brown_out_mv off", &mut simulation), "ok");
+        let told = execute("answer_ms 20..5", &mut simulation).expect_err("not a range");
+        assert!(
+            told.starts_with("'answer_ms 20..5' is out of range, 0 to 60000 ms, or a range as in 5..20; "),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn a_name_with_a_blank_is_quoted() {
+        let mut simulation = simulation(&["valve"]);
+        simulation.world_mut().add_gateway("the gateway");
+        assert_eq!(answer("lose 220 receivers=\"the gateway\"", &mut simulation), "ok: lose-220");
+        assert_eq!(answer("end \"lose-220\"", &mut simulation), "lose-220: lose 220 for the gateway; affected 0");
+        assert_eq!(answer("insert \"220#0F00 0020\"", &mut simulation), "ok: insert-220");
+        let refusal = execute("lose 220 receivers=\"the gateway", &mut simulation).expect_err("one mark");
+        assert_eq!(refusal, "'lose 220 receivers=\"the gateway': a quotation mark is missing");
+    }
+
+    #[test]
     fn several_devices_are_told_apart_by_name() {
         let mut simulation = simulation(&["boom", "rear"]);
         answer("rear supply_mv 8000", &mut simulation);
@@ -368,7 +421,8 @@ mod tests {
         let boom = NamedDevice::new("boom", kind("pvea-canopen"));
         let both = [boom.clone(), NamedDevice::new("sensor", kind("hat1000"))];
         let told = |before: &[&str], devices: &[NamedDevice]| candidates(before, devices).join(" ");
-        let valve = "supply_mv temperature_c spool lever internal_fault memory bus_off status";
+        let valve = "supply_mv temperature_c spool lever internal_fault memory bus_off brown_out_mv oil boot_ms \
+                     answer_ms cycle_ms status";
         let faults = "lose delay repeat swap corrupt insert masquerade destroy omit faults end";
         assert_eq!(told(&[], &both), format!("boom sensor status help {faults}"));
         assert_eq!(told(&["boom"], &both), valve);

@@ -105,7 +105,8 @@ fn what_is_typed_and_what_is_called_change_the_same_plant() {
     let plant = told(both)["plant"].clone();
     let expected = serde_json::json!({
         "supply_mv": 8000, "temperature_c": 25, "spool": {"fault": null}, "lever": 5,
-        "internal_fault": false, "memory": "write-fails", "bus_off": true
+        "internal_fault": false, "memory": "write-fails", "bus_off": true,
+        "brown_out_mv": null, "oil": false, "boot_ms": 0, "answer_ms": 0, "cycle_ms": 0
     });
     assert_eq!(plant, expected);
 }

@@ -123,8 +123,7 @@ mod tests {
     }
 
     fn told(line: &str, simulation: &mut Simulation) -> Result<String, String> {
-        let words: Vec<&str> = line.split_ascii_whitespace().collect();
-        execute(&words, simulation).expect(line)
+        super::super::console::execute(line, simulation).map(Option::unwrap_or_default)
     }
 
     #[test]

@@ -95,6 +95,13 @@ const PARTS: &[Line] = &[
         "--device hat1000,brown-out-mv=5500",
         "'brown-out-mv' applies to a valve's supply",
     ),
+    ("noise=", "--device pvea-canopen,noise=16384", "--device hat1000,noise=9001", "accepted: 0–9000, in 1/100 degree"),
+    (
+        "dead-band=",
+        "--device hat1000,dead-band=9000",
+        "--device pvea-canopen,dead-band=16385",
+        "accepted: 0–16384, 16384 is full stroke",
+    ),
     ("oil", "--device pvea-canopen,oil", "--device hat1000,oil", "'oil' applies to a valve"),
     ("blank", "--device pvea-canopen,blank", "--device pvea-isobus,blank", "give @ID"),
 ];
@@ -109,6 +116,18 @@ const KEYS: &[Line] = &[
     ),
     ("min=", "--link pvea-canopen=hat1000,min=10,max=20", "--link pvea-canopen=hat1000,min=-1", "accepted: 0–35999"),
     ("max=", "--link pvea-canopen=hat1000,max=35999", "--link pvea-canopen=hat1000,max=36000", "accepted: 0–35999"),
+    (
+        "noise=",
+        "--link pvea-canopen=hat1000,noise=100",
+        "--link pvea-canopen=hat1000,noise=101",
+        "accepted: 0–100, in percent",
+    ),
+    (
+        "dead-band=",
+        "--link pvea-canopen=hat1000,dead-band=16384",
+        "--link pvea-canopen=hat1000,dead-band=-1",
+        "accepted: 0–16384",
+    ),
 ];
 
 /// The console words for a valve: parts of the answers, right and wrong.
@@ -120,6 +139,11 @@ pub(crate) const VALVE_WORDS: &[Line] = &[
     ("internal_fault", "internal_fault on", "internal_fault maybe", "internal_fault on|off"),
     ("memory", "memory write-fails", "memory full", "memory ok|write-fails"),
     ("bus_off", "bus_off off", "bus_off 2", "bus_off on|off"),
+    ("brown_out_mv", "brown_out_mv 7000", "brown_out_mv low", "brown_out_mv N|off"),
+    ("oil", "oil on", "oil cold", "oil on|off"),
+    ("boot_ms", "boot_ms 300", "boot_ms soon", "boot_ms N"),
+    ("answer_ms", "answer_ms 20", "answer_ms late", "answer_ms N|N..N"),
+    ("cycle_ms", "cycle_ms 10", "cycle_ms slow", "cycle_ms N"),
     ("status", "status", "status all", "status, help"),
     ("help", "help", "help me", "status, help"),
 ];

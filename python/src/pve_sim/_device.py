@@ -87,7 +87,10 @@ class Valve(Device[ValveState]):
 
         `supply_mv` 0 to 100000 mV; `temperature_c` -273 to 1000 °C; `spool` "ok", "stuck", "slow", "drifting" or
         "no-float", alone or as `{"fault": …}`, or None for "ok"; `lever` the position that the spool is pushed to by
-        hand, -16384 to 16384, or None; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
+        hand, -16384 to 16384, or None; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`;
+        `brown_out_mv` the supply below which it is off, 1 to 100000, or None; `oil` whether cold oil slows the spool;
+        `boot_ms` 0 to 60000 ms from power to the start; `answer_ms` the delay of answers, 0 to 60000 ms, or the smallest
+        and the largest in a list; `cycle_ms` the cycle of the program, 0 to 1000 ms.
 
         Raises:
             InvalidValue: an unknown field, or a value out of range.
@@ -121,7 +124,9 @@ class Sensor(Device[SensorState]):
         """Changes words of the plant of the sensor: all of them, or none.
 
         `angle_cdeg` 0 to 35999 1/100 degree; `speed_rpm` -2147483648 to 2147483647 turns a minute, positive clockwise;
-        `measuring_error`; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
+        `measuring_error`; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`; `boot_ms` 0 to
+        60000 ms from power to the start; `answer_ms` the delay of answers, 0 to 60000 ms, or the smallest and the largest
+        in a list; `cycle_ms` the cycle of the program, 0 to 1000 ms.
 
         Raises:
             InvalidValue: an unknown field, or a value out of range.

@@ -50,6 +50,16 @@ class ValvePlant:
     memory: Memory
     #: Whether the CAN controller is kept bus-off.
     bus_off: bool
+    #: The supply below which the valve is off; None: it is never off.
+    brown_out_mv: int | None
+    #: Whether cold oil slows the spool down.
+    oil: bool
+    #: From power to the start of the program.
+    boot_ms: int
+    #: The delay of answers, or the smallest and the largest.
+    answer_ms: int | list[int]
+    #: The cycle of the program; 0 acts at once.
+    cycle_ms: int
 
 
 @dataclass(frozen=True)
@@ -65,6 +75,12 @@ class SensorPlant:
     memory: Memory
     #: Whether the CAN controller is kept bus-off.
     bus_off: bool
+    #: From power to the start of the program.
+    boot_ms: int
+    #: The delay of answers, or the smallest and the largest.
+    answer_ms: int | list[int]
+    #: The cycle of the program; 0 acts at once.
+    cycle_ms: int
 
 
 @dataclass(frozen=True)
@@ -177,6 +193,9 @@ class _Change(TypedDict, total=False):
     internal_fault: bool
     memory: Memory
     bus_off: bool
+    boot_ms: int
+    answer_ms: int | Sequence[int]
+    cycle_ms: int
     #: The duration of the change, after which the earlier values come back.
     for_ms: int
     profile: Profile
@@ -195,6 +214,8 @@ class ValveChange(_Change, total=False):
     temperature_c: int
     spool: SpoolFault | Spool | None
     lever: int | None
+    brown_out_mv: int | None
+    oil: bool
 
 
 class SensorChange(_Change, total=False):

@@ -117,7 +117,7 @@ fn turn(angle: &mut i128, valve: &Valve, link: Link, from: Instant, to: Instant)
 fn a_linked_shaft_is_the_integral_of_the_spool_in_every_microsecond() {
     const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
     for rate in [3_000, -3_333] {
-        let link = Link { rate, min: 100, max: 800 };
+        let link = Link { rate, min: 100, max: 800, ..Link::default() };
         let mut machine = Machine::linked(link);
         let mut reference = i128::from(machine.angle()) * CDEG;
         // To a stop, back through neutral before the spool has come to rest, and a set-point that never is.
@@ -251,7 +251,7 @@ fn what_cannot_be_linked_or_changed_is_refused() {
     assert_eq!(world.link(sensor, sensor, Link::default()), Err(LinkError::NoValve));
     assert_eq!(world.link(valve, valve, Link::default()), Err(LinkError::NoSensor));
     for (min, max) in [(1, 0), (0, 36_000)] {
-        assert_eq!(world.link(valve, sensor, Link { rate: 1, min, max }), Err(LinkError::Stops));
+        assert_eq!(world.link(valve, sensor, Link { rate: 1, min, max, ..Link::default() }), Err(LinkError::Stops));
     }
     assert_eq!(world.link(valve, sensor, Link::default()), Ok(()));
     assert_eq!(world.link(valve, sensor, Link::default()), Err(LinkError::Linked));

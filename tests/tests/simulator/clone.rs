@@ -99,6 +99,11 @@ fn plant() -> impl Strategy<Value = Plant> {
         any::<bool>().prop_map(Plant::InternalFault),
         any::<bool>().prop_map(Plant::MemoryFails),
         any::<bool>().prop_map(Plant::BusOff),
+        select(&[None, Some(7_000), Some(30_000)][..]).prop_map(Plant::BrownOutMv),
+        any::<bool>().prop_map(Plant::Oil),
+        (0..300_u16).prop_map(Plant::BootMs),
+        (0..100_u16).prop_map(|ms| Plant::AnswerMs(ms, 2 * ms)),
+        (0..30_u16).prop_map(Plant::CycleMs),
     ]
 }
 

@@ -3,6 +3,7 @@
 mod angle_sensor;
 mod bit_rot;
 mod bus_physics;
+mod canopen_faults;
 mod clone;
 mod faults;
 mod fork;

@@ -223,3 +223,33 @@ fn a_stroke_slower_than_the_monitors_is_a_fault() {
         assert_eq!(rig.active(ms(1001)).contains(Fault::FloatNotReached), is_fault, "{stroke_ms} ms");
     }
 }
+
+#[test]
+fn a_rough_spool_is_beside_its_set_point() {
+    let mut rig = Rig::new(CANOPEN);
+    let beside = |raw| move |inputs: &mut ValveInputs| inputs.spool.roughness.offset = Position::new(raw).unwrap();
+    rig.drive(0, to(8192));
+    rig.sense(200, beside(-655));
+    // 655 / 16384 × 250 ms = 9.99 ms
+    assert_eq!([200, 210, 400].map(|at| rig.position(at)), [8192, 7537, 7537]);
+    rig.sense(400, beside(655));
+    assert_eq!(rig.position(420), 8847);
+    rig.drive(500, to(16384));
+    assert_eq!(rig.position(800), 16384, "no further than the end stop");
+    rig.drive(800, Drive::Off);
+    assert_eq!(rig.position(950), 0, "the springs have no offset");
+}
+
+#[test]
+fn a_rough_spool_follows_no_small_change() {
+    let mut rig = Rig::new(CANOPEN);
+    rig.sense(0, |inputs| inputs.spool.roughness.dead_band = 100);
+    rig.drive(0, to(8192));
+    for (at, set_point, position) in [(300, 8292, 8192), (400, 8293, 8293), (500, 8193, 8293), (600, 8192, 8192)] {
+        rig.drive(at, to(set_point));
+        assert_eq!(rig.position(at + 50), position, "{set_point}");
+    }
+    rig.sense(700, |inputs| inputs.spool.roughness.dead_band = 0);
+    rig.drive(710, to(8193));
+    assert_eq!(rig.position(750), 8193);
+}

@@ -3,8 +3,8 @@
 use core::fmt;
 
 use super::words::{
-    ANGLE_CDEG, BUS_OFF, INTERNAL_FAULT, LEVER, MEASURING_ERROR, MEMORY, OFF, OK, ON, SPEED_RPM, SPOOL, SPOOL_WORDS,
-    SUPPLY_MV, TEMPERATURE_C, Value, WORDS, WRITE_FAILS, Word,
+    ANGLE_CDEG, ANSWER_MS, BOOT_MS, BROWN_OUT_MV, BUS_OFF, CYCLE_MS, INTERNAL_FAULT, LEVER, MEASURING_ERROR, MEMORY,
+    OFF, OIL, OK, ON, SPEED_RPM, SPOOL, SPOOL_WORDS, SUPPLY_MV, TEMPERATURE_C, Value, WORDS, WRITE_FAILS, Word,
 };
 use crate::actuator::{Position, SpoolFault};
 use crate::device::{Inputs, ProductInputs};
@@ -36,6 +36,16 @@ pub enum Change {
     MemoryFails(bool),
     /// Whether the CAN controller is held bus-off.
     BusOff(bool),
+    /// Simulated valves: the supply below which the valve is off, in millivolt; `None`: it is never off.
+    BrownOutMv(Option<u32>),
+    /// Simulated valves: whether the oil is as cold as the valve.
+    Oil(bool),
+    /// Simulated devices: the time from power to the start of the program, in milliseconds.
+    BootMs(u16),
+    /// Simulated devices: the shortest and the longest delay of an answer, in milliseconds.
+    AnswerMs(u16, u16),
+    /// Simulated devices: the cycle of the program, in milliseconds; 0 acts at once.
+    CycleMs(u16),
 }
 
 /// The reason why a change cannot be applied.
@@ -51,6 +61,12 @@ impl Change {
     /// Parses a word and its value. Returns `None` for an unknown word or a malformed value. The range is not checked.
     #[must_use]
     pub fn parse(word: &str, value: &str) -> Option<Self> {
+        Self::parse_on_board(word, value).or_else(|| Self::parse_simulated(word, value))
+    }
+
+    /// Like [`parse`](Self::parse), for the words that a board has.
+    #[must_use]
+    pub fn parse_on_board(word: &str, value: &str) -> Option<Self> {
         Some(match word {
             SUPPLY_MV => Self::SupplyMv(natural(value, DECIMAL)?),
             TEMPERATURE_C => Self::TemperatureC(small(value)?),
@@ -68,11 +84,28 @@ impl Change {
         })
     }
 
+    /// Parses a word of the simulator alone.
+    fn parse_simulated(word: &str, value: &str) -> Option<Self> {
+        let millis = |value: &str| natural(value, DECIMAL)?.try_into().ok();
+        Some(match word {
+            BROWN_OUT_MV if value == OFF => Self::BrownOutMv(None),
+            BROWN_OUT_MV => Self::BrownOutMv(Some(natural(value, DECIMAL)?)),
+            OIL => Self::Oil(switch(value)?),
+            BOOT_MS => Self::BootMs(millis(value)?),
+            ANSWER_MS => {
+                let (from, to) = value.split_once("..").unwrap_or((value, value));
+                Self::AnswerMs(millis(from)?, millis(to)?)
+            }
+            CYCLE_MS => Self::CycleMs(millis(value)?),
+            _ => return None,
+        })
+    }
+
     /// Returns the entry of the word in [`WORDS`].
     #[must_use]
     pub const fn word(self) -> &'static Word {
         let [supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, common @ ..] = &WORDS;
-        let [internal_fault, memory, bus_off] = common;
+        let [internal_fault, memory, bus_off, brown_out_mv, oil, boot_ms, answer_ms, cycle_ms] = common;
         match self {
             Self::SupplyMv(_) => supply_mv,
             Self::TemperatureC(_) => temperature_c,
@@ -84,6 +117,11 @@ impl Change {
             Self::InternalFault(_) => internal_fault,
             Self::MemoryFails(_) => memory,
             Self::BusOff(_) => bus_off,
+            Self::BrownOutMv(_) => brown_out_mv,
+            Self::Oil(_) => oil,
+            Self::BootMs(_) => boot_ms,
+            Self::AnswerMs(..) => answer_ms,
+            Self::CycleMs(_) => cycle_ms,
         }
     }
 
@@ -95,23 +133,26 @@ impl Change {
 
     fn value(self) -> Value {
         match self {
-            Self::SupplyMv(number) | Self::AngleCdeg(number) => Value::Natural(number),
+            Self::SupplyMv(number) | Self::AngleCdeg(number) | Self::BrownOutMv(Some(number)) => Value::Natural(number),
+            Self::BootMs(ms) | Self::CycleMs(ms) => Value::Natural(ms.into()),
+            Self::AnswerMs(from, to) if from == to => Value::Natural(to.into()),
+            Self::AnswerMs(from, to) => Value::Range(from, to),
             Self::TemperatureC(number) | Self::Lever(Some(number)) => Value::Integer(number.into()),
             Self::SpeedRpm(speed) => Value::Integer(speed),
-            Self::Lever(None) => Value::Word(OFF),
+            Self::Lever(None) | Self::BrownOutMv(None) => Value::Word(OFF),
             Self::Spool(fault) => {
                 let known = SPOOL_WORDS.iter().zip(SPOOL_FAULTS).find(|(_, known)| *known == fault);
                 Value::Word(known.map_or("", |(name, _)| name))
             }
-            Self::MeasuringError(on) | Self::InternalFault(on) | Self::BusOff(on) => {
+            Self::MeasuringError(on) | Self::InternalFault(on) | Self::BusOff(on) | Self::Oil(on) => {
                 Value::Word(if on { ON } else { OFF })
             }
             Self::MemoryFails(fails) => Value::Word(if fails { WRITE_FAILS } else { OK }),
         }
     }
 
-    /// Applies the change to the inputs of a device. Changes of memory and bus-off have no effect here, because the
-    /// platform executes them.
+    /// Applies the change to the inputs of a device. Changes of memory, bus-off and words of the simulator alone have no
+    /// effect here, because the platform executes them.
     ///
     /// # Errors
     /// Returns [`Inapplicable`], and changes nothing, for a word of another product or a value out of range.
@@ -135,7 +176,7 @@ impl Change {
             }
             (Self::MeasuringError(there), Encoder(shaft)) => shaft.measuring_error = there,
             (Self::InternalFault(there), _) => inputs.internal_fault = there,
-            // Memory and bus-off are not inputs. Words of another product were refused above.
+            // Words of the platform are not inputs. Words of another product were refused above.
             _ => {}
         }
         Ok(())

@@ -44,7 +44,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Returns the changes that lead to this plant, one for each word of its product.
+    /// Returns the changes that lead to this plant, one for each word of its product that a board has.
     pub fn words(&self, now: Instant) -> impl Iterator<Item = Change> + use<> {
         let own = match &self.inputs.product {
             ProductInputs::Valve(ValveInputs { supply_mv, temperature_c, spool }) => [

@@ -140,6 +140,13 @@ fn what_is_no_word_or_no_value_is_not_understood() {
         "internal_fault 1",
         "memory on",
         "bus_off true",
+        "brown_out_mv on",
+        "oil 1",
+        "boot_ms -1",
+        "boot_ms 65536",
+        "answer_ms 5..",
+        "answer_ms ..5",
+        "cycle_ms off",
         "angle 1",
     ] {
         assert_eq!(parse(line), None, "{line}");
@@ -173,13 +180,15 @@ fn each_word_tells_its_values_and_stands_at_one_of_them() {
         (5, "speed_rpm N", "-2147483648 to 2147483647 turns a minute"),
         (8, "memory ok|write-fails", "ok, write-fails"),
         (9, "bus_off on|off", "on, off"),
+        (10, "brown_out_mv N|off", "1 to 100000, or off"),
+        (13, "answer_ms N|N..N", "0 to 60000 ms, or a range as in 5..20"),
     ] {
         assert_eq!((WORDS[word].to_string().as_str(), WORDS[word].values.to_string().as_str()), (form, values));
     }
     for (kind, product) in [(VALVE, Product::Valve), (SENSOR, Product::Encoder)] {
         let plant = Plant::healthy(kind);
         assert_eq!(Product::from(&plant.inputs.product), product);
-        let (words, changes) = (product.words().collect::<Vec<_>>(), plant.words(NOW).collect::<Vec<_>>());
+        let (words, changes) = (product.words_of_board().collect::<Vec<_>>(), plant.words(NOW).collect::<Vec<_>>());
         assert_eq!(changes.iter().map(|change| change.word()).collect::<Vec<_>>(), words);
         for (word, change) in words.into_iter().zip(changes) {
             let (name, value) = change.text();
@@ -206,6 +215,11 @@ fn every_value_of_a_word_is_read_and_made_and_no_other() {
             let [below, above] = [i64::from(min) - 1, i64::from(max) + 1].map(|value| value.to_string());
             assert!(made(&min.to_string()) && made(&max.to_string()) && !made(&below) && !made(&above), "{word}");
         }
-        assert_eq!(made("off"), word.name == "lever" || matches!(word.values, Values::Words(["on", _])), "{word}");
+        let has_off = matches!(word.values, Values::NumberOrOff { .. } | Values::Words(["on", _]));
+        assert_eq!(made("off"), has_off, "{word}");
+        let has_ranges = matches!(word.values, Values::NumberOrRange { .. });
+        assert_eq!((made("5..20"), made("20..5"), made("5..60001")), (has_ranges, false, false), "{word}");
+        let healthy = word.healthy().expect(word.name).to_string();
+        assert!(made(&healthy), "{word}: {healthy}");
     }
 }

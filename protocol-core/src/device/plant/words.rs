@@ -17,6 +17,11 @@ const TEMPERATURE_MIN_C: i32 = -273;
 /// The highest temperature that can be set, in °C (A). It lies far above every limit of a monitor.
 const TEMPERATURE_MAX_C: i32 = 1000;
 
+/// The longest start delay and the longest answer delay that can be set, in milliseconds (A).
+const DELAY_MAX_MS: i32 = 60_000;
+/// The longest cycle of a program that can be set, in milliseconds (A).
+const CYCLE_MAX_MS: i32 = 1000;
+
 pub(super) const SUPPLY_MV: &str = "supply_mv";
 pub(super) const TEMPERATURE_C: &str = "temperature_c";
 pub(super) const SPOOL: &str = "spool";
@@ -27,6 +32,11 @@ pub(super) const MEASURING_ERROR: &str = "measuring_error";
 pub(super) const INTERNAL_FAULT: &str = "internal_fault";
 pub(super) const MEMORY: &str = "memory";
 pub(super) const BUS_OFF: &str = "bus_off";
+pub(super) const BROWN_OUT_MV: &str = "brown_out_mv";
+pub(super) const OIL: &str = "oil";
+pub(super) const BOOT_MS: &str = "boot_ms";
+pub(super) const ANSWER_MS: &str = "answer_ms";
+pub(super) const CYCLE_MS: &str = "cycle_ms";
 
 pub(super) const ON: &str = "on";
 pub(super) const OFF: &str = "off";
@@ -37,53 +47,102 @@ pub(super) const SPOOL_WORDS: [&str; 5] = [OK, "stuck", "slow", "drifting", "no-
 
 const SWITCH: Values = Values::Words(&[ON, OFF]);
 
-/// The words of the plant, grouped by product, in the order in which consoles print them.
-pub static WORDS: [Word; 10] = [
+/// The words of the plant, grouped by product, in the order in which consoles print them. The words of the simulator
+/// alone are last.
+pub static WORDS: [Word; 15] = [
     Word {
         name: SUPPLY_MV,
         values: Values::Number { min: 0, max: SUPPLY_MAX_MV, unit: "mV" },
         help: "supply voltage",
         product: Some(Product::Valve),
+        simulated: false,
     },
     Word {
         name: TEMPERATURE_C,
         values: Values::Number { min: TEMPERATURE_MIN_C, max: TEMPERATURE_MAX_C, unit: "°C" },
         help: "temperature",
         product: Some(Product::Valve),
+        simulated: false,
     },
     Word {
         name: SPOOL,
         values: Values::Words(&SPOOL_WORDS),
         help: "fault of the spool",
         product: Some(Product::Valve),
+        simulated: false,
     },
     Word {
         name: LEVER,
         values: Values::NumberOrOff { min: Position::MIN.raw() as i32, max: Position::MAX.raw() as i32 },
         help: "position that the spool is pushed to by hand, 16384 is 100 %",
         product: Some(Product::Valve),
+        simulated: false,
     },
     Word {
         name: ANGLE_CDEG,
         values: Values::Number { min: 0, max: TURN_CDEG as i32 - 1, unit: "1/100 degree" },
         help: "angle of the shaft",
         product: Some(Product::Encoder),
+        simulated: false,
     },
     Word {
         name: SPEED_RPM,
         values: Values::Number { min: i32::MIN, max: i32::MAX, unit: "turns a minute" },
         help: "the shaft turns by itself, clockwise when positive",
         product: Some(Product::Encoder),
+        simulated: false,
     },
-    Word { name: MEASURING_ERROR, values: SWITCH, help: "measuring error", product: Some(Product::Encoder) },
-    Word { name: INTERNAL_FAULT, values: SWITCH, help: "internal fault", product: None },
+    Word {
+        name: MEASURING_ERROR,
+        values: SWITCH,
+        help: "measuring error",
+        product: Some(Product::Encoder),
+        simulated: false,
+    },
+    Word { name: INTERNAL_FAULT, values: SWITCH, help: "internal fault", product: None, simulated: false },
     Word {
         name: MEMORY,
         values: Values::Words(&[OK, WRITE_FAILS]),
         help: "whether the memory can be written",
         product: None,
+        simulated: false,
     },
-    Word { name: BUS_OFF, values: SWITCH, help: "keeps the controller off the bus", product: None },
+    Word { name: BUS_OFF, values: SWITCH, help: "keeps the controller off the bus", product: None, simulated: false },
+    Word {
+        name: BROWN_OUT_MV,
+        values: Values::NumberOrOff { min: 1, max: SUPPLY_MAX_MV },
+        help: "supply in mV below which the valve is off",
+        product: Some(Product::Valve),
+        simulated: true,
+    },
+    Word {
+        name: OIL,
+        values: SWITCH,
+        help: "cold oil slows the spool down",
+        product: Some(Product::Valve),
+        simulated: true,
+    },
+    Word {
+        name: BOOT_MS,
+        values: Values::Number { min: 0, max: DELAY_MAX_MS, unit: "ms" },
+        help: "time from power to the start of the program",
+        product: None,
+        simulated: true,
+    },
+    Word {
+        name: ANSWER_MS,
+        values: Values::NumberOrRange { min: 0, max: DELAY_MAX_MS, unit: "ms" },
+        help: "delay of answers",
+        product: None,
+        simulated: true,
+    },
+    Word {
+        name: CYCLE_MS,
+        values: Values::Number { min: 0, max: CYCLE_MAX_MS, unit: "ms" },
+        help: "cycle of the program",
+        product: None,
+        simulated: true,
+    },
 ];
 
 /// A word of the plant. It is printed with its values in short form: `lever N|off`.
@@ -97,6 +156,8 @@ pub struct Word {
     pub help: &'static str,
     /// The product that has the word; `None` for all products.
     pub product: Option<Product>,
+    /// Whether only the simulator has the word.
+    pub simulated: bool,
 }
 
 /// The permitted values of a word. They are printed as a list: `0 to 100000 mV`, `on, off`.
@@ -118,6 +179,15 @@ pub enum Values {
         /// The maximum.
         max: i32,
     },
+    /// An integer, or a range of integers, the smaller one first: `5..20`.
+    NumberOrRange {
+        /// The minimum.
+        min: i32,
+        /// The maximum.
+        max: i32,
+        /// The unit.
+        unit: &'static str,
+    },
     /// One of these words.
     Words(&'static [&'static str]),
 }
@@ -129,6 +199,8 @@ pub enum Value {
     Natural(u32),
     /// A signed number.
     Integer(i32),
+    /// A range of numbers.
+    Range(u16, u16),
     /// A word such as `off`.
     Word(&'static str),
 }
@@ -146,6 +218,11 @@ impl Product {
     /// Returns the words of this product, in the order of [`WORDS`].
     pub fn words(self) -> impl Iterator<Item = &'static Word> {
         WORDS.iter().filter(move |word| word.product.is_none_or(|product| product == self))
+    }
+
+    /// Returns the words of this product that a board has, in the order of [`WORDS`].
+    pub fn words_of_board(self) -> impl Iterator<Item = &'static Word> {
+        self.words().filter(|word| !word.simulated)
     }
 }
 
@@ -166,6 +243,12 @@ impl Word {
             Some(Product::Valve) | None => Kind::Pve(pve::Kind::PveaCanopen),
             Some(Product::Encoder) => Kind::Hat(hat::Kind::Hat1000),
         };
+        if self.simulated {
+            return Some(match self.values {
+                Values::Number { .. } | Values::NumberOrRange { .. } => Value::Natural(0),
+                Values::NumberOrOff { .. } | Values::Words(_) => Value::Word(OFF),
+            });
+        }
         let mut words = Plant::healthy(kind).words(Instant::MIN);
         words.find_map(|change| Some(change.text()).filter(|(name, _)| *name == self.name)).map(|(_, value)| value)
     }
@@ -187,9 +270,13 @@ impl Values {
         let number = match value {
             Value::Natural(number) => i32::try_from(number).ok(),
             Value::Integer(number) => Some(number),
+            Value::Range(from, to) => {
+                let is_in_order = matches!(self, Self::NumberOrRange { .. }) && from <= to;
+                Some(i32::from(to)).filter(|_| is_in_order)
+            }
             Value::Word(word) => {
                 return match self {
-                    Self::Number { .. } => false,
+                    Self::Number { .. } | Self::NumberOrRange { .. } => false,
                     Self::NumberOrOff { .. } => word == OFF,
                     Self::Words(words) => words.contains(&word),
                 };
@@ -202,7 +289,9 @@ impl Values {
     #[must_use]
     pub const fn range(&self) -> Option<(i32, i32)> {
         match *self {
-            Self::Number { min, max, .. } | Self::NumberOrOff { min, max } => Some((min, max)),
+            Self::Number { min, max, .. } | Self::NumberOrRange { min, max, .. } | Self::NumberOrOff { min, max } => {
+                Some((min, max))
+            }
             Self::Words(_) => None,
         }
     }
@@ -218,6 +307,11 @@ impl Values {
             Self::Number { unit, .. } => {
                 put(" ");
                 put(unit);
+            }
+            Self::NumberOrRange { unit, .. } => {
+                put(" ");
+                put(unit);
+                put(", or a range as in 5..20");
             }
             Self::NumberOrOff { .. } => put(", or off"),
             Self::Words(words) => tell_words(words, ", ", put),
@@ -251,6 +345,7 @@ impl fmt::Display for Word {
         match self.values {
             Values::Number { .. } => f.write_str("N"),
             Values::NumberOrOff { .. } => f.write_str("N|off"),
+            Values::NumberOrRange { .. } => f.write_str("N|N..N"),
             Values::Words(words) => all_of(f, |put| tell_words(words, "|", put)),
         }
     }
@@ -267,6 +362,7 @@ impl fmt::Display for Value {
         match self {
             Self::Natural(number) => number.fmt(f),
             Self::Integer(number) => number.fmt(f),
+            Self::Range(from, to) => write!(f, "{from}..{to}"),
             Self::Word(word) => f.write_str(word),
         }
     }

@@ -59,6 +59,11 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
     {
         return wrong("limits");
     }
+    if let Some((items, length)) = value.as_array().zip(schema["maxItems"].as_u64())
+        && (items.len() as u64 > length || schema["minItems"].as_u64().is_some_and(|least| least > items.len() as u64))
+    {
+        return wrong("length");
+    }
     if let Some(items) = value.as_array() {
         return items.iter().find_map(|item| mismatch(description, &schema["items"], item, &format!("{path}[]")));
     }

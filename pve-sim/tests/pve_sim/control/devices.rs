@@ -34,7 +34,8 @@ fn a_state_tells_everything() {
     let rig = Rig::stepped(DEVICES);
     let valve_plant = json!({
         "supply_mv": 24000, "temperature_c": 25, "spool": {"fault": null}, "lever": null,
-        "internal_fault": false, "memory": "ok", "bus_off": false
+        "internal_fault": false, "memory": "ok", "bus_off": false,
+        "brown_out_mv": null, "oil": false, "boot_ms": 0, "answer_ms": 0, "cycle_ms": 0
     });
     let boom = json!({
         "t_us": 10000, "name": "boom", "kind": "pvea-canopen", "node_id": 32, "bit_rate": 250000, "powered": true,
@@ -52,7 +53,7 @@ fn a_state_tells_everything() {
         "led": null, "faults": faults(&["set-up", "controller", "error-passive", "can-bus"]),
         "plant": {
             "angle_cdeg": 0, "speed_rpm": 0, "measuring_error": false,
-            "internal_fault": false, "memory": "ok", "bus_off": false
+            "internal_fault": false, "memory": "ok", "bus_off": false, "boot_ms": 0, "answer_ms": 0, "cycle_ms": 0
         }
     });
     for (name, state) in [("boom", &boom), ("arm", &arm), ("angle", &angle)] {
@@ -106,6 +107,10 @@ fn each_part_of_the_plant_alone_and_together() {
                 json!({"memory": "ok"}),
                 json!({"bus_off": true}),
                 json!({"supply_mv": 24000, "temperature_c": 25, "lever": 16384, "internal_fault": false, "bus_off": false}),
+                json!({"brown_out_mv": 7000, "oil": true}),
+                json!({"brown_out_mv": null}),
+                json!({"boot_ms": 60000, "answer_ms": [5, 20], "cycle_ms": 1000}),
+                json!({"answer_ms": 60000, "cycle_ms": 0}),
                 json!({}),
             ][..],
         ),
@@ -117,6 +122,8 @@ fn each_part_of_the_plant_alone_and_together() {
                 json!({"internal_fault": true}),
                 json!({"memory": "write-fails"}),
                 json!({"bus_off": true}),
+                json!({"boot_ms": 300, "answer_ms": 0, "cycle_ms": 10}),
+                json!({"cycle_ms": 0}),
                 json!({"speed_rpm": -60, "angle_cdeg": 100}),
             ],
         ),
@@ -186,6 +193,35 @@ fn what_cannot_be_changes_nothing() {
         ),
         ("boom", r#"{"supply_mv": 8000, "supply_mv": 9000}"#, "duplicate member supply_mv"),
         ("boom", r#"{"supply_mv": 8000, "bus_off": 1}"#, "bus_off 1 is not valid; accepted: true or false"),
+        ("boom", r#"{"boot_ms": 60001}"#, "boot_ms 60001 is not valid; accepted: a whole number from 0 to 60000"),
+        ("boom", r#"{"cycle_ms": -1}"#, "cycle_ms -1 is not valid; accepted: a whole number from 0 to 1000"),
+        (
+            "boom",
+            r#"{"answer_ms": 60001}"#,
+            "answer_ms 60001 is not valid; accepted: a whole number from 0 to 60000, or a list of 2",
+        ),
+        (
+            "boom",
+            r#"{"answer_ms": [20, 5]}"#,
+            "answer_ms 20..5: out of range; accepted: 0 to 60000 ms, or a range as in 5..20",
+        ),
+        (
+            "boom",
+            r#"{"answer_ms": [1, 2, 3]}"#,
+            "is not valid; accepted: a whole number from 0 to 60000, or a list of 2",
+        ),
+        (
+            "boom",
+            r#"{"answer_ms": [1, 70000]}"#,
+            "is not valid; accepted: a whole number from 0 to 60000, or a list of 2",
+        ),
+        (
+            "boom",
+            r#"{"brown_out_mv": 0}"#,
+            "brown_out_mv 0 is not valid; accepted: a whole number from 1 to 100000, or null",
+        ),
+        ("boom", r#"{"oil": "cold"}"#, "oil \"cold\" is not valid; accepted: true or false"),
+        ("angle", r#"{"oil": true}"#, "oil on: not a plant word of this kind of device"),
         ("boom", "[]", "the body [] is not valid; accepted: an object"),
         ("boom", "", "EOF"),
         ("boom", r#"{"supply_mv": 8000}{}"#, "trailing"),
