@@ -1,6 +1,12 @@
 //! The set-point and the actual value through all objects that show them (SPEC 2, 4.1).
 
-use tests::Rig;
+use protocol_core::actuator::{Position, SetPoint};
+use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+use protocol_core::device::{Device as _, StartCause, Viewable as _};
+use protocol_core::memory::Image;
+use protocol_core::time::Instant;
+use protocol_core::wire::nmt::State;
+use tests::{Rig, frame};
 
 const TOO_HIGH: u32 = 0x0609_0031;
 const TOO_LOW: u32 = 0x0609_0032;
@@ -151,4 +157,20 @@ fn a_pveo_is_all_or_nothing() {
         assert_eq!((read, actual(&mut rig).0), (value, position), "{object:04X?} := {value}");
     }
     assert_eq!(rig.read(0x6041, 0), 0x0F);
+}
+
+/// People and tools are shown the NMT state, and the set-point that 0x6300 reads.
+#[test]
+fn the_view_shows_the_nmt_state_and_the_set_point() {
+    let now = Instant::from_secs(1);
+    let mut valve = PveCanopen::power_on(Setup::new(Kind::PveaCanopen), &Image::empty(), StartCause::PowerOn, now);
+    while valve.next_frame(now).is_some() || valve.all_sent(now) {}
+    assert_eq!(valve.view(now).nmt, Some(State::PreOperational));
+    valve.handle(&frame("000: 01 00"), now);
+    for _ in 0..4 {
+        valve.handle(&frame("220: 0F 00 00 10"), now);
+    }
+    let view = valve.view(now);
+    let set_point = Position::new(4096).map(SetPoint::Position);
+    assert_eq!((view.nmt, view.valve.map(|valve| valve.set_point)), (Some(State::Operational), set_point));
 }

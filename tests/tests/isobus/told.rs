@@ -2,8 +2,12 @@
 
 use protocol_core::actuator::Position;
 use protocol_core::controller::BusErrorMode;
+use protocol_core::device::pve::{Kind, PveIsobus, Setup};
+use protocol_core::device::{Device as _, StartCause};
+use protocol_core::memory::Image;
+use protocol_core::time::{Duration, Instant, after};
 use tests::Rig;
-use tests::isobus::{BLOCK, CLAIM, DM1_CLEAR, INTERNAL};
+use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR, INTERNAL};
 
 const SPOOL: &str = "18FECA83: 10 FF EC 8F 87 01 FF FF";
 
@@ -110,4 +114,24 @@ fn a_watchdog_reset_with_a_bus_off_in_the_wait() {
         assert!(sent.contains(&INTERNAL.to_owned()), "{at} ms: {sent:?}");
         assert_eq!(sent.last().map(String::as_str), Some(DM1_CLEAR));
     }
+}
+
+/// The pump learns of a frame that another one made pending when it was sent; no deadline follows for it.
+#[test]
+fn a_frame_that_a_sent_one_makes_pending() {
+    let start = Instant::from_secs(1);
+    let setup = Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) };
+    let mut valve = PveIsobus::power_on(setup, &Image::empty(), StartCause::Watchdog, start);
+    let mut sends = |now, frames: &[&str]| {
+        valve.poll(now);
+        for frame in frames {
+            assert_eq!(valve.next_frame(now).map(|frame| frame.to_string()).as_deref(), Some(*frame));
+        }
+        assert_eq!(valve.next_frame(now), None);
+        valve.all_sent(now)
+    };
+    assert!(!sends(start, &[CLAIM]));
+    let claimed = after(start, Duration::from_millis(250));
+    assert!(sends(claimed, &[AVEF_BLOCKED, INTERNAL]));
+    assert!(!sends(claimed, &[DM1_CLEAR]));
 }
