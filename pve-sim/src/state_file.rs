@@ -37,7 +37,7 @@ const UNFINISHED_SUFFIX: usize = 6;
 /// prevents the rename.
 const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
 
-/// The reason why a state file, named first, cannot be used.
+/// The reason why a state file cannot be used. The first field of a variant is the path of the file.
 #[derive(Debug, thiserror::Error)]
 pub enum StateFileError {
     /// The file belongs to a device of another kind: the number in the file, and the expected number.

@@ -4,7 +4,6 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
 use hal_sim::scenario::Outcome;
 
-/// The name of the test suite.
 const SUITE: &str = "pve-sim scenario";
 
 /// Returns the JUnit report, one test case per file, without wall-clock times: equal runs give equal reports.

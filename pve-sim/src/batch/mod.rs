@@ -36,7 +36,6 @@ pub enum BatchError {
     Junit(PathBuf, #[source] io::Error),
 }
 
-/// A scenario with its file.
 struct Named<'a> {
     file: &'a Path,
     scenario: Scenario,

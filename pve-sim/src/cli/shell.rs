@@ -7,7 +7,6 @@ use clap_mangen::roff::{Roff, bold, roman};
 
 use super::Cli;
 
-/// Returns the completion script for a shell.
 pub(super) fn completions(shell: Shell) -> String {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "pve-sim", &mut script);

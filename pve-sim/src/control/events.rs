@@ -25,9 +25,7 @@ const SAMPLE: Duration = Duration::from_millis(20);
 /// An event, shared by all followers.
 #[derive(Debug)]
 pub(crate) struct ControlEvent {
-    /// The name of the event.
     pub(crate) name: &'static str,
-    /// The data of the event.
     pub(crate) json: String,
 }
 
@@ -74,7 +72,6 @@ impl Events {
         Self { channel: broadcast::Sender::new(WAITING), reported, sample_at: world.now(), sample }
     }
 
-    /// Adds a follower.
     pub(crate) fn subscribe(&mut self, simulation: &mut Simulation) -> Result<Subscription, Refusal> {
         if self.channel.receiver_count() >= FOLLOWERS {
             return Err(Refusal::TooMany("too many clients of the event stream"));
@@ -88,7 +85,6 @@ impl Events {
         Ok(Subscription { states: simulation.states(), events: self.channel.subscribe() })
     }
 
-    /// Returns whether there is a follower.
     pub(crate) fn is_followed(&self) -> bool {
         self.channel.receiver_count() > 0
     }

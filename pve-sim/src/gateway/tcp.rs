@@ -59,7 +59,6 @@ impl Endpoint {
         Ok(Self { host: host.to_owned(), port })
     }
 
-    /// Returns the endpoint with port 0.
     pub(super) fn with_free_port(&self) -> Self {
         Self { port: 0, ..self.clone() }
     }
@@ -80,11 +79,9 @@ impl fmt::Display for Endpoint {
     }
 }
 
-/// A listening socket.
 #[derive(Debug)]
 pub(super) struct Listener {
     listener: TcpListener,
-    /// The bound address.
     pub(super) address: SocketAddr,
 }
 

@@ -11,10 +11,8 @@ use std::time::Instant;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::{Notify, Semaphore, SemaphorePermit};
 
-/// A client connection.
 #[derive(Debug)]
 pub(super) struct Connection {
-    /// The local address of the connection.
     local: SocketAddr,
     created: Instant,
     /// The last traffic in either direction, in milliseconds since `created`.
@@ -31,7 +29,6 @@ pub(super) struct Connection {
 pub(super) struct PendingCall<'a>(&'a Connection);
 
 impl Connection {
-    /// Returns the local address of the connection.
     pub(super) const fn local(&self) -> SocketAddr {
         self.local
     }
@@ -70,7 +67,6 @@ impl Drop for PendingCall<'_> {
     }
 }
 
-/// All connections.
 #[derive(Debug)]
 pub(super) struct Connections {
     places: usize,
@@ -107,7 +103,6 @@ impl Connections {
         Some(connection)
     }
 
-    /// Removes a connection that has ended.
     pub(super) fn leave(&self, connection: &Arc<Connection>) {
         self.lock().retain(|other| !Arc::ptr_eq(other, connection));
     }

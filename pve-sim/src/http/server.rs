@@ -42,7 +42,6 @@ impl Server {
         Ok(Self { listener })
     }
 
-    /// Returns the bound address.
     pub(crate) fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }

@@ -62,7 +62,6 @@ pub fn status(http: SocketAddr, device: Option<&str>, json: bool) -> Result<Stri
     if json { Ok(body + "\n") } else { table::of(&body).map_err(|error| simulator.other_server(error)) }
 }
 
-/// A running simulator.
 struct Simulator {
     address: SocketAddr,
     timeout: Duration,
@@ -113,7 +112,6 @@ impl Simulator {
     }
 }
 
-/// The body of a refusal.
 #[derive(Deserialize)]
 struct Refusal {
     error: String,

@@ -29,7 +29,6 @@ const EVENT_BATCH: usize = 1000;
 pub struct Driver<O> {
     simulation: Simulation,
     clients: Clients,
-    /// The control interface, if there is one.
     control: Option<ControlServer>,
     platform: O,
     time: Timekeeper,
@@ -316,7 +315,6 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Warns about devices at another bit rate.
     fn warn_of_bit_rates(&mut self) {
         for found in self.simulation.rates_mut().take_found() {
             self.trace.printer.warn(found.reason);

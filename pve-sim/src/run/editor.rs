@@ -23,7 +23,6 @@ use super::{console, system};
 use crate::inbox::WorldSender;
 use hal_sim::devices::NamedDevice;
 
-/// The prompt.
 const PROMPT: &str = "> ";
 
 /// The time limit for the bytes of one key, in milliseconds.

@@ -9,7 +9,6 @@ use super::{LogOptions, RunError};
 use hal_sim::log::Timestamp;
 use hal_sim::recording::{Format, Writer};
 
-/// The writer of a log.
 pub(super) type Output = Writer<BufWriter<File>>;
 
 /// The file of `--log`. The file is locked against other runs until this value is dropped.

@@ -27,7 +27,6 @@ const BEHIND: WallDuration = WallDuration::from_secs(1);
 /// The minimum wall time between two warnings about stalls.
 const WARNING_INTERVAL: WallDuration = WallDuration::from_secs(60);
 
-/// The virtual time of a run.
 #[derive(Debug)]
 pub(super) struct Timekeeper {
     /// The virtual seconds per wall second.
@@ -93,7 +92,6 @@ impl Timekeeper {
         self.anchor.0.checked_add(passed)?.checked_add(WallDuration::from_nanos(1))
     }
 
-    /// Returns the time of the last clock reading.
     pub(super) const fn last_reading(&self) -> WallInstant {
         self.last_reading
     }

@@ -39,9 +39,7 @@ pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
     })
 }
 
-/// The trace of a run.
 pub(super) struct Trace {
-    /// The name of the bus.
     bus: String,
     pub(super) printer: Printer,
     log: Option<Log>,
@@ -109,7 +107,6 @@ impl Trace {
         }
     }
 
-    /// Flushes all pending lines.
     pub(super) fn flush(&mut self) {
         if let Some(layout) = &mut self.layout {
             layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));

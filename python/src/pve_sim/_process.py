@@ -177,7 +177,7 @@ class Process:
         return self._ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
 
     def _ending(self, otherwise: SimulatorError) -> SimulatorError:
-        """Returns the error of an ended process, if it is ending: its connections break shortly before it exits."""
+        """Returns the error of an ended process if this process is ending: its connections break before it exits."""
         try:
             if not self._closed:
                 self._popen.wait(timeout=_ENDING_S)

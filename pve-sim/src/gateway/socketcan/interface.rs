@@ -19,7 +19,6 @@ const RETRY: Duration = Duration::from_millis(1);
 /// The retry interval for a missing interface, and the delay after a read error.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// An open interface.
 #[derive(Debug)]
 pub(super) struct Interface {
     name: String,

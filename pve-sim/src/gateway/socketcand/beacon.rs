@@ -6,13 +6,11 @@ use std::time::Duration;
 
 use tokio::net::UdpSocket;
 
-/// The port of the beacons.
 const PORT: u16 = 42000;
 
 /// The interval between beacons: clients listen for about three seconds.
 const EVERY: Duration = Duration::from_secs(2);
 
-/// The beacon of one bus.
 #[derive(Debug)]
 pub(super) struct Beacon {
     socket: UdpSocket,

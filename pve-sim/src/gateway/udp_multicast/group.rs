@@ -22,7 +22,6 @@ const DATAGRAM_MAX: usize = 4096;
 /// The delay after a read error.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// A joined group.
 #[derive(Debug)]
 pub(super) struct Group {
     address: SocketAddr,

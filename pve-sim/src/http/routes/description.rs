@@ -65,7 +65,6 @@ static DESCRIPTION: LazyLock<Value> = LazyLock::new(|| {
     description
 });
 
-/// The description
 pub(super) async fn show() -> Json<&'static Value> {
     Json(&DESCRIPTION)
 }

@@ -66,7 +66,6 @@ impl FromRequestParts<WorldSender> for Control {
     }
 }
 
-/// Returns all routes.
 pub(super) fn router(world: WorldSender) -> Router {
     let api = Router::new()
         .route("/devices", get(devices::list))

@@ -33,12 +33,10 @@ const HEADERS: [(HeaderName, &str); 4] = [
     (header::CACHE_CONTROL, "no-cache"),
 ];
 
-/// Serves the panel page.
 pub(super) async fn page() -> Response {
     response(PAGE)
 }
 
-/// Serves a file of the panel.
 pub(super) async fn file(Name(name): Name) -> Response {
     match FILES.iter().find(|file| file.0 == name) {
         Some(file) => response(*file),

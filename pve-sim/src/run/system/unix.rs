@@ -39,7 +39,6 @@ impl Signals {
         kinds.into_iter().map(signal).collect::<io::Result<_>>().map(Self)
     }
 
-    /// Waits for one of the signals.
     pub(in crate::run) async fn wait(&mut self) {
         std::future::poll_fn(|context| {
             let came = self.0.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
@@ -102,7 +101,6 @@ pub(in crate::run) fn wait_for_foreground() {
     }
 }
 
-/// Returns whether this job is in the background of its terminal.
 fn is_in_background() -> bool {
     tcgetpgrp(io::stdin()).is_ok_and(|foreground| foreground != getpgrp())
 }
@@ -189,7 +187,6 @@ pub(in crate::run) fn open_exclusively(options: &OpenOptions, path: &Path) -> io
     }
 }
 
-/// Returns whether both are the same file.
 pub(in crate::run) fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
     (one.dev(), one.ino()) == (other.dev(), other.ino())
 }
