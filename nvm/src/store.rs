@@ -161,8 +161,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         self.write(key, bytes, held_before)
     }
 
-    /// Writes an inventory if the log is empty. An inventory is so short that interrupted attempts leave little behind;
-    /// once it is written, the remains of later power cuts cannot be mistaken for foreign data.
+    /// Writes an inventory into an empty log. An inventory is so short that interrupted attempts leave little behind.
+    /// Once it is written, the remains of later power cuts cannot be mistaken for foreign data.
     fn begin(&mut self, found: &Survey) -> Result<(), StoreError> {
         if found.any { Ok(()) } else { self.write(INVENTORY, &[NOTHING], false).map(drop) }
     }

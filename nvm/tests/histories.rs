@@ -243,8 +243,8 @@ fn a_cut_between_two_words_leaves_the_old_content() {
     }
 }
 
-/// After an interrupted first store the memory has no entry, which could distinguish the remains of an interrupted erase
-/// from noise.
+/// After an interrupted first store the memory has no entry. An entry could distinguish the remains of an interrupted
+/// erase from noise.
 #[test]
 fn a_cut_first_store_and_a_cut_clear_are_no_damage() {
     for seed in 0..200 {

@@ -90,13 +90,13 @@ impl Default for SpoolTimes {
     }
 }
 
-/// The roughness of a simulated spool (A): none by default.
+/// The roughness of a simulated spool (A). By default the spool is smooth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Roughness {
     /// The present deviation of the spool from its set-point, which a simulator changes at random.
     pub offset: Position,
-    /// The distance of a new set-point from the last one that the spool followed, in units of a [`Position`], up to
-    /// which the spool does not follow.
+    /// The dead-band, in units of a [`Position`]. The spool ignores a new set-point within this distance of the last
+    /// followed set-point.
     pub dead_band: u16,
 }
 
@@ -284,8 +284,8 @@ impl Spool {
 }
 
 impl Action {
-    /// Returns the path of a spool that is neither stuck nor held, from `here`. The solenoids move it to `offset` beside
-    /// their target.
+    /// Returns the path of a spool that is neither stuck nor held, from `here`. The solenoids move it to `offset`
+    /// beside their target.
     fn path(self, here: Travel, fault: SpoolFault, offset: Position, rates: Rates, now: Instant) -> Path {
         let (to, rate) = match self {
             Self::Release => (Travel::NEUTRAL, rates.springs),

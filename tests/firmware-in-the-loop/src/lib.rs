@@ -1,15 +1,17 @@
 //! The unmodified firmware images in an emulated NUCLEO-F429ZI or NUCLEO-F446RE, on the simulated bus.
 //!
 //! ```text
-//! image     the ELF file          symbols  what is in it, by crate     stack   how deep its stack gets
-//! bxcan     the CAN controller    flash    its interface and memory    part    the STM32 put together
-//! machine   a board under power   warm     ... over resets             broken  the image broken on purpose
-//! boards    boards on a bus       content  their flash content     rig     the image with a master, or in a scenario
-//! board     what differs between the boards
+//! image    ELF file of an image        symbols  symbols of an image, by crate
+//! board    properties of the boards    content  contents of the flash of a board
+//! bxcan    CAN controller              flash    flash interface and memory
+//! part     the STM32                   machine  board under power
+//! warm     processor over resets       stack    depth of the stack
+//! boards   boards on a bus             rig      image with a master, or in a scenario
+//! broken   image broken on purpose
 //! ```
 //!
-//! The tests of the image are in `tests/firmware`, those of the models beside the models. What a test finds in the
-//! emulator holds on silicon as far as the models go: each says at its head what it leaves out.
+//! The tests of the image are in `tests/firmware`, and the tests of a model are beside the model. A result in the
+//! emulator holds on silicon as far as the models do: the head of each model lists what it lacks.
 #![deny(unsafe_code)]
 
 pub mod board;

@@ -36,7 +36,7 @@ pub type Nanos = u64;
 /// The state at which the emulator has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reached {
-    /// The time of the arrival.
+    /// The time of the stop.
     pub at: Nanos,
     /// The number of executed instructions until then.
     pub instructions: u64,
@@ -49,7 +49,7 @@ pub struct Reached {
 /// A reset of the part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reset {
-    /// The time of the arrival.
+    /// The time of the reset.
     pub at: Nanos,
     /// The cause, in the words of the emulator.
     pub cause: String,

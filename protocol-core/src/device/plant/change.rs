@@ -36,15 +36,15 @@ pub enum Change {
     MemoryFails(bool),
     /// Whether the CAN controller is held bus-off.
     BusOff(bool),
-    /// Simulated valves: the supply below which the valve is off, in millivolt; `None`: it is never off.
+    /// Of a valve in the simulator: the supply below which the valve is off, in millivolts; `None` for never.
     BrownOutMv(Option<u32>),
-    /// Simulated valves: whether the oil is as cold as the valve.
+    /// Of a valve in the simulator: whether the oil is as cold as the valve.
     Oil(bool),
-    /// Simulated devices: the time from power to the start of the program, in milliseconds.
+    /// In the simulator: the time from power-up to the start of the program, in milliseconds.
     BootMs(u16),
-    /// Simulated devices: the shortest and the longest delay of an answer, in milliseconds.
+    /// In the simulator: the shortest and the longest delay of an answer, in milliseconds.
     AnswerMs(u16, u16),
-    /// Simulated devices: the cycle of the program, in milliseconds; 0 acts at once.
+    /// In the simulator: the cycle of the program, in milliseconds; 0 for none.
     CycleMs(u16),
 }
 
@@ -64,7 +64,7 @@ impl Change {
         Self::parse_on_board(word, value).or_else(|| Self::parse_simulated(word, value))
     }
 
-    /// Like [`parse`](Self::parse), for the words that a board has.
+    /// Parses a word of a board and its value, as [`parse`](Self::parse) does.
     #[must_use]
     pub fn parse_on_board(word: &str, value: &str) -> Option<Self> {
         Some(match word {
@@ -84,7 +84,7 @@ impl Change {
         })
     }
 
-    /// Parses a word of the simulator alone.
+    /// Parses a word that only the simulator has.
     fn parse_simulated(word: &str, value: &str) -> Option<Self> {
         let millis = |value: &str| natural(value, DECIMAL)?.try_into().ok();
         Some(match word {
@@ -151,8 +151,8 @@ impl Change {
         }
     }
 
-    /// Applies the change to the inputs of a device. Changes of memory, bus-off and words of the simulator alone have no
-    /// effect here, because the platform executes them.
+    /// Applies the change to the inputs of a device. Changes of memory, bus-off and words that only the simulator has
+    /// are without effect here, because the platform executes them.
     ///
     /// # Errors
     /// Returns [`Inapplicable`], and changes nothing, for a word of another product or a value out of range.

@@ -47,8 +47,8 @@ pub(super) const SPOOL_WORDS: [&str; 5] = [OK, "stuck", "slow", "drifting", "no-
 
 const SWITCH: Values = Values::Words(&[ON, OFF]);
 
-/// The words of the plant, grouped by product, in the order in which consoles print them. The words of the simulator
-/// alone are last.
+/// The words of the plant, grouped by product, in the order in which consoles print them. Words that only the simulator
+/// has come last.
 pub static WORDS: [Word; 15] = [
     Word {
         name: SUPPLY_MV,
@@ -179,7 +179,7 @@ pub enum Values {
         /// The maximum.
         max: i32,
     },
-    /// An integer, or a range of integers, the smaller one first: `5..20`.
+    /// An integer, or a range of integers with the smaller first: `5..20`.
     NumberOrRange {
         /// The minimum.
         min: i32,
