@@ -5,7 +5,8 @@
 //! [`cli`] turns a command line into a [`Request`](cli::Request), which `main` executes. For `run`, [`run`] paces the
 //! world by the wall clock on a thread of its own. Clients live on another thread: [`gateway`] serves those of the bus,
 //! [`http`] those of the control interface. Their messages reach the world through [`inbox`], and [`control`] answers
-//! them there. The other commands have no clients: [`batch`] runs scenarios, [`remote`] sends requests to a running simulator.
+//! them there. The other commands have no clients: [`batch`] runs scenarios, [`campaign`] runs campaigns, [`remote`]
+//! sends requests to a running simulator.
 //!
 //! ```text
 //! cli/       the command line
@@ -16,6 +17,7 @@
 //! control/   the control interface on the world's thread
 //! remote/    the commands set and status: requests to a running simulator
 //! batch/     scenarios of a command line on all cores, and their results for CI
+//! campaign/  the rows of a campaign on all cores, their results and reports
 //! use_case   the built-in scenarios
 //! state_file the memory of a device in a file
 //! output     stdout of the commands
@@ -33,6 +35,7 @@
 #![forbid(unsafe_code)]
 
 pub mod batch;
+pub mod campaign;
 pub mod cli;
 pub mod control;
 pub mod gateway;

@@ -11,10 +11,11 @@ use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::replay::{ReplayOptions, replay};
 use hal_sim::text::in_one_line;
 use pve_sim::batch::{self, BatchError};
+use pve_sim::campaign::{self, CampaignError};
 use pve_sim::cli::{self, Request, SetArgs, StatusArgs};
 use pve_sim::output::{Output, outlive_file_size_limit};
 use pve_sim::remote;
-use pve_sim::run;
+use pve_sim::run::{self, RunError};
 
 /// A failure, such as a port in use or a file that cannot be opened.
 const FAILURE: u8 = 1;
@@ -27,14 +28,18 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(2);
 fn main() -> ExitCode {
     outlive_file_size_limit();
     match cli::parse(std::env::args_os()) {
-        Ok(Request::Run(options)) => match run::run(&options) {
-            Ok(true) => ExitCode::SUCCESS,
-            // The error was reported when it occurred.
-            Ok(false) => ExitCode::from(FAILURE),
+        Ok(Request::Run(options)) => ended(run::run(&options)),
+        Ok(Request::JudgedRun(options, cell)) => match campaign::judged(&cell, options.speed) {
+            Ok((simulation, judge)) => ended(run::judge(&options, simulation, judge)),
+            Err(CampaignError::Refused(line)) => fail(USAGE, &line),
             Err(error) => fail(FAILURE, &error),
         },
         Ok(Request::UseCases(cases)) => run_scenarios(|out| batch::play(&cases, out)),
         Ok(Request::Scenarios(options)) => run_scenarios(|out| batch::run(&options, out)),
+        Ok(Request::Campaign(options)) => run_campaign(|out| campaign::run(&options, out)),
+        Ok(Request::Cell(options)) => run_campaign(|out| campaign::run_cell(&options, out)),
+        Ok(Request::Cells(plan, seed)) => run_campaign(|out| campaign::list(&plan, seed, out)),
+        Ok(Request::Merge(options)) => run_campaign(|out| Ok(campaign::merge(&options, out)?)),
         Ok(Request::Decode(options)) => explain(&options),
         Ok(Request::Replay(options)) => compare(&options),
         Ok(Request::Set(SetArgs { http, device, words })) => match remote::set(http, &device, &words) {
@@ -47,6 +52,16 @@ fn main() -> ExitCode {
         },
         Ok(Request::Print(text)) => print(&text, true),
         Err(error) => fail(USAGE, &error),
+    }
+}
+
+/// Returns the exit code of a run.
+fn ended(run: Result<bool, RunError>) -> ExitCode {
+    match run {
+        Ok(true) => ExitCode::SUCCESS,
+        // The error was reported when it occurred.
+        Ok(false) => ExitCode::from(FAILURE),
+        Err(error) => fail(FAILURE, &error),
     }
 }
 
@@ -76,6 +91,15 @@ fn run_scenarios(run: impl FnOnce(&mut dyn Write) -> Result<bool, BatchError>) -
     match run(&mut stdout) {
         Ok(success) => end(stdout, success),
         Err(BatchError::Unreadable(lines)) => fail(USAGE, &lines.join("\npve-sim: ")),
+        Err(error) => fail(FAILURE, &error),
+    }
+}
+
+fn run_campaign(run: impl FnOnce(&mut dyn Write) -> Result<bool, CampaignError>) -> ExitCode {
+    let mut stdout = stdout();
+    match run(&mut stdout) {
+        Ok(success) => end(stdout, success),
+        Err(CampaignError::Refused(line)) => fail(USAGE, &line),
         Err(error) => fail(FAILURE, &error),
     }
 }

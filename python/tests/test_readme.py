@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from conftest import PATIENCE
+from test_campaign import PLAN, SCENARIO
 
 PYTHON = Path(__file__).parent.parent
 BLOCKS = re.findall(
@@ -31,10 +32,17 @@ def test_a_valve_is_driven() -> None:
     assert run(BLOCKS[0]) == "Led(color='green', flashing=False)\n"
 
 
-@pytest.mark.parametrize("block", BLOCKS[1:], ids=["supply", "frames"])
+@pytest.mark.parametrize("block", BLOCKS[1:3], ids=["supply", "frames"])
 def test_a_fault_is_injected_from_pytest(pytester: pytest.Pytester, block: str) -> None:
     pytester.makepyfile(block)
     pytester.runpytest_subprocess().assert_outcomes(passed=1)
+
+
+def test_each_cell_of_a_plan_is_a_test(pytester: pytest.Pytester) -> None:
+    pytester.path.joinpath("drive.toml").write_text(SCENARIO)
+    pytester.path.joinpath("plan.toml").write_text(PLAN.replace("count = [1, 20]", "count = 20"))
+    pytester.makepyfile(BLOCKS[3])
+    pytester.runpytest_subprocess("-n0").assert_outcomes(passed=4)
 
 
 def test_the_example_drives() -> None:

@@ -3,8 +3,21 @@
 use super::expected::{check, check_all};
 use super::program::{printed, run};
 
-const COMMANDS: [&str; 11] =
-    ["run", "use-case", "scenario", "decode", "replay", "set", "status", "eds", "dbc", "completions", "man"];
+const COMMANDS: [&str; 13] = [
+    "run",
+    "use-case",
+    "scenario",
+    "campaign",
+    "campaign merge",
+    "decode",
+    "replay",
+    "set",
+    "status",
+    "eds",
+    "dbc",
+    "completions",
+    "man",
+];
 
 /// Each line alone is refused, with exit code 2 and one line.
 const REFUSALS: &str = include_str!("refusals.txt");

@@ -44,6 +44,9 @@ pub(super) struct PlanFile {
     /// A program that is the controller, with its arguments; "{bus}" stands for the address of the bus.
     #[serde(default)]
     pub(super) controller: Option<Vec<String>>,
+    /// The speed of virtual time against wall time for `controller`; 1 by default.
+    #[serde(default)]
+    pub(super) speed: Option<f64>,
 }
 
 /// Faults of a plan. Only its schema is used.

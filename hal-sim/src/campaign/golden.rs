@@ -70,6 +70,9 @@ struct Sample {
     state: u32,
 }
 
+/// The bits of a state that do not follow the set-point: all but command and solenoids.
+const LASTING: u32 = !0xF2;
+
 impl Sample {
     fn of(view: Option<&View>) -> Self {
         let Some(view) = view else { return Self::default() };
@@ -125,6 +128,12 @@ impl Golden {
             return Err(CampaignError::Plan("instants: no frame comes between from_ms and to_ms".to_owned()));
         }
         Ok(Self { seed, devices, samples, instants, identifiers })
+    }
+
+    /// Returns power, NMT state, device state machine and active faults of each device, as bits.
+    pub(super) fn states(&self, simulation: &Simulation) -> Vec<u32> {
+        let views = self.devices.iter().map(|node| simulation.world().peek(*node));
+        views.map(|view| Sample::of(view.as_ref()).state & LASTING).collect()
     }
 
     /// Returns whether each device is as in the golden run, at a sample instant. Changes may come up to a sample

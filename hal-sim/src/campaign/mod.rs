@@ -7,6 +7,7 @@
 //! golden   the runs without a fault     run      rows and cells, by forking
 //! rig      a run with its oracles       oracles  the oracles while a cell runs
 //! cell     cells and their results      verdict  verdicts
+//! judge    a cell whose controller is outside of this library
 //! ```
 
 mod cell;
@@ -14,6 +15,7 @@ mod controller;
 mod fault;
 mod file;
 mod golden;
+mod judge;
 mod master;
 mod oracle;
 mod oracles;
@@ -31,6 +33,7 @@ pub use cell::{Cell, CellResult};
 pub use controller::{CONTROLLER, Cloned, Controlled, Controller, Fresh};
 pub use file::schema;
 pub use golden::CampaignError;
+pub use judge::Judge;
 pub use master::{Master, Scripted, Subject};
 pub use plan::{MAX_CELLS, Plan};
 pub use run::{Campaign, Row};

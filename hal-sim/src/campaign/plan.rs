@@ -23,6 +23,7 @@ pub struct Plan {
     title: String,
     path: String,
     controller: Option<Vec<String>>,
+    speed: f64,
     pub(super) scenario: Scenario,
     pub(super) seeds: Vec<u64>,
     pub(super) faults: Vec<Entry>,
@@ -79,7 +80,8 @@ impl Plan {
     }
 
     fn check(file: PlanFile, scenario: Scenario) -> Result<Self, Refused> {
-        let PlanFile { title, scenario: path, seeds, faults, instants, detected, safe, observe_ms, controller } = file;
+        let PlanFile { title, scenario: path, seeds, faults, instants, detected, safe, observe_ms, controller, speed } =
+            file;
         let seeds = seeds.unwrap_or_else(|| vec![1]);
         if seeds.is_empty() {
             return Err(at("seeds")("empty list; give at least one seed, as in [1]".to_owned()));
@@ -87,6 +89,13 @@ impl Plan {
         if controller.as_ref().is_some_and(Vec::is_empty) {
             let reason = "empty list; give a program and its arguments, as in [\"python3\", \"ctl.py\", \"{bus}\"]";
             return Err(at("controller")(reason.to_owned()));
+        }
+        if speed.is_some() && controller.is_none() {
+            return Err(at("speed")("it is only valid together with controller".to_owned()));
+        }
+        let speed = speed.unwrap_or(1.0);
+        if !(speed.is_finite() && speed > 0.0) {
+            return Err(at("speed")("must be a number above 0, as in 1 or 0.5".to_owned()));
         }
         let grid = grid(&instants).map_err(at("instants"))?;
         let devices = scenario.devices();
@@ -110,7 +119,7 @@ impl Plan {
             return Err(at(key)(reason));
         }
         let faults = entries(faults, &scenario, grid.len().unwrap_or(1) * seeds.len() as u64)?;
-        Ok(Self { title, path, controller, scenario, seeds, faults, grid, detected, safe, observe })
+        Ok(Self { title, path, controller, speed, scenario, seeds, faults, grid, detected, safe, observe })
     }
 
     /// Returns the title.
@@ -129,6 +138,12 @@ impl Plan {
     #[must_use]
     pub fn controller(&self) -> Option<&[String]> {
         self.controller.as_deref()
+    }
+
+    /// Returns the speed of virtual time against wall time for [`controller`](Self::controller).
+    #[must_use]
+    pub const fn speed(&self) -> f64 {
+        self.speed
     }
 
     /// Returns the limits of the oracles.

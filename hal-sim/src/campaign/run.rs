@@ -31,7 +31,7 @@ pub struct Campaign<'a, M = Scripted> {
 /// A row: a fault and a seed, at all instants.
 #[derive(Debug)]
 pub struct Row {
-    fault: PlanFault,
+    pub(super) fault: PlanFault,
     golden: usize,
     /// The seed of the runs.
     pub seed: u64,
@@ -294,20 +294,43 @@ impl<'a, M: Master> Campaign<'a, M> {
             detected: rig.oracles.detected(),
             safe: rig.oracles.safe(),
         };
+        let result = self.result(cell, row, golden, &observed, struck);
+        Some((rig, result))
+    }
+
+    /// Returns the plan.
+    pub(super) const fn plan(&self) -> &'a Plan {
+        self.plan
+    }
+
+    /// Returns the row and the golden run of a cell; `None` for an unknown row.
+    pub(super) fn place(&self, cell: Cell) -> Option<(&Row, &Golden)> {
+        let row = self.rows.get(cell.row)?;
+        Some((row, self.goldens.get(row.golden)?))
+    }
+
+    /// Returns the result of a cell with these observations.
+    pub(super) fn result(
+        &self,
+        cell: Cell,
+        row: &Row,
+        golden: &Golden,
+        observed: &Observed,
+        struck: u64,
+    ) -> CellResult {
         let index = golden.instants.binary_search(&cell.at).ok();
-        let result = CellResult {
+        CellResult {
             number: index.map(|index| row.first + index as u64),
             row: cell.row,
             fault: row.fault.text.clone(),
             seed: row.seed,
             at_us: cell.at.as_micros(),
             refined: index.is_none(),
-            verdict: Verdict::of(&observed, &self.plan.limits()),
+            verdict: Verdict::of(observed, &self.plan.limits()),
             detected_us: observed.detected.map(|time| time.as_micros()),
             safe_us: observed.safe.map(|time| time.as_micros()),
             struck,
-        };
-        Some((rig, result))
+        }
     }
 }
 
@@ -341,7 +364,7 @@ fn errors(goldens: &[Golden]) -> Result<Vec<PlanFault>, CampaignError> {
 }
 
 /// The fault of a cell, and whether it acted.
-struct Injection<'a> {
+pub(super) struct Injection<'a> {
     fault: &'a PlanFault,
     /// The name of the communication fault.
     name: Option<String>,
@@ -353,7 +376,7 @@ struct Injection<'a> {
 }
 
 impl<'a> Injection<'a> {
-    fn begin(fault: &'a PlanFault, target: &mut impl Subject) -> Self {
+    pub(super) fn begin(fault: &'a PlanFault, target: &mut impl Subject) -> Self {
         let mut injection = Self { fault, name: None, plant: None, has_changed: false, power_on: NEVER };
         let now = target.simulation().now();
         let before = injection.plant(target.simulation());
@@ -385,16 +408,16 @@ impl<'a> Injection<'a> {
         simulation.find(device).ok().map(|(node, _)| simulation.world().is_powered(node))
     }
 
-    fn name(&self) -> Option<std::sync::Arc<str>> {
+    pub(super) fn name(&self) -> Option<std::sync::Arc<str>> {
         self.name.as_deref().map(Into::into)
     }
 
     /// Returns the next instant at which the fault needs a command.
-    const fn due(&self) -> Instant {
+    pub(super) const fn due(&self) -> Instant {
         self.power_on
     }
 
-    fn poll(&mut self, now: Instant, target: &mut impl Subject) {
+    pub(super) fn poll(&mut self, now: Instant, target: &mut impl Subject) {
         if self.power_on <= now
             && let Act::Power(device, ..) = &self.fault.act
         {
@@ -413,7 +436,7 @@ impl<'a> Injection<'a> {
     }
 
     /// Returns the number of affected frames; 1 for another fault that acted.
-    fn struck(&self, simulation: &Simulation) -> u64 {
+    pub(super) fn struck(&self, simulation: &Simulation) -> u64 {
         match &self.name {
             Some(name) => simulation.faults().find(|record| record.name == *name).map_or(0, |record| record.struck),
             None => self.has_changed.into(),

@@ -1,5 +1,6 @@
 //! The command line of `pve-sim`: parsing, and error messages in one line.
 
+mod campaign;
 mod options;
 mod recordings;
 mod remote;
@@ -10,13 +11,16 @@ pub use self::remote::{SetArgs, StatusArgs};
 pub use options::RunArgs;
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 
 use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
+use self::campaign::CampaignArgs;
 use self::recordings::{DecodeArgs, ReplayArgs};
 use crate::batch::Options;
+use crate::campaign::{CellOptions, MergeOptions, RunOptions as CampaignOptions};
 use crate::run::RunOptions;
 use crate::use_case::{self, UseCase};
 use hal_sim::Kind;
@@ -31,10 +35,20 @@ use scenario::ScenarioArgs;
 pub enum Request {
     /// Run devices on a bus.
     Run(RunOptions),
+    /// Run the devices of a campaign's scenario on a bus, and judge a cell.
+    JudgedRun(RunOptions, CellOptions),
     /// Play these use cases.
     UseCases(Vec<UseCase>),
     /// Run these scenarios.
     Scenarios(Options),
+    /// Run a campaign.
+    Campaign(CampaignOptions),
+    /// Run one cell of a campaign.
+    Cell(CellOptions),
+    /// List the cells of a plan, with this seed instead of its own.
+    Cells(PathBuf, Option<u64>),
+    /// Join the results of a campaign's shards.
+    Merge(MergeOptions),
     /// Explain a recording.
     Decode(DecodeOptions),
     /// Replay a recording.
@@ -56,6 +70,7 @@ Examples:
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case isobus
   pve-sim scenario scenarios/*.toml --junit results.xml
+  pve-sim campaign scenarios/campaigns/valve-careful.toml --html campaign.html
   pve-sim decode frames.log
   pve-sim replay frames.log --device pvea-canopen@0x20
   pve-sim set boom supply_mv=8000 spool=stuck
@@ -69,9 +84,10 @@ Exit codes:
   1  run: a port in use, a missing interface, a state file of
      another kind of device, a file that cannot be opened, written or replaced
      scenario: a failed expectation; use-case, replay: a difference
+     campaign: a broken limit, a fault that was not injected, a missing row
      decode, replay: a line that cannot be parsed
      set, status: a refusal, or a simulator that cannot be reached
-  2  a usage error, or a scenario that cannot be read";
+  2  a usage error, or a scenario or plan that cannot be read";
 
 /// Wrong usage: one line with the error and the accepted form.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -110,6 +126,9 @@ enum Command {
     /// Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2,
     /// without running any, if a file cannot be read
     Scenario(ScenarioArgs),
+    /// Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the
+    /// controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read
+    Campaign(Box<CampaignArgs>),
     /// Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed
     Decode(DecodeArgs),
     /// Replays a recording against simulated devices in virtual time: compares their frames with the recording, and
@@ -218,11 +237,12 @@ where
         Err(error) => return Err(UsageError(one_line(&error))),
     };
     Ok(match cli.command {
-        None => Request::Run(cli.run.try_into()?),
-        Some(Command::Run(run)) => Request::Run((*run).try_into()?),
+        None => run_request(cli.run)?,
+        Some(Command::Run(run)) => run_request(*run)?,
         Some(Command::UseCase { which: Some(which) }) => Request::UseCases(which.0),
         Some(Command::UseCase { which: None }) => Request::Print(titles()),
         Some(Command::Scenario(args)) => args.try_into()?,
+        Some(Command::Campaign(args)) => (*args).try_into()?,
         Some(Command::Decode(args)) => Request::Decode(args.try_into()?),
         Some(Command::Replay(args)) => Request::Replay(args.try_into()?),
         Some(Command::Set(args)) => Request::Set(args.check()?),
@@ -230,6 +250,15 @@ where
         Some(Command::Eds { sheet: text } | Command::Dbc { database: text }) => Request::Print(text.0),
         Some(Command::Completions { shell }) => Request::Print(shell::completions(shell)),
         Some(Command::Man) => Request::Print(shell::manual_page()),
+    })
+}
+
+fn run_request(run: RunArgs) -> Result<Request, UsageError> {
+    let (cell, seed) = (run.cell.plan.clone().zip(run.cell.cell), run.cell.plan_seed);
+    let options = RunOptions::try_from(run)?;
+    Ok(match cell {
+        Some((plan, which)) => Request::JudgedRun(options, CellOptions { plan, seed, which }),
+        None => Request::Run(options),
     })
 }
 

@@ -8,6 +8,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
 use super::UsageError;
+use crate::campaign::Which;
 use crate::control::Speed;
 use crate::gateway::BusUrl;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
@@ -153,6 +154,25 @@ pub struct RunArgs {
     /// bus to reach other machines
     #[arg(long, help_heading = "Control")]
     allow_remote: bool,
+
+    #[command(flatten)]
+    pub(super) cell: CellArgs,
+}
+
+/// A cell of a campaign, whose scenario has the devices.
+#[derive(Args, Clone, Debug)]
+pub(super) struct CellArgs {
+    /// Run the devices of a campaign's scenario, inject the fault of a cell and judge the controller: docs/campaigns.md
+    #[arg(long, value_name = "PLAN.toml", hide = true, requires = "cell", conflicts_with_all = ["device", "link", "bit_rate", "state", "seed", "allow_clash", "no_http"])]
+    pub(super) plan: Option<PathBuf>,
+
+    /// The cell: its number, or ROW@MICROSECONDS
+    #[arg(long, value_name = "CELL", hide = true, requires = "plan")]
+    pub(super) cell: Option<Which>,
+
+    /// Replaces the seeds of the plan
+    #[arg(long, value_name = "N", value_parser = seed, hide = true, requires = "plan")]
+    pub(super) plan_seed: Option<u64>,
 }
 
 impl TryFrom<RunArgs> for RunOptions {

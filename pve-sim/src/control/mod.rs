@@ -13,7 +13,7 @@ use std::fmt;
 
 use hal_sim::simulation::{BusState, Command, Excerpt, Refusal, Reply};
 use hal_sim::state::{DeviceState, FaultRecord};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tokio::sync::oneshot;
 use utoipa::ToSchema;
 
@@ -34,6 +34,8 @@ pub enum Message {
     Faults(Answer<Vec<FaultRecord>>),
     /// Reads the virtual time.
     Time(Answer<Time>),
+    /// Reads the verdict on the judged cell.
+    Cell(Answer<JudgedCell>),
     /// Reads the latest frames, up to this number.
     Trace(usize, Answer<Excerpt>),
     /// Subscribes to all future events.
@@ -60,6 +62,30 @@ impl fmt::Display for Speed {
             Self::Step => f.write_str("step"),
         }
     }
+}
+
+/// The cell of a campaign that is judged.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct JudgedCell {
+    /// Whether the verdict is final.
+    pub decided: bool,
+    /// The virtual time by which the cell is decided, in microseconds.
+    pub until_us: u64,
+    /// The verdict, once it is final.
+    pub result: Option<Judged>,
+}
+
+/// The verdict on a cell. Times are in microseconds after the fault; null: the reaction did not come.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Judged {
+    /// The verdict, as in docs/campaigns.md.
+    pub verdict: String,
+    /// The time from the fault to its detection.
+    pub detected_us: Option<u64>,
+    /// The time from the fault to the safe state.
+    pub safe_us: Option<u64>,
+    /// The frames that a communication fault affected; 1 for another fault that acted.
+    pub struck: u64,
 }
 
 /// The virtual time.

@@ -3,10 +3,11 @@
 use std::collections::VecDeque;
 
 use super::events::Events;
-use super::{Answer, Message, Speed, Time};
+use super::{Answer, Judged, JudgedCell, Message, Speed, Time};
+use hal_sim::campaign::Judge;
 use hal_sim::devices::CONTROL;
-use hal_sim::simulation::{Command, Executed, Refusal, Reply, Simulation, Ticket};
-use protocol_core::time::Instant;
+use hal_sim::simulation::{Command, Executed, Happened, Refusal, Reply, Simulation, Ticket};
+use protocol_core::time::{Instant, NEVER};
 
 /// The control server: passes commands to the simulation and replies to the callers.
 #[derive(Debug)]
@@ -18,6 +19,8 @@ pub(crate) struct ControlServer {
     pending: Vec<(Ticket, Answer<Reply>)>,
     /// The queue of commands that take time; stepped time executes them one after the other.
     queue: VecDeque<(Command, Answer<Reply>)>,
+    /// The judge of a campaign's cell, if there is one.
+    judge: Option<Judge>,
 }
 
 impl ControlServer {
@@ -29,7 +32,17 @@ impl ControlServer {
             Speed::Step => 1.0,
         };
         let events = Events::new(factor, simulation);
-        Self { speed, events, pending: Vec::new(), queue: VecDeque::new() }
+        Self { speed, events, pending: Vec::new(), queue: VecDeque::new(), judge: None }
+    }
+
+    /// Adds the judge of a campaign's cell.
+    pub(crate) fn judge(&mut self, judge: Option<Judge>) {
+        self.judge = judge;
+    }
+
+    /// Returns whether a cell of a campaign is judged.
+    pub(crate) const fn is_judged(&self) -> bool {
+        self.judge.is_some()
     }
 
     /// Executes a message at the current instant of the world. The answer to a disconnected client is dropped.
@@ -40,6 +53,10 @@ impl ControlServer {
                 drop(answer.send(Err(Refusal::Conflict(reason))));
             }
             Message::Execute(command, answer) if self.speed == Speed::Step && command.takes_time() => {
+                if let Some(result) = self.judge.as_ref().and_then(Judge::result) {
+                    let reason = format!("the cell is decided: {}; time has stopped", result.verdict);
+                    return drop(answer.send(Err(Refusal::Conflict(reason))));
+                }
                 // The limit on waiting calls bounds the remaining queue.
                 self.queue.retain(|(_, answer)| !answer.is_closed());
                 self.queue.push_back((command, answer));
@@ -53,6 +70,7 @@ impl ControlServer {
                 let now_us = simulation.now().as_micros();
                 drop(answer.send(Ok(Time { now_us, speed: self.speed.into() })));
             }
+            Message::Cell(answer) => drop(answer.send(self.cell())),
             Message::Trace(limit, answer) => drop(answer.send(Ok(simulation.history().last(limit)))),
             Message::Subscribe(answer) => drop(answer.send(self.events.subscribe(simulation))),
         }
@@ -67,9 +85,33 @@ impl ControlServer {
         }
     }
 
+    fn cell(&self) -> Result<JudgedCell, Refusal> {
+        let Some(judge) = &self.judge else {
+            return Err(Refusal::Conflict("no cell of a campaign is judged; start with --plan and --cell".to_owned()));
+        };
+        let result = judge.result().map(|result| Judged {
+            verdict: result.verdict.to_string(),
+            detected_us: result.detected_us,
+            safe_us: result.safe_us,
+            struck: result.struck,
+        });
+        Ok(JudgedCell { decided: result.is_some(), until_us: judge.end().as_micros(), result })
+    }
+
+    /// Sends an event to the followers. Call this for each event in order, before [`poll`](Self::poll).
+    pub(crate) fn show(&mut self, happened: &Happened, simulation: &Simulation) {
+        if let Some(judge) = &mut self.judge {
+            judge.event(happened);
+        }
+        self.events.show(happened, simulation.history().explainer());
+    }
+
     /// Replies to the callers of completed commands, drops the commands of disconnected callers, and sends changed
     /// device states to the followers. Call this after every step of the simulation.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
+        if let Some(judge) = &mut self.judge {
+            judge.poll(simulation);
+        }
         for (gone, _) in self.pending.extract_if(.., |(_, answer)| answer.is_closed()) {
             simulation.forget(gone);
         }
@@ -79,6 +121,11 @@ impl ControlServer {
             }
         }
         self.events.poll(simulation);
+    }
+
+    /// Returns the time of the next position sample of the event stream, or that at which the judge has to look.
+    pub(crate) fn due(&self) -> Instant {
+        self.judge.as_ref().map_or(NEVER, Judge::due).min(self.events.due())
     }
 
     /// Returns the limit to which the current command lets stepped time advance. Starts the next queued command if no

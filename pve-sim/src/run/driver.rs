@@ -122,11 +122,13 @@ impl<O: Platform> Driver<O> {
     }
 
     /// Lets the gateways join, then powers the first device immediately, and the others at random moments within
-    /// [`SUPPLY_JITTER`].
+    /// [`SUPPLY_JITTER`]; in a cell of a campaign, all of them at random moments.
     fn power_on(&mut self) {
         self.accept_joins();
         let world = self.simulation.world_mut();
-        if let Some(first) = world.devices().next() {
+        // The devices of a scenario have power as in the scenario.
+        let is_judged = self.control.as_ref().is_some_and(ControlServer::is_judged);
+        if let Some(first) = world.devices().next().filter(|_| !is_judged) {
             world.power(first, true);
         }
         self.simulation.power_up(SUPPLY_JITTER);
@@ -232,7 +234,7 @@ impl<O: Platform> Driver<O> {
     /// Advances to the next event or position sample, or to `end` if `end` comes first; returns whether it reached
     /// `end`.
     fn advance_to(&mut self, end: Instant) -> bool {
-        let followers = self.control.as_ref().map_or(NEVER, |control| control.events.due());
+        let followers = self.control.as_ref().map_or(NEVER, ControlServer::due);
         let has_arrived = if followers <= end && followers < self.simulation.next() {
             self.simulation.go(followers);
             false
@@ -247,7 +249,7 @@ impl<O: Platform> Driver<O> {
 
     /// Returns the instant of the next event or position sample.
     fn next(&self) -> Instant {
-        self.control.as_ref().map_or(NEVER, |control| control.events.due()).min(self.simulation.next())
+        self.control.as_ref().map_or(NEVER, ControlServer::due).min(self.simulation.next())
     }
 
     /// Processes due power-ups, messages and samples, and sends the replies.
@@ -295,8 +297,8 @@ impl<O: Platform> Driver<O> {
             for _ in 0..self.clients.show(&happened.event, at, happened.error.as_ref().and_then(|(class, _)| *class)) {
                 self.report_overrun();
             }
-            if let Some(control) = &self.control {
-                control.events.show(&happened, self.simulation.history().explainer());
+            if let Some(control) = &mut self.control {
+                control.show(&happened, &self.simulation);
             }
             self.trace.tell(&happened, at, self.simulation.history().explainer());
             self.clients.withdraw(&happened.event, self.simulation.world_mut());

@@ -43,6 +43,7 @@ pub use driver::Driver;
 pub use options::{ColorChoice, LogOptions, RunOptions};
 pub use platform::Platform;
 pub use stdin::Lines;
+pub(crate) use system::Signals;
 
 use std::io;
 use std::net::SocketAddr;
@@ -62,7 +63,9 @@ use crate::state_file::StateFileError;
 use clients::Clients;
 use editor::Typing;
 use end::End;
+use hal_sim::campaign::Judge;
 use hal_sim::log::Timestamp;
+use hal_sim::simulation::Simulation;
 use log::Log;
 use platform::System;
 use printer::Printer;
@@ -128,12 +131,24 @@ const DESCRIPTORS: usize = 32;
 /// # Errors
 /// [`RunError`] when the run cannot start; nothing has been printed on stdout.
 pub fn run(options: &RunOptions) -> Result<bool, RunError> {
+    run_of(options, None)
+}
+
+/// Runs a cell of a campaign as [`run`] does: `simulation` has the devices, unpowered, and `judge` injects the fault.
+///
+/// # Errors
+/// [`RunError`], as [`run`].
+pub fn judge(options: &RunOptions, simulation: Simulation, judge: Judge) -> Result<bool, RunError> {
+    run_of(options, Some((simulation, judge)))
+}
+
+fn run_of(options: &RunOptions, cell: Option<(Simulation, Judge)>) -> Result<bool, RunError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
     let result = runtime.block_on(async {
         let mut end = End::install()?;
         let reader_gone = end.closed_sender();
         let running = tokio::select! {
-            running = start(options, reader_gone) => running?,
+            running = start(options, cell, reader_gone) => running?,
             // No device has run, so no record is pending.
             () = end.wait() => return Ok(true),
         };
@@ -154,7 +169,11 @@ struct Running {
     _typing: Option<Typing>,
 }
 
-async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result<Running, RunError> {
+async fn start(
+    options: &RunOptions,
+    cell: Option<(Simulation, Judge)>,
+    reader_gone: watch::Sender<bool>,
+) -> Result<Running, RunError> {
     let mut gateways = Vec::new();
     for url in &options.buses {
         let opened = url.open(options.beacon, options.allow_remote).await;
@@ -173,11 +192,14 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
-    let (mut simulation, warnings) = run_blocking({
-        let options = options.clone();
-        move || setup::simulation(&options)
-    })
-    .await?;
+    let (mut simulation, warnings, judge) = match cell {
+        Some((simulation, judge)) => (simulation, Vec::new(), Some(judge)),
+        None => {
+            let options = options.clone();
+            let (simulation, warnings) = run_blocking(move || setup::simulation(&options)).await?;
+            (simulation, warnings, None)
+        }
+    };
     let bus = options.buses.first().map_or("can0", BusUrl::name);
     // A clock before 1970 yields 1970.
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -206,7 +228,10 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, printer, log, layout);
     let clients = Clients::new(simulation.world_mut(), options.error_frames);
-    let control = http.map(|_| ControlServer::new(options.speed, &mut simulation));
+    let mut control = http.map(|_| ControlServer::new(options.speed, &mut simulation));
+    if let Some(control) = &mut control {
+        control.judge(judge);
+    }
     let driver = Driver::new(simulation, clients, control, System::new(inbox), options.speed, start, trace);
     let (alive, ended) = oneshot::channel::<()>();
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {

@@ -6,6 +6,7 @@
 
 mod browser;
 mod bus;
+mod campaign;
 mod console;
 mod control;
 mod cut;

@@ -8,6 +8,7 @@ with Simulator("pvea-canopen@0x20") as sim:
 
 from ._binary import find_binary
 from ._bus import Bus
+from ._campaign import Cell, CellResult, campaign
 from ._device import Device, Devices, Sensor, Valve
 from ._errors import (
     Conflict,
@@ -43,6 +44,8 @@ __all__ = [
     "Bus",
     "BusError",
     "BusState",
+    "Cell",
+    "CellResult",
     "CommunicationFault",
     "Conflict",
     "Device",
@@ -71,5 +74,6 @@ __all__ = [
     "ValvePlant",
     "ValveState",
     "WaitTimeout",
+    "campaign",
     "find_binary",
 ]

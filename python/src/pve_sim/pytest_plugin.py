@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from ._campaign import campaign
 from ._device import Valve
 from ._errors import SimulatorEnded
 from ._faults import CommunicationFault
@@ -28,6 +29,14 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "pve_sim(*devices, **arguments): the arguments of pve_sim.Simulator for the fixture pve_sim"
     )
+    config.addinivalue_line("markers", "pve_sim_campaign(plan): each cell of a plan for the argument pve_sim_cell")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Runs a test with the marker `pve_sim_campaign` for each cell of its plan."""
+    if (marker := metafunc.definition.get_closest_marker("pve_sim_campaign")) is not None:
+        cells = campaign(*marker.args, **marker.kwargs)
+        metafunc.parametrize("pve_sim_cell", cells, ids=str)
 
 
 @pytest.fixture

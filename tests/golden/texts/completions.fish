@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_pve_sim_global_optspecs
-    string join \n device= link= allow-clash state= bus= beacon allow-real-bus bit-rate= speed= seed= log= log-overwrite error-frames color= verbose http= no-http allow-remote h/help V/version
+    string join \n device= link= allow-clash state= bus= beacon allow-real-bus bit-rate= speed= seed= log= log-overwrite error-frames color= verbose http= no-http allow-remote plan= cell= plan-seed= h/help V/version
 end
 
 function __fish_pve_sim_needs_command
@@ -36,6 +36,9 @@ complete -c pve-sim -n "__fish_pve_sim_needs_command" -l color -d 'Colour in the
 always\t'Laid out with colour, even into a pipe'
 never\t'Laid out on a terminal, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l plan -d 'Run the devices of a campaign\'s scenario, inject the fault of a cell and judge the controller: docs/campaigns.md' -r -F
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l cell -d 'The cell: its number, or ROW@MICROSECONDS' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l plan-seed -d 'Replaces the seeds of the plan' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l beacon -d 'Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-real-bus -d 'Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only simulated devices can lose frames'
@@ -49,6 +52,7 @@ complete -c pve-sim -n "__fish_pve_sim_needs_command" -s V -l version -d 'Print 
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "run" -d 'Runs devices on a bus (the default command)'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "use-case" -d 'Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "campaign" -d 'Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "decode" -d 'Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "replay" -d 'Replays a recording against simulated devices in virtual time: compares their frames with the recording, and sends them all other frames; exit 1 on differences'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "set" -d 'Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached'
@@ -70,6 +74,9 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l color -d 'Colour
 always\t'Laid out with colour, even into a pipe'
 never\t'Laid out on a terminal, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l plan -d 'Run the devices of a campaign\'s scenario, inject the fault of a cell and judge the controller: docs/campaigns.md' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l cell -d 'The cell: its number, or ROW@MICROSECONDS' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l plan-seed -d 'Replaces the seeds of the plan' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l beacon -d 'Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-real-bus -d 'Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only simulated devices can lose frames'
@@ -85,6 +92,27 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l seed -d 'Th
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l verbose -d 'Print the trace of each scenario, with the notes of its steps'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l schema -d 'Print the format of a scenario as a JSON schema, for editors'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l seed -d 'Replace the seeds of the plan by one: 0–18446744073709551615' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l jobs -d 'Run N faults at once [default: the number of processors]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l shard -d 'Run part K of N; `pve-sim campaign merge` joins the results' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l cell -d 'Run one cell alone and print its explained trace: its number, or ROW@MICROSECONDS' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l results -d 'The results file, one JSON value a line [default: PLAN.results.jsonl, in the current folder]' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l html -d 'Write a page with matrix, reaction times and traces to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l csv -d 'Write a line for each cell to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l json -d 'Write all results to FILE as one JSON document' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l junit -d 'Write the results to FILE as JUnit XML, a test case for each fault' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l resume -d 'Keep the complete rows in the results file, and run the others'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l no-fork -d 'Run each cell from 0 ms instead of from a copy of the run without a fault; the verdicts are the same'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l list -d 'Print the cells, one JSON value a line, and run none'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l schema -d 'Print the format of a plan as a JSON schema, for editors'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -a "merge" -d 'Joins the results of shards, and reports them; exit 1 if a limit is broken or a row is missing'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l results -d 'Write the joined results to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l html -d 'Write a page with matrix, reaction times and traces to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l csv -d 'Write a line for each cell to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l json -d 'Write all results to FILE as one JSON document' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l junit -d 'Write the results to FILE as JUnit XML, a test case for each fault' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -l device -d 'A device on the bus, as for run; repeatable. Without this option, devices are recognised by their frames' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l device -d 'A simulated device in place of one in the recording, as for run; repeatable' -r
@@ -101,15 +129,17 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand eds" -s h -l help -d 'Pr
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand dbc" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand completions" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand man" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "run" -d 'Runs devices on a bus (the default command)'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "use-case" -d 'Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "decode" -d 'Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "replay" -d 'Replays a recording against simulated devices in virtual time: compares their frames with the recording, and sends them all other frames; exit 1 on differences'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "set" -d 'Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "status" -d 'Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "eds" -d 'Prints the EDS of a CANopen kind, generated from its object dictionary'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "dbc" -d 'Prints the DBC of an ISOBUS kind, with its messages at each address'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "completions" -d 'Prints the completion script for a shell'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "man" -d 'Prints the manual page, in roff'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay set status eds dbc completions man help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "run" -d 'Runs devices on a bus (the default command)'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "use-case" -d 'Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "campaign" -d 'Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "decode" -d 'Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "replay" -d 'Replays a recording against simulated devices in virtual time: compares their frames with the recording, and sends them all other frames; exit 1 on differences'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "set" -d 'Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "status" -d 'Prints the states of the devices in a running simulator; exit 1 if the device does not exist or the simulator cannot be reached'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "eds" -d 'Prints the EDS of a CANopen kind, generated from its object dictionary'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "dbc" -d 'Prints the DBC of an ISOBUS kind, with its messages at each address'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "completions" -d 'Prints the completion script for a shell'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "man" -d 'Prints the manual page, in roff'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and __fish_seen_subcommand_from campaign" -f -a "merge" -d 'Joins the results of shards, and reports them; exit 1 if a limit is broken or a row is missing'

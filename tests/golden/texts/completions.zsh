@@ -27,6 +27,9 @@ _pve-sim() {
 always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
 '(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--device --link --bit-rate --state --seed --allow-clash --no-http)--plan=[Run the devices of a campaign'\''s scenario, inject the fault of a cell and judge the controller\: docs/campaigns.md]:PLAN.toml:_files' \
+'--cell=[The cell\: its number, or ROW@MICROSECONDS]:CELL:_default' \
+'--plan-seed=[Replaces the seeds of the plan]:N:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them]' \
 '--allow-real-bus[Allow communication faults with --bus socketcan\:, where they can affect real devices; without this option, only simulated devices can lose frames]' \
@@ -62,6 +65,9 @@ _arguments "${_arguments_options[@]}" : \
 always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
 '(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--device --link --bit-rate --state --seed --allow-clash --no-http)--plan=[Run the devices of a campaign'\''s scenario, inject the fault of a cell and judge the controller\: docs/campaigns.md]:PLAN.toml:_files' \
+'--cell=[The cell\: its number, or ROW@MICROSECONDS]:CELL:_default' \
+'--plan-seed=[Replaces the seeds of the plan]:N:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them]' \
 '--allow-real-bus[Allow communication faults with --bus socketcan\:, where they can affect real devices; without this option, only simulated devices can lose frames]' \
@@ -91,6 +97,50 @@ _arguments "${_arguments_options[@]}" : \
 '--help[Print help]' \
 '*::files -- The scenario files, in the order of the report; docs/scenarios.md describes their format:_files' \
 && ret=0
+;;
+(campaign)
+_arguments "${_arguments_options[@]}" : \
+'--seed=[Replace the seeds of the plan by one\: 0–18446744073709551615]:N:_default' \
+'--jobs=[Run N faults at once \[default\: the number of processors\]]:N:_default' \
+'--shard=[Run part K of N; \`pve-sim campaign merge\` joins the results]:K/N:_default' \
+'(--jobs --shard --resume --no-fork --results --html --csv --json --junit)--cell=[Run one cell alone and print its explained trace\: its number, or ROW@MICROSECONDS]:CELL:_default' \
+'--results=[The results file, one JSON value a line \[default\: PLAN.results.jsonl, in the current folder\]]:FILE:_files' \
+'--html=[Write a page with matrix, reaction times and traces to FILE]:FILE:_files' \
+'--csv=[Write a line for each cell to FILE]:FILE:_files' \
+'--json=[Write all results to FILE as one JSON document]:FILE:_files' \
+'--junit=[Write the results to FILE as JUnit XML, a test case for each fault]:FILE:_files' \
+'--resume[Keep the complete rows in the results file, and run the others]' \
+'--no-fork[Run each cell from 0 ms instead of from a copy of the run without a fault; the verdicts are the same]' \
+'(--cell --jobs --shard --resume --no-fork --results --html --csv --json --junit)--list[Print the cells, one JSON value a line, and run none]' \
+'--schema[Print the format of a plan as a JSON schema, for editors]' \
+'-h[Print help]' \
+'--help[Print help]' \
+'::plan -- The plan; the format\: docs/campaigns.md:_files' \
+":: :_pve-sim__subcmd__campaign_commands" \
+"*::: :->campaign" \
+&& ret=0
+
+    case $state in
+    (campaign)
+        words=($line[2] "${words[@]}")
+        (( CURRENT += 1 ))
+        curcontext="${curcontext%:*:*}:pve-sim-campaign-command-$line[2]:"
+        case $line[2] in
+            (merge)
+_arguments "${_arguments_options[@]}" : \
+'--results=[Write the joined results to FILE]:FILE:_files' \
+'--html=[Write a page with matrix, reaction times and traces to FILE]:FILE:_files' \
+'--csv=[Write a line for each cell to FILE]:FILE:_files' \
+'--json=[Write all results to FILE as one JSON document]:FILE:_files' \
+'--junit=[Write the results to FILE as JUnit XML, a test case for each fault]:FILE:_files' \
+'-h[Print help]' \
+'--help[Print help]' \
+'*::files -- The results files of the shards:_files' \
+&& ret=0
+;;
+        esac
+    ;;
+esac
 ;;
 (decode)
 _arguments "${_arguments_options[@]}" : \
@@ -180,6 +230,26 @@ _arguments "${_arguments_options[@]}" : \
 _arguments "${_arguments_options[@]}" : \
 && ret=0
 ;;
+(campaign)
+_arguments "${_arguments_options[@]}" : \
+":: :_pve-sim__subcmd__help__subcmd__campaign_commands" \
+"*::: :->campaign" \
+&& ret=0
+
+    case $state in
+    (campaign)
+        words=($line[1] "${words[@]}")
+        (( CURRENT += 1 ))
+        curcontext="${curcontext%:*:*}:pve-sim-help-campaign-command-$line[1]:"
+        case $line[1] in
+            (merge)
+_arguments "${_arguments_options[@]}" : \
+&& ret=0
+;;
+        esac
+    ;;
+esac
+;;
 (decode)
 _arguments "${_arguments_options[@]}" : \
 && ret=0
@@ -231,6 +301,7 @@ _pve-sim_commands() {
 'run:Runs devices on a bus (the default command)' \
 'use-case:Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs' \
 'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read' \
+'campaign:Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read' \
 'decode:Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed' \
 'replay:Replays a recording against simulated devices in virtual time\: compares their frames with the recording, and sends them all other frames; exit 1 on differences' \
 'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
@@ -242,6 +313,18 @@ _pve-sim_commands() {
 'help:Print this message or the help of the given subcommand(s)' \
     )
     _describe -t commands 'pve-sim commands' commands "$@"
+}
+(( $+functions[_pve-sim__subcmd__campaign_commands] )) ||
+_pve-sim__subcmd__campaign_commands() {
+    local commands; commands=(
+'merge:Joins the results of shards, and reports them; exit 1 if a limit is broken or a row is missing' \
+    )
+    _describe -t commands 'pve-sim campaign commands' commands "$@"
+}
+(( $+functions[_pve-sim__subcmd__campaign__subcmd__merge_commands] )) ||
+_pve-sim__subcmd__campaign__subcmd__merge_commands() {
+    local commands; commands=()
+    _describe -t commands 'pve-sim campaign merge commands' commands "$@"
 }
 (( $+functions[_pve-sim__subcmd__completions_commands] )) ||
 _pve-sim__subcmd__completions_commands() {
@@ -269,6 +352,7 @@ _pve-sim__subcmd__help_commands() {
 'run:Runs devices on a bus (the default command)' \
 'use-case:Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs' \
 'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read' \
+'campaign:Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read' \
 'decode:Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed' \
 'replay:Replays a recording against simulated devices in virtual time\: compares their frames with the recording, and sends them all other frames; exit 1 on differences' \
 'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
@@ -280,6 +364,18 @@ _pve-sim__subcmd__help_commands() {
 'help:Print this message or the help of the given subcommand(s)' \
     )
     _describe -t commands 'pve-sim help commands' commands "$@"
+}
+(( $+functions[_pve-sim__subcmd__help__subcmd__campaign_commands] )) ||
+_pve-sim__subcmd__help__subcmd__campaign_commands() {
+    local commands; commands=(
+'merge:Joins the results of shards, and reports them; exit 1 if a limit is broken or a row is missing' \
+    )
+    _describe -t commands 'pve-sim help campaign commands' commands "$@"
+}
+(( $+functions[_pve-sim__subcmd__help__subcmd__campaign__subcmd__merge_commands] )) ||
+_pve-sim__subcmd__help__subcmd__campaign__subcmd__merge_commands() {
+    local commands; commands=()
+    _describe -t commands 'pve-sim help campaign merge commands' commands "$@"
 }
 (( $+functions[_pve-sim__subcmd__help__subcmd__completions_commands] )) ||
 _pve-sim__subcmd__help__subcmd__completions_commands() {

@@ -31,4 +31,5 @@ calls! {
     the_panel_outlives_the_simulator: look("away.mjs");
     twenty_valves_leave_the_browser_time: look("pace.mjs");
     a_web_page_sends_nothing_to_the_bus: look("foreign.mjs");
+    the_page_of_a_campaign_is_read_filtered_and_printed: look("campaign.mjs");
 }

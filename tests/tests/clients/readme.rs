@@ -115,6 +115,7 @@ fn every_block_of_the_readme_is_gone_through() {
         ("./python[can]", "./test: it builds, installs and tests the Python package"),
         ("@pytest.mark.pve_sim", "the_readme_shows_the_test_of_the_python_package"),
         ("scenario scenarios/", "the_scenarios_of_the_readme_pass"),
+        ("campaign scenarios/", "the_campaign_of_the_readme_runs"),
     ];
     for (_, block) in blocks(README) {
         assert!(known.iter().any(|(words, _)| block.contains(words)), "nothing goes through this:\n{block}");
@@ -164,6 +165,22 @@ fn the_scenarios_of_the_readme_pass() {
     let run = output(Command::new(&*PVE_SIM).args(words).current_dir(root()));
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stdout));
     assert!(fs::read_to_string(results).expect("the results").contains("failures=\"0\""));
+}
+
+/// A seventh of it.
+#[test]
+fn the_campaign_of_the_readme_runs() {
+    let block = block(README, "campaign scenarios/");
+    let words = block.trim_end().strip_prefix("cargo run --release -- ").expect("a command line").split(' ');
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = folder.path().join("campaign.html");
+    let words = words.map(|word| if word == "campaign.html" { page.as_os_str() } else { word.as_ref() });
+    let mut campaign = Command::new(&*PVE_SIM);
+    campaign.args(words).args(["--shard", "1/7", "--results"]).arg(folder.path().join("results"));
+    let run = output(campaign.current_dir(root()));
+    let told = String::from_utf8_lossy(&run.stdout);
+    assert!(told.ends_with(" failed\n"), "{told}{}", String::from_utf8_lossy(&run.stderr));
+    assert!(fs::read_to_string(page).expect("the page").starts_with("<!doctype html>"));
 }
 
 /// The calls of curl in the guide, one after the other, each of which is answered.

@@ -6,7 +6,7 @@ use axum::Json;
 use serde_json::{Value, json};
 use utoipa::{OpenApi, ToSchema};
 
-use super::{bus, devices, events, frames, time, trace, wait};
+use super::{bus, cell, devices, events, frames, time, trace, wait};
 use crate::http::error::Error;
 use hal_sim::simulation::BusTrouble;
 use hal_sim::simulation::TimedOut;
@@ -39,6 +39,7 @@ use hal_sim::state::{BusChange, Disturb, FaultRequest, PlantChange, PowerChange}
         wait::wait,
         time::show,
         time::advance,
+        cell::show,
         trace::show,
         events::follow,
     ),

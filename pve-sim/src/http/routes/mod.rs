@@ -1,6 +1,7 @@
 //! The calls, by resource, and their description.
 
 mod bus;
+mod cell;
 mod description;
 mod devices;
 mod events;
@@ -79,6 +80,7 @@ pub(super) fn router(world: WorldSender) -> Router {
         .route("/bus/frames", post(frames::send).delete(frames::stop))
         .route("/wait", post(wait::wait))
         .route("/time", get(time::show).post(time::advance))
+        .route("/cell", get(cell::show))
         .route("/trace", get(trace::show))
         .route("/events", get(events::follow))
         .route("/openapi.json", get(description::show));

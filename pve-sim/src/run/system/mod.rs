@@ -21,7 +21,8 @@ mod own;
 #[path = "windows.rs"]
 mod own;
 
+pub(crate) use own::Signals;
 pub(super) use own::{
-    HAS_JOBS, Modes, Signals, disable_timer_slack, interrupt, is_same_file, max_open_files, open_exclusively, suspend,
+    HAS_JOBS, Modes, disable_timer_slack, interrupt, is_same_file, max_open_files, open_exclusively, suspend,
     wait_for_foreground, wait_for_hangup, wait_for_input,
 };

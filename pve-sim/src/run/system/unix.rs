@@ -27,11 +27,11 @@ const STOP: Duration = Duration::from_secs(2);
 
 /// The signals that end a run.
 #[derive(Debug)]
-pub(in crate::run) struct Signals(Vec<unix::Signal>);
+pub(crate) struct Signals(Vec<unix::Signal>);
 
 impl Signals {
     /// Installs handlers of SIGINT, SIGTERM and SIGHUP, except for a SIGHUP that is ignored, as under `nohup`.
-    pub(in crate::run) fn install() -> io::Result<Self> {
+    pub(crate) fn install() -> io::Result<Self> {
         let mut kinds = vec![SignalKind::interrupt(), SignalKind::terminate()];
         if !hangup_is_ignored() {
             kinds.push(SignalKind::hangup());
@@ -39,7 +39,7 @@ impl Signals {
         kinds.into_iter().map(signal).collect::<io::Result<_>>().map(Self)
     }
 
-    pub(in crate::run) async fn wait(&mut self) {
+    pub(crate) async fn wait(&mut self) {
         std::future::poll_fn(|context| {
             let came = self.0.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
             if came { Poll::Ready(()) } else { Poll::Pending }

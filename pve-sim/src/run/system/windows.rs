@@ -11,7 +11,7 @@ use tokio::signal::windows::{
 
 /// The console events that end a run.
 #[derive(Debug)]
-pub(in crate::run) struct Signals {
+pub(crate) struct Signals {
     interrupt: CtrlC,
     brk: CtrlBreak,
     close: CtrlClose,
@@ -21,7 +21,7 @@ pub(in crate::run) struct Signals {
 
 impl Signals {
     /// Listens to Ctrl-C, Ctrl-Break, the closed window, and the end of the session and of the system.
-    pub(in crate::run) fn install() -> io::Result<Self> {
+    pub(crate) fn install() -> io::Result<Self> {
         Ok(Self {
             interrupt: ctrl_c()?,
             brk: ctrl_break()?,
@@ -33,7 +33,7 @@ impl Signals {
 
     /// Waits for one of the events. After a closed window, a log-off or a shutdown, Windows grants the process some
     /// seconds.
-    pub(in crate::run) async fn wait(&mut self) {
+    pub(crate) async fn wait(&mut self) {
         tokio::select! {
             _ = self.interrupt.recv() => {}
             _ = self.brk.recv() => {}

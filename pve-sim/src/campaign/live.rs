@@ -1,0 +1,130 @@
+//! A cell whose controller is a program: a simulator of its own at the plan's speed, the program on its bus, and the
+//! verdict by the control interface.
+
+use std::collections::VecDeque;
+use std::io::{self, BufRead as _, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use hal_sim::campaign::Verdict;
+
+use super::program::Program;
+use super::results::Cell;
+use crate::control::{Judged, JudgedCell};
+
+/// The time between two questions for the verdict.
+const PAUSE: Duration = Duration::from_millis(20);
+/// The wall-clock time beyond that of the cell after which a simulator without a verdict has failed.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// The lines of the trace that are kept, the last ones.
+const KEPT: usize = 200;
+
+/// The way to run the cells of a plan with a program.
+#[derive(Clone, Debug)]
+pub(super) struct Live {
+    /// The program with its arguments.
+    pub(super) controller: Vec<String>,
+    pub(super) plan: PathBuf,
+    pub(super) seed: Option<u64>,
+    pub(super) speed: f64,
+}
+
+/// A simulator that judges a cell.
+struct Simulator {
+    process: Child,
+    /// The URLs of the bus and of the control interface.
+    bus: String,
+    http: String,
+    trace: Arc<Mutex<VecDeque<String>>>,
+}
+
+impl Live {
+    /// Runs the cell with a number and an instant. Returns its result, and its trace with the output of the program.
+    pub(super) fn run(&self, number: u64, at_us: u64) -> io::Result<(Cell, String)> {
+        let mut simulator = Simulator::start(self, number)?;
+        let words = &self.controller;
+        let name = |error: io::Error| {
+            io::Error::new(error.kind(), format!("controller {}: {error}", words.first().map_or("", String::as_str)))
+        };
+        let mut program = Program::start(words, &simulator.bus).map_err(name)?;
+        let began = Instant::now();
+        let judged = loop {
+            // A verdict counts before the end of the program.
+            let ended = program.ended();
+            let cell = simulator.ask()?;
+            if let Some(judged) = cell.result {
+                break judged;
+            }
+            if ended.is_some() {
+                break Judged { verdict: Verdict::Hung.to_string(), detected_us: None, safe_us: None, struck: 0 };
+            }
+            let longest = Duration::from_micros(cell.until_us).div_f64(self.speed.max(1e-6)) + PATIENCE;
+            if began.elapsed() > longest {
+                return Err(io::Error::other(format!("cell {number}: no verdict within {longest:.0?}")));
+            }
+            thread::sleep(PAUSE);
+        };
+        let said = program.end();
+        let trace = simulator.end();
+        let Judged { verdict, detected_us, safe_us, struck } = judged;
+        let verdict = Verdict::ALL.into_iter().find(|known| known.word() == verdict).unwrap_or(Verdict::Hung);
+        let cell = Cell { number: Some(number), at_us, verdict, detected_us, safe_us, struck };
+        Ok((cell, format!("{trace}\n-- output of the controller:\n{said}").trim_end().to_owned()))
+    }
+}
+
+impl Simulator {
+    fn start(live: &Live, number: u64) -> io::Result<Self> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .args(["run", "--bus", "socketcand://127.0.0.1:0/pve0", "--http", "127.0.0.1:0", "--plan"])
+            .arg(&live.plan);
+        command.args(["--cell", &number.to_string(), "--speed", &live.speed.to_string()]);
+        if let Some(seed) = live.seed {
+            command.args(["--plan-seed", &seed.to_string()]);
+        }
+        // The simulator ends when its stdout has no reader, so also with this process.
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut process = command.spawn()?;
+        let mut stdout = BufReader::new(process.stdout.take().ok_or(io::ErrorKind::BrokenPipe)?);
+        let mut ready = String::new();
+        stdout.read_line(&mut ready)?;
+        let word = |mark: &str| ready.split_whitespace().find_map(|word| word.strip_prefix(mark)).map(str::to_owned);
+        let (Some(bus), Some(http)) = (word("bus="), word("http=")) else {
+            return Err(io::Error::other(format!("cell {number}: the simulator did not start")));
+        };
+        let trace = Arc::new(Mutex::new(VecDeque::new()));
+        let kept = trace.clone();
+        thread::spawn(move || {
+            for line in stdout.lines().map_while(Result::ok) {
+                let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+                kept.push_back(line);
+                if kept.len() > KEPT {
+                    kept.pop_front();
+                }
+            }
+        });
+        Ok(Self { process, bus, http, trace })
+    }
+
+    fn ask(&mut self) -> io::Result<JudgedCell> {
+        let answer = ureq::get(format!("{}api/v1/cell", self.http)).call().map_err(io::Error::other)?;
+        serde_json::from_reader(answer.into_body().into_reader()).map_err(io::Error::other)
+    }
+
+    /// Ends the simulator; returns the last lines of its trace.
+    fn end(self) -> String {
+        let trace = self.trace.lock().unwrap_or_else(PoisonError::into_inner);
+        trace.iter().cloned().collect::<Vec<_>>().join("\n")
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

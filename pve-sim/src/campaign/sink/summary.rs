@@ -1,0 +1,100 @@
+//! The summary on stdout: each fault with its verdicts, its worst instant, and the command that reproduces it.
+
+use std::io::{self, Write};
+
+use hal_sim::campaign::Verdict;
+
+use crate::campaign::manifest::{LimitsUs, Manifest};
+use crate::campaign::results::{Cell, Row};
+
+/// The summary of a campaign.
+pub(in crate::campaign) struct Summary<'a> {
+    manifest: &'a Manifest,
+    cells: usize,
+    failed: usize,
+    /// The cells of the grid whose fault was injected, and those of them that were detected.
+    injected: usize,
+    detected: usize,
+    not_injected: usize,
+}
+
+impl<'a> Summary<'a> {
+    pub(super) const fn new(manifest: &'a Manifest) -> Self {
+        Self { manifest, cells: 0, failed: 0, injected: 0, detected: 0, not_injected: 0 }
+    }
+
+    /// Writes the lines of a row.
+    pub(super) fn row(&mut self, row: &Row, out: &mut dyn Write) -> io::Result<()> {
+        let failed = failed(row);
+        self.cells += row.cells.len();
+        self.failed += failed;
+        let grid = row.cells.iter().filter(|cell| cell.number.is_some());
+        let (not_injected, injected): (Vec<&Cell>, Vec<&Cell>) =
+            grid.partition(|cell| cell.verdict == Verdict::NotInjected);
+        self.not_injected += not_injected.len();
+        self.injected += injected.len();
+        self.detected += injected.iter().filter(|cell| cell.detected_us.is_some()).count();
+        let word = if failed == 0 { "ok   " } else { "FAIL " };
+        let seed = if self.manifest.seeds.len() > 1 { format!(" (seed {})", row.head.seed) } else { String::new() };
+        writeln!(out, "{word}{}{seed}: {}", row.head.fault, counts(row))?;
+        if let Some(worst) = row.worst().filter(|worst| worst.verdict != Verdict::NoEffect) {
+            writeln!(out, "       worst: {}", reaction(worst, &self.manifest.limits))?;
+            if failed > 0 {
+                writeln!(out, "       {}", row.command(self.manifest, worst))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the last lines.
+    pub(super) fn end(&self, out: &mut dyn Write) -> io::Result<()> {
+        if self.manifest.limits.detected_us.is_some() {
+            writeln!(out, "{} of {} injected faults detected", self.detected, self.injected)?;
+        }
+        if self.not_injected > 0 {
+            writeln!(out, "{} faults were not injected: these cells prove nothing", self.not_injected)?;
+        }
+        if let Some(missing) = &self.manifest.missing {
+            writeln!(out, "missing: {missing}")?;
+        }
+        writeln!(out, "{} passed, {} failed", self.cells - self.failed, self.failed)
+    }
+
+    /// Returns whether each cell passed and none is missing.
+    pub(super) const fn passed(&self) -> bool {
+        self.failed == 0 && self.cells > 0 && self.manifest.missing.is_none()
+    }
+}
+
+/// Returns the number of cells of a row that broke a limit.
+pub(super) fn failed(row: &Row) -> usize {
+    row.cells.iter().filter(|cell| !cell.verdict.passed()).count()
+}
+
+/// Returns the verdicts of a row in words, the worst first.
+pub(super) fn counts(row: &Row) -> String {
+    let counts = row.counts().into_iter().map(|(verdict, count)| format!("{count} {verdict}"));
+    let cells = if row.cells.len() == 1 { "1 cell".to_owned() } else { format!("{} cells", row.cells.len()) };
+    format!("{cells}: {}", counts.collect::<Vec<_>>().join(", "))
+}
+
+/// Returns verdict and instant of a cell, and the times of the oracles that the plan has, in words.
+pub(in crate::campaign) fn reaction(cell: &Cell, limits: &LimitsUs) -> String {
+    let after = |word: &str, time: Option<u64>| match time {
+        Some(us) => format!(", {word} after {}", milliseconds(us)),
+        None => format!(", not {word}"),
+    };
+    let detected = limits.detected_us.map(|_| after("detected", cell.detected_us));
+    let safe = limits.safe_us.map(|_| after("safe", cell.safe_us));
+    format!(
+        "{} at {}{}{}",
+        cell.verdict,
+        milliseconds(cell.at_us),
+        detected.unwrap_or_default(),
+        safe.unwrap_or_default()
+    )
+}
+
+fn milliseconds(us: u64) -> String {
+    format!("{}.{:03} ms", us / 1000, us % 1000)
+}

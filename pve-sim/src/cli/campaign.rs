@@ -1,0 +1,156 @@
+//! The options of `campaign`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand, ValueHint};
+use hal_sim::campaign;
+
+use super::options::seed;
+use super::{Request, UsageError};
+use crate::campaign::{CellOptions, MergeOptions, Reports, RunOptions, Shard, Which};
+
+/// The arguments of `campaign`.
+#[derive(Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, disable_help_subcommand = true)]
+pub(super) struct CampaignArgs {
+    #[command(subcommand)]
+    command: Option<CampaignCommand>,
+
+    /// The plan; the format: docs/campaigns.md
+    #[arg(value_name = "PLAN.toml", value_hint = ValueHint::FilePath, required_unless_present = "schema")]
+    plan: Option<PathBuf>,
+
+    /// Replace the seeds of the plan by one: 0–18446744073709551615
+    #[arg(long, value_name = "N", value_parser = seed)]
+    seed: Option<u64>,
+
+    /// Run N faults at once [default: the number of processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+
+    /// Run part K of N; `pve-sim campaign merge` joins the results
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+
+    /// Keep the complete rows in the results file, and run the others
+    #[arg(long)]
+    resume: bool,
+
+    /// Run each cell from 0 ms instead of from a copy of the run without a fault; the verdicts are the same
+    #[arg(long)]
+    no_fork: bool,
+
+    /// Run one cell alone and print its explained trace: its number, or ROW@MICROSECONDS
+    #[arg(long, value_name = "CELL", conflicts_with_all = ["jobs", "shard", "resume", "no_fork", "results", "html", "csv", "json", "junit"])]
+    cell: Option<Which>,
+
+    /// Print the cells, one JSON value a line, and run none
+    #[arg(long, conflicts_with_all = ["cell", "jobs", "shard", "resume", "no_fork", "results", "html", "csv", "json", "junit"])]
+    list: bool,
+
+    /// The results file, one JSON value a line [default: PLAN.results.jsonl, in the current folder]
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    results: Option<PathBuf>,
+
+    #[command(flatten)]
+    reports: ReportArgs,
+
+    /// Print the format of a plan as a JSON schema, for editors
+    #[arg(long, exclusive = true)]
+    schema: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum CampaignCommand {
+    /// Joins the results of shards, and reports them; exit 1 if a limit is broken or a row is missing
+    Merge(MergeArgs),
+}
+
+/// The arguments of `campaign merge`.
+#[derive(Args, Debug)]
+struct MergeArgs {
+    /// The results files of the shards
+    #[arg(value_name = "RESULTS", required = true, value_hint = ValueHint::FilePath)]
+    files: Vec<PathBuf>,
+
+    /// Write the joined results to FILE
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    results: Option<PathBuf>,
+
+    #[command(flatten)]
+    reports: ReportArgs,
+}
+
+/// The files of the reports.
+#[derive(Args, Debug)]
+struct ReportArgs {
+    /// Write a page with matrix, reaction times and traces to FILE
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Reports")]
+    html: Option<PathBuf>,
+
+    /// Write a line for each cell to FILE
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Reports")]
+    csv: Option<PathBuf>,
+
+    /// Write all results to FILE as one JSON document
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Reports")]
+    json: Option<PathBuf>,
+
+    /// Write the results to FILE as JUnit XML, a test case for each fault
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Reports")]
+    junit: Option<PathBuf>,
+}
+
+/// Refuses to overwrite plans, scenarios and results of this command line.
+fn check(reports: &Reports, results: Option<&Path>, inputs: &[PathBuf]) -> Result<(), UsageError> {
+    let results = results.map(|path| ("--results", path));
+    let outputs: Vec<(&str, &Path)> = reports.files().chain(results).collect();
+    for (place, (option, path)) in outputs.iter().enumerate() {
+        let is_toml = path.extension().is_some_and(|end| end == "toml");
+        let is_taken =
+            inputs.iter().any(|input| input == path) || outputs[..place].iter().any(|(_, other)| other == path);
+        if is_toml || is_taken {
+            let why = if is_toml { "this is a plan or a scenario" } else { "this file is named twice" };
+            return Err(UsageError(format!("{option} {}: {why}; use a file of its own", path.display())));
+        }
+    }
+    Ok(())
+}
+
+impl From<ReportArgs> for Reports {
+    fn from(ReportArgs { html, csv, json, junit }: ReportArgs) -> Self {
+        Self { html, csv, json, junit }
+    }
+}
+
+impl TryFrom<CampaignArgs> for Request {
+    type Error = UsageError;
+
+    fn try_from(args: CampaignArgs) -> Result<Self, UsageError> {
+        if args.schema {
+            return Ok(Self::Print(campaign::schema()));
+        }
+        if let Some(CampaignCommand::Merge(MergeArgs { files, results, reports })) = args.command {
+            let reports = reports.into();
+            check(&reports, results.as_deref(), &files)?;
+            return Ok(Self::Merge(MergeOptions { files, results, reports }));
+        }
+        let Some(plan) = args.plan else { return Err(UsageError("campaign needs PLAN.toml".to_owned())) };
+        let (seed, shard) = (args.seed, args.shard);
+        if args.list {
+            return Ok(Self::Cells(plan, seed));
+        }
+        if let Some(which) = args.cell {
+            return Ok(Self::Cell(CellOptions { plan, seed, which }));
+        }
+        let results = args.results.unwrap_or_else(|| {
+            let name = plan.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            let shard = shard.map_or_else(String::new, |shard| format!(".{}", shard.to_string().replace('/', "-of-")));
+            format!("{name}{shard}.results.jsonl").into()
+        });
+        let reports = args.reports.into();
+        check(&reports, Some(&results), &[])?;
+        let (jobs, forked) = (args.jobs.map(usize::from), !args.no_fork);
+        Ok(Self::Campaign(RunOptions { plan, seed, jobs, shard, resume: args.resume, forked, results, reports }))
+    }
+}

@@ -1,0 +1,272 @@
+//! `pve-sim campaign`: verdicts, results files, shards, interruptions and refusals.
+
+use std::fs;
+use std::path::PathBuf;
+use std::thread;
+
+use rustix::process::{Pid, Signal, kill_process};
+
+use crate::simulator::{end_of, output, pve_sim, refusal, spawn};
+
+/// A valve in ACTIVE, whose set-point comes every 50 ms.
+const SCENARIO: &str = r#"
+devices = ["pvea-canopen@0x20,name=valve"]
+steps = [
+  { expect = "720#00" },
+  { send = "000#0100" },
+  { send = "220#0F00 0010", every_ms = 50 },
+  { at_ms = 1500, expect = { dsm = "active", position = 4096 } },
+]
+"#;
+
+/// The valve shuts down 2 s after a low supply, and after 250 ms without set-points; one set-point fewer is nothing.
+const PLAN: &str = r#"
+title = "Shutdown"
+scenario = "drive.toml"
+faults = [
+  { plant = { supply_mv = [8000, 40000] } },
+  { lose = "220", count = [1, 20], reference = "IEC 61784-3: loss" },
+]
+instants = { from_ms = 500, to_ms = 700, step_ms = 50 }
+safe = { expect = { dsm = "fault-hold", solenoids = false }, within_ms = 2100 }
+"#;
+
+/// A folder with a scenario and plans.
+struct Files(tempfile::TempDir);
+
+impl Files {
+    fn new() -> Self {
+        let files = Self(tempfile::tempdir().expect("a folder"));
+        files.write("drive.toml", SCENARIO);
+        files.write("plan.toml", PLAN);
+        files
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn text(&self, name: &str) -> String {
+        self.path(name).to_str().expect("text").to_owned()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).expect("a file");
+    }
+
+    fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).expect("text")
+    }
+
+    /// Runs `campaign` in the folder; returns the exit code, stdout and stderr.
+    fn run(&self, arguments: &[&str]) -> (Option<i32>, String, String) {
+        let ended = end_of(pve_sim(&[&["campaign"], arguments].concat()).current_dir(self.0.path()));
+        let text = |bytes| String::from_utf8(bytes).expect("text");
+        (ended.status.code(), text(ended.stdout), text(ended.stderr))
+    }
+}
+
+#[test]
+fn each_fault_has_its_verdict_and_its_command_gives_the_same() {
+    let files = Files::new();
+    let (code, told, errors) = files.run(&["plan.toml"]);
+    assert_eq!((code, errors.as_str()), (Some(0), ""), "{told}");
+    let starts = |line: &str| told.lines().filter(|told| told.starts_with(line)).count();
+    assert_eq!(starts("ok   valve: supply_mv = "), 2, "{told}");
+    assert_eq!(starts("ok   lose 220, count 1: 5 cells: 5 no-effect"), 1, "{told}");
+    assert_eq!(starts("       worst: safe at "), 3, "{told}");
+    assert!(told.contains(", safe after 2000.000 ms\n") && told.ends_with(" passed, 0 failed\n"), "{told}");
+
+    files.write("strict.toml", &PLAN.replace("2100", "1900"));
+    let (code, told, _) = files.run(&["strict.toml", "--csv", "cells.csv"]);
+    assert_eq!(code, Some(1), "{told}");
+    assert!(told.contains("FAIL valve: supply_mv = 8000: "), "{told}");
+    let commands: Vec<&str> = told.lines().filter_map(|line| line.trim().strip_prefix("pve-sim campaign ")).collect();
+    assert_eq!(commands.len(), 2, "{told}");
+    for command in commands {
+        let (code, told, _) = files.run(&command.split(' ').collect::<Vec<_>>());
+        assert_eq!(code, Some(1), "{told}");
+        let last = told.lines().last().expect("a line");
+        assert!(last.starts_with("FAIL valve: supply_mv = ") && last.contains(": late at "), "{told}");
+        assert!(told.contains("EMCY: supply too "), "{told}");
+    }
+    // Each cell of the grid, alone, is as in the campaign.
+    for line in files.read("cells.csv").lines().skip(1).filter(|line| line.split(',').nth(1) != Some("")).step_by(3) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let (_, told, _) = files.run(&["strict.toml", "--cell", fields[1]]);
+        let word = fields.iter().find(|field| ["late", "safe", "no-effect"].contains(field)).expect("a verdict");
+        assert!(told.lines().last().expect("a line").contains(&format!(": {word} at ")), "{line}\n{told}");
+    }
+}
+
+#[test]
+fn forks_shards_and_jobs_change_nothing() {
+    let files = Files::new();
+    assert_eq!(files.run(&["plan.toml", "--jobs", "1", "--html", "one.html"]).0, Some(0));
+    let whole = files.read("plan.results.jsonl");
+    assert_eq!(files.run(&["plan.toml", "--jobs", "3", "--results", "three"]).0, Some(0));
+    assert!(files.read("three") == whole);
+    assert_eq!(files.run(&["plan.toml", "--no-fork", "--results", "slow"]).0, Some(0));
+    assert!(files.read("slow").replace("\"forked\":false", "\"forked\":true") == whole);
+    for part in ["3/4", "1/4", "4/4", "2/4"] {
+        assert_eq!(files.run(&["plan.toml", "--shard", part]).0, Some(0), "{part}");
+    }
+    let parts = ["4", "2", "1", "3"].map(|part| format!("plan.{part}-of-4.results.jsonl"));
+    let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+    let merge =
+        |parts: &[&str]| files.run(&[&["merge", "--results", "merged", "--html", "merged.html"], parts].concat());
+    assert_eq!(merge(&parts).0, Some(0));
+    assert!(files.read("merged") == whole);
+    assert!(files.read("merged.html") == files.read("one.html"));
+    let (code, told, _) = merge(&parts[1..]);
+    assert_eq!(code, Some(1));
+    assert!(told.contains("\nmissing: 1 of 4 rows, with all their cells: 3\n"), "{told}");
+}
+
+#[test]
+fn an_interrupted_campaign_goes_on() {
+    let files = Files::new();
+    // So many cells that it does not end by itself.
+    files.write(
+        "long.toml",
+        &PLAN
+            .replace("to_ms = 700, step_ms = 50", "to_ms = 600, step_ms = 10")
+            .replace("[1, 20]", "[1, 2, 3, 4, 5, 6, 7, 8, 9]"),
+    );
+    let mut command = pve_sim(&["campaign", "long.toml", "--jobs", "1"]);
+    let (process, _watch) = spawn(command.current_dir(files.0.path()));
+    let rows =
+        || fs::read_to_string(files.path("long.results.jsonl")).unwrap_or_default().matches("{\"row\":{").count();
+    while rows() == 0 {
+        thread::yield_now();
+    }
+    kill_process(Pid::from_child(&process), Signal::INT).expect("it still runs");
+    let ended = process.wait_with_output().expect("its end");
+    assert_eq!((ended.status.code(), ended.stdout.len()), (Some(1), 0));
+    let line =
+        "pve-sim: interrupted; the complete rows are in long.results.jsonl: the same command with --resume goes on\n";
+    assert_eq!(String::from_utf8(ended.stderr).expect("text"), line);
+    let before = files.read("long.results.jsonl");
+    assert!((1..11).contains(&rows()), "{}", rows());
+
+    let (code, told, _) = files.run(&["long.toml", "--resume"]);
+    assert_eq!(code, Some(0), "{told}");
+    assert_eq!(rows(), 11);
+    assert!(files.read("long.results.jsonl").starts_with(&before));
+    // Nothing is left to do.
+    let begun = files.read("long.results.jsonl");
+    assert_eq!(files.run(&["long.toml", "--resume"]), (Some(0), told, String::new()));
+    assert!(files.read("long.results.jsonl") == begun);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_exit_1_with_one_line() {
+    let files = Files::new();
+    for option in ["--results", "--html", "--csv", "--json", "--junit"] {
+        let (code, _, errors) = files.run(&["plan.toml", option, "/dev/full"]);
+        assert_eq!(code, Some(1), "{option}");
+        assert!(errors.ends_with("/dev/full: No space left on device (os error 28)\n"), "{option}: {errors}");
+        assert_eq!(errors.lines().count(), 1, "{errors}");
+    }
+    files.write("notes", "mine");
+    let (code, _, errors) = files.run(&["plan.toml", "--results", "notes"]);
+    assert_eq!(
+        (code, errors.as_str()),
+        (Some(1), "pve-sim: notes: holds no results of a campaign, and is not replaced\n")
+    );
+    assert_eq!(files.read("notes"), "mine");
+}
+
+#[test]
+fn a_plan_that_cannot_be_read_is_exit_2_before_anything_runs() {
+    let files = Files::new();
+    let instants = "from_ms = 0, to_ms = 99999999, step_ms = 1";
+    for (name, text, said) in [
+        ("typo.toml", PLAN.replace("faults", "fault"), ":4: unknown key 'fault'; did you mean 'faults'?"),
+        ("word.toml", PLAN.replace("supply_mv", "suply_mv"), ":5: "),
+        ("many.toml", PLAN.replace("from_ms = 500, to_ms = 700, step_ms = 50", instants), ""),
+        ("never.toml", PLAN.replace("fault-hold\"", "fault-holding\""), ":9: "),
+        ("none.toml", PLAN.replace("drive.toml", "away.toml"), ":3: scenario: away.toml: No such file"),
+    ] {
+        files.write(name, &text);
+        let file = files.text(name);
+        let line = refusal(&["campaign", &file, "--results", &files.text("results")], 2);
+        assert!(line.starts_with(&format!("pve-sim: {file}:")) && line.contains(said), "{line}");
+    }
+    assert!(!files.path("results").exists());
+    refusal(&["campaign", "nowhere.toml"], 2);
+    let plan = files.text("plan.toml");
+    refusal(&["campaign", &plan, "--html", &plan], 2);
+    refusal(&["campaign", &plan, "--cell", "1000"], 2);
+    refusal(&["campaign", &plan, "--shard", "5/4"], 2);
+    refusal(&["campaign", "merge", &plan], 1);
+}
+
+#[test]
+fn a_run_without_a_fault_that_fails_is_exit_1() {
+    let files = Files::new();
+    files.write("drive.toml", &SCENARIO.replace("position = 4096", "position = 4097"));
+    let (code, told, errors) = files.run(&["plan.toml"]);
+    assert_eq!((code, told.as_str()), (Some(1), ""));
+    assert!(errors.starts_with("pve-sim: plan.toml: ") && errors.contains("4097"), "{errors}");
+    assert!(!files.path("plan.results.jsonl").exists());
+}
+
+#[test]
+fn the_schema_is_that_of_the_page() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/campaign.schema.json");
+    let told = String::from_utf8(output(&["campaign", "--schema"]).stdout).expect("text");
+    assert!(
+        told == fs::read_to_string(path).expect("the copy"),
+        "pve-sim campaign --schema > docs/campaign.schema.json"
+    );
+}
+
+/// A plan whose controller is a program.
+fn with_program(words: &str) -> String {
+    PLAN.replace("from_ms = 500, to_ms = 700", "from_ms = 20, to_ms = 20").replace("[8000, 40000]", "8000")
+        + &format!("controller = {words}\nspeed = 10\nobserve_ms = 2200\n")
+}
+
+#[test]
+fn a_program_is_the_controller_and_its_end_is_a_verdict() {
+    let files = Files::new();
+    files.write(
+        "ends.toml",
+        &with_program("[\"sh\", \"-c\", \"echo on $0; exit 3\", \"{bus}\"]").replace("[1, 20]", "1"),
+    );
+    let (code, told, errors) = files.run(&["ends.toml", "--json", "ends.json"]);
+    assert_eq!((code, errors.as_str()), (Some(1), ""), "{told}");
+    assert!(told.ends_with("0 passed, 2 failed\n") && told.contains("1 hung"), "{told}");
+    assert!(files.read("ends.json").contains("on socketcand://127.0.0.1:"), "its output is kept");
+
+    // Nobody drives the valve: the low supply is noticed by its own monitor.
+    files.write("lives.toml", &with_program("[\"sh\", \"-c\", \"sleep 1000; :\"]"));
+    let (code, told, errors) = files.run(&["lives.toml", "--cell", "0"]);
+    assert_eq!((code, errors.as_str()), (Some(0), ""), "{told}");
+    assert!(told.contains(": safe at 20.000 ms, safe after 2000.000 ms\n"), "{told}");
+
+    files.write("none.toml", &with_program("[\"no-such-program\"]"));
+    let (code, _, errors) = files.run(&["none.toml"]);
+    assert_eq!(code, Some(1));
+    assert!(errors.starts_with("pve-sim: controller no-such-program: No such file"), "{errors}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn programs_end_with_an_interrupted_campaign() {
+    let files = Files::new();
+    let script = "[\"sh\", \"-c\", \"sleep 1000 & echo $! > pid; mv pid child; wait\"]";
+    files.write("long.toml", &with_program(script).replace("speed = 10", "speed = 0.001"));
+    let (process, _watch) = spawn(pve_sim(&["campaign", "long.toml", "--jobs", "1"]).current_dir(files.0.path()));
+    while !files.path("child").exists() {
+        thread::yield_now();
+    }
+    kill_process(Pid::from_child(&process), Signal::INT).expect("it still runs");
+    assert_eq!(process.wait_with_output().expect("its end").status.code(), Some(1));
+    let stat = format!("/proc/{}/stat", files.read("child").trim());
+    while fs::read_to_string(&stat).is_ok_and(|stat| !stat.contains(") Z ")) {
+        thread::yield_now();
+    }
+}
