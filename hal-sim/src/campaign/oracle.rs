@@ -2,6 +2,7 @@
 
 use protocol_core::frame::Id;
 use protocol_core::time::Duration;
+use toml::Table;
 
 use super::file::{Detected, Safe};
 use crate::devices::NamedDevice;
@@ -61,10 +62,7 @@ impl Detected {
         let what = match (expect, stops) {
             (Some(Expected::Frame(frame)), None) => Proof::Frames(frames(vec![frame])?),
             (Some(Expected::Frames(list)), None) => Proof::Frames(frames(list)?),
-            (Some(Expected::State(state)), None) => {
-                let device = device(devices, name.as_deref(), true)?;
-                Proof::State(wanted(&device, state).map_err(within("expect"))?)
-            }
+            (Some(Expected::State(state)), None) => Proof::State(self::state(devices, name.as_deref(), state)?),
             (None, Some(stops)) => {
                 let span = for_ms.ok_or("for_ms is missing: the silence that proves that the frame has stopped")?;
                 let extended = stops.needs_29_bits().then_some(true);
@@ -85,13 +83,18 @@ impl Safe {
     /// The reason, with the accepted values.
     pub(super) fn check(self, devices: &[NamedDevice]) -> Result<Oracle<SafeState>, String> {
         let Self { expect, device: name, for_ms, within_ms } = self;
-        if expect.contains_key("t_us") {
-            return Err("expect: t_us is an instant, not a state; remove it".to_owned());
-        }
-        let device = device(devices, name.as_deref(), true)?;
-        let state = wanted(&device, expect).map_err(within("expect"))?;
+        let state = state(devices, name.as_deref(), expect)?;
         Ok(Oracle { what: SafeState { state, span: for_ms.map(millis) }, within: millis(within_ms) })
     }
+}
+
+/// Checks a state against the devices on the bus.
+fn state(devices: &[NamedDevice], name: Option<&str>, state: Table) -> Result<Wanted, String> {
+    if state.contains_key("t_us") {
+        return Err("expect: t_us is an instant, not a state; remove it".to_owned());
+    }
+    let device = device(devices, name, true)?;
+    wanted(&device, state).map_err(within("expect"))
 }
 
 fn millis(ms: u32) -> Duration {

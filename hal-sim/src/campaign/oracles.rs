@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use protocol_core::device::View;
+use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::oracle::{Proof, SafeState};
@@ -10,7 +12,7 @@ use crate::Kind;
 use crate::scenario::runner::Watch;
 use crate::scenario::step::Wanted;
 use crate::simulation::{Happened, Simulation};
-use crate::state::DeviceState;
+use crate::state::{DeviceState, Pattern};
 use crate::world::NodeId;
 
 /// The oracles of a run. Before the fault, they only follow the frame that may stop.
@@ -34,10 +36,10 @@ struct Injected {
 #[derive(Clone)]
 enum Seeker<'a> {
     /// The frames, and the number of those that have come.
-    Frames(&'a [crate::state::Pattern], usize),
-    State(StateEye<'a>),
+    Frames(&'a [Pattern], usize),
+    State(Box<StateEye<'a>>),
     /// The frame, its silence, and the end of its last transmission.
-    Stops(protocol_core::frame::Id, Duration, Option<Instant>),
+    Stops(Id, Duration, Option<Instant>),
 }
 
 #[derive(Clone)]
@@ -55,21 +57,37 @@ struct Safety<'a> {
 struct StateEye<'a> {
     wanted: &'a Wanted,
     device: (NodeId, Kind),
+    /// The last view, and whether the state held.
+    last: Option<(Option<View>, bool)>,
 }
 
 impl<'a> StateEye<'a> {
     fn new(wanted: &'a Wanted, simulation: &Simulation) -> Option<Self> {
-        simulation.find(wanted.device()).ok().map(|device| Self { wanted, device })
+        simulation.find(wanted.device()).ok().map(|device| Self { wanted, device, last: None })
     }
 
-    fn holds(&self, simulation: &Simulation) -> bool {
+    fn holds(&mut self, simulation: &Simulation) -> bool {
         let (node, kind) = self.device;
-        self.wanted.condition.holds(&DeviceState::peek(node, kind, simulation.world()))
+        let mut view = simulation.world().peek(node);
+        if self.wanted.condition.position.is_none()
+            && let Some(view) = &mut view
+        {
+            view.position = 0;
+        }
+        if let Some((_, holds)) = self.last.as_ref().filter(|(last, _)| *last == view) {
+            return *holds;
+        }
+        let holds = self.wanted.condition.holds(&DeviceState::peek(node, kind, simulation.world()));
+        self.last = Some((view, holds));
+        holds
     }
 
     /// Returns the next instant at which the state can begin to hold without an event; `limit` at the latest.
     fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
         let (node, kind) = self.device;
+        if self.wanted.condition.position.is_none() {
+            return limit;
+        }
         let state = DeviceState::peek(node, kind, simulation.world());
         match self.wanted.condition.wanted_positions(&state) {
             Some(range) => {
@@ -93,7 +111,7 @@ impl<'a> Oracles<'a> {
     pub(super) fn new(plan: &'a Plan, simulation: &Simulation) -> Self {
         let proof = plan.detected.as_ref().and_then(|oracle| match &oracle.what {
             Proof::Frames(patterns) => Some(Seeker::Frames(patterns, 0)),
-            Proof::State(wanted) => StateEye::new(wanted, simulation).map(Seeker::State),
+            Proof::State(wanted) => StateEye::new(wanted, simulation).map(Box::new).map(Seeker::State),
             Proof::Stops(id, span) => Some(Seeker::Stops(*id, *span, None)),
         });
         let safe = plan.safe.as_ref().and_then(|oracle| {
@@ -132,13 +150,13 @@ impl<'a> Oracles<'a> {
         let Some(fault) = &self.fault else { return };
         let now = simulation.now();
         if self.detected.is_none() {
-            match &self.proof {
-                Some(Seeker::State(eye)) if eye.holds(simulation) => self.detected = Some(now),
-                Some(Seeker::Stops(_, span, Some(last))) if now >= after(*last, *span) => {
-                    self.detected = Some(after(*last, *span).max(fault.at));
+            self.detected = match &mut self.proof {
+                Some(Seeker::State(eye)) => eye.holds(simulation).then_some(now),
+                Some(Seeker::Stops(_, span, Some(last))) => {
+                    (now >= after(*last, *span)).then(|| after(*last, *span).max(fault.at))
                 }
-                _ => {}
-            }
+                _ => None,
+            };
         }
         if let Some(safety) = &mut self.safe
             && safety.proved.is_none()

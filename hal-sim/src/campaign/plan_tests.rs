@@ -51,7 +51,7 @@ fn values_in_lists_are_varied() {
     assert_eq!(texts[1], ["lose 220 for valve, count 1", "lose 220 for valve, count 2", "lose 220 for valve, count 5"]);
     assert_eq!((texts[2].len(), texts[3].len()), (1, 3));
     assert_eq!(texts[4], ["valve: power off for 50 ms", "boom: power off for 50 ms"]);
-    assert_eq!((texts[5].len(), &*texts[6]), (14, &["communication"][..]));
+    assert_eq!((texts[5].len(), &*texts[6]), (13, &["communication"][..]));
     assert_eq!(plan.observe().as_millis(), 300);
 }
 

@@ -266,7 +266,10 @@ impl StateWatch {
         let state = DeviceState::of(self.node, self.kind, world);
         let holds = self.condition.holds(&state);
         let wanted = if holds { None } else { self.condition.wanted_positions(&state) };
-        self.moves_there = wanted.map_or(NEVER, |range| world.outside_until(self.node, &range));
+        self.moves_there = wanted.map_or(NEVER, |range| match world.has_free_spool(self.node) {
+            true => world.next_inside(self.node, &range, NEVER),
+            false => world.outside_until(self.node, &range),
+        });
         (state, holds)
     }
 

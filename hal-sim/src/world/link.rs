@@ -129,6 +129,11 @@ impl World {
         Some(linked.map_or_else(|| shaft.angle_at(self.now), |coupling| coupling.angle_at(self, self.now)))
     }
 
+    /// Returns whether a device is a valve that no shaft follows.
+    pub(crate) fn has_free_spool(&self, node: NodeId) -> bool {
+        self.inputs(node).valve().is_some() && self.couplings.iter().all(|coupling| coupling.valve != node)
+    }
+
     /// Returns the link that a sensor's shaft follows.
     pub(super) fn coupling_of(&self, sensor: NodeId) -> Option<&Coupling> {
         self.couplings.iter().find(|coupling| coupling.sensor == sensor)
