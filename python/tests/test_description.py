@@ -128,4 +128,5 @@ def test_every_call_has_a_name(description: Any) -> None:
         "advanceTime",  # Simulator.advance
         "showTrace",  # Simulator.trace
         "followEvents",  # Simulator.events
+        "showCell",
     }

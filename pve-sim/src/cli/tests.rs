@@ -333,7 +333,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ),
         (
             "walk",
-            "unrecognized subcommand 'walk'; accepted: run, use-case, scenario, decode, replay, set, status, eds, dbc, completions, man, help",
+            "unrecognized subcommand 'walk'; accepted: run, use-case, scenario, campaign, decode, replay, set, status, eds, dbc, completions, man, help",
         ),
         (
             "eds pvea-isobus",
@@ -349,7 +349,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
         (
             "runn",
-            "a similar subcommand exists: 'run'; accepted: run, use-case, scenario, decode, replay, set, status, eds, dbc, completions, man, help",
+            "a similar subcommand exists: 'run'; accepted: run, use-case, scenario, campaign, decode, replay, set, status, eds, dbc, completions, man, help",
         ),
         ("--beacon=loud", "unexpected value 'loud' for '--beacon' found"),
         ("--verbose=2", "unexpected value '2' for '--verbose' found"),

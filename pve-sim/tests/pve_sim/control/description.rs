@@ -134,6 +134,7 @@ fn what_is_described_is_what_is_answered() {
         ),
         ("post", "/wait", "/wait", Some(json!({"frame": {"id": 0x720}, "within_ms": 100}))),
         ("post", "/wait", "/wait", Some(json!({"frame": {"id": 0x720}}))),
+        ("get", "/cell", "/cell", None),
         ("get", "/time", "/time", None),
         ("post", "/time", "/time", Some(json!({"advance_ms": 1}))),
         ("get", "/trace", "/trace?limit=5", None),
