@@ -96,7 +96,7 @@ fn events_tell_who_signals_and_every_change_of_a_mode() {
     while rig.bus.next_event() <= micros(30_000) {
         now = now.max(rig.bus.next_event());
         rig.bus.finish(now);
-        events.extend(rig.bus.take_events());
+        events.extend(rig.bus.journal.take());
         rig.bus.begin(now);
     }
     let Event { who, what, .. } = &events[0];

@@ -15,42 +15,56 @@ pub(super) enum Contends {
     Ready(u32),
 }
 
-/// The rank of a port: the arbitration key, then the port number. The lowest rank wins the arbitration.
-type Rank = (u32, PortId);
+/// The rank of a port: the arbitration key, then the port number, in one number that is compared in one step. The
+/// lowest rank wins the arbitration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Rank(u64);
+
+impl Rank {
+    const fn of(key: u32, id: PortId) -> Self {
+        Self((key as u64) << u32::BITS | id.0 as u64)
+    }
+
+    const fn key(self) -> u32 {
+        (self.0 >> u32::BITS) as u32
+    }
+
+    const fn id(self) -> PortId {
+        PortId(self.0 as u32 as usize)
+    }
+}
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contenders {
     /// The ports that may send, in descending order of rank: the last entry wins.
-    ready: Vec<Rank>,
+    pub(super) ready: Vec<Rank>,
     /// The ports that may not send yet, unordered.
-    waiting: Vec<PortId>,
+    pub(super) waiting: Vec<PortId>,
 }
 
 impl Contenders {
-    pub(super) const fn is_empty(&self) -> bool {
-        self.ready.is_empty() && self.waiting.is_empty()
-    }
-
-    /// Returns whether any port may send as soon as the bus is free.
-    pub(super) const fn is_any_ready(&self) -> bool {
-        !self.ready.is_empty()
-    }
-
-    pub(super) fn waiting(&self) -> &[PortId] {
-        &self.waiting
-    }
-
     /// Changes the contention state of a port: not contending, waiting or ready.
     pub(super) fn place(&mut self, id: PortId, from: Contends, to: Contends) {
         match from {
             Contends::No => {}
             Contends::Waiting => self.waiting.retain(|other| *other != id),
-            Contends::Ready(key) => drop(self.ready.remove(self.place_of((key, id)))),
+            Contends::Ready(key) => {
+                let rank = Rank::of(key, id);
+                // The port is usually the last sender.
+                if self.ready.last() == Some(&rank) {
+                    self.ready.pop();
+                } else {
+                    self.ready.remove(self.place_of(rank));
+                }
+            }
         }
         match to {
             Contends::No => {}
             Contends::Waiting => self.waiting.push(id),
-            Contends::Ready(key) => self.ready.insert(self.place_of((key, id)), (key, id)),
+            Contends::Ready(key) => {
+                let rank = Rank::of(key, id);
+                self.ready.insert(self.place_of(rank), rank);
+            }
         }
     }
 
@@ -70,8 +84,14 @@ impl Contenders {
 
     /// Appends the ports that win the arbitration to `into`: usually one port, or several with equal keys.
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
-        let Some((first, _)) = self.ready.last() else { return };
-        into.extend(self.ready.iter().rev().take_while(|(key, _)| key == first).map(|(_, id)| id));
+        let Some((first, others)) = self.ready.split_last() else { return };
+        into.push(first.id());
+        for other in others.iter().rev() {
+            if other.key() != first.key() {
+                break;
+            }
+            into.push(other.id());
+        }
     }
 
     /// Returns the index of `rank` in `ready`, or the index at which to insert `rank`.

@@ -126,17 +126,26 @@ pub enum WireEvent {
 
 /// The recorded events that have not been taken yet.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Journal {
+pub(crate) struct Journal {
     recording: bool,
     events: Vec<Event>,
 }
 
 impl Journal {
     /// Starts or stops recording. Stopping drops the recorded events.
-    pub(super) fn record(&mut self, on: bool) {
+    pub(crate) fn record(&mut self, on: bool) {
         self.recording = on;
         if !on {
             self.events = Vec::new();
+        }
+    }
+
+    /// Inserts events before the event of a frame, or after all events if the frame has no event.
+    pub(super) fn note_before(&mut self, frame: &Frame, at: Instant, events: Vec<Event>) {
+        if self.recording {
+            let place = self.events.iter().rposition(|event| event.at == at && event.frame() == Some(frame));
+            let place = place.unwrap_or(self.events.len());
+            self.events.splice(place..place, events);
         }
     }
 
@@ -147,7 +156,8 @@ impl Journal {
         }
     }
 
-    pub(super) fn take(&mut self) -> Drain<'_, Event> {
+    /// Takes the recorded events, oldest first.
+    pub(crate) fn take(&mut self) -> Drain<'_, Event> {
         self.events.drain(..)
     }
 }

@@ -15,12 +15,12 @@ use super::clock::{Nanos, instant, nanos};
 use super::confinement::Confinement;
 use super::event::WireEvent;
 use super::port::{External, Port};
-use super::transmit::Transmit;
+use super::transmit::TransmitKind;
 use super::{Bus, PortId};
 
 impl Bus {
     pub(crate) fn add_external(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
-        let id = self.add(Port::new(name, rate, Transmit::Offer(None, false), usize::MAX));
+        let id = self.add(Port::new(name, rate, TransmitKind::Offer, usize::MAX));
         self.externals.push(id);
         id
     }

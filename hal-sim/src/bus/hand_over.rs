@@ -9,7 +9,6 @@ use protocol_core::time::{Instant, NEVER};
 
 use super::faults::{FaultId, Handed, Struck};
 use super::port::{Port, SlowAnswers};
-use super::transmit::Transmit;
 use super::{Bus, PortId};
 
 /// A device's view of its CAN controller. Communication faults act on the frames that the device sends.
@@ -88,7 +87,7 @@ impl Bus {
     ) -> nb::Result<Option<Frame>, Infallible> {
         let port = &mut self.ports[id.0];
         let waits = port.delayed.holds_back(frame);
-        let is_full = matches!(port.transmit, Transmit::Mailboxes(_)) && port.delayed.is_full();
+        let is_full = port.is_device() && port.delayed.is_full();
         let has_room = waits || port.transmit.takes(frame);
         if is_full || !(has_room || port.queues) {
             port.used = true;
@@ -181,6 +180,7 @@ impl Bus {
             Some(place) if is_empty => drop(self.delaying.remove(place)),
             _ => {}
         }
+        self.schedule_faults();
     }
 
     /// Hands over all delayed frames that are due by `now`.

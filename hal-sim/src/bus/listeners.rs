@@ -1,6 +1,7 @@
 //! The listeners at one bit rate, indexed by filter, so that only the ports whose filters accept a frame are visited.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
 
 use protocol_core::controller::{BitRate, Filter};
 use protocol_core::frame::Frame;
@@ -21,16 +22,42 @@ pub(super) struct Group {
     pub(super) counting: Vec<PortId>,
     /// The members that receive every frame, because they have no filters.
     open: Vec<PortId>,
-    /// The listeners of all filters, grouped by the identifier bits that the filters compare.
+    /// The listeners of each standard identifier, for filters that accept exactly one identifier: the usual case in
+    /// CANopen.
+    standard: Vec<Vec<PortId>>,
+    /// The listeners of all other filters, grouped by the identifier bits that the filters compare.
     masks: Vec<Mask>,
 }
+
+/// The number of standard identifiers.
+const STANDARD: usize = 1 << 11;
 
 /// The listeners of filters that compare the same identifier bits.
 #[derive(Clone, Debug)]
 struct Mask {
     bits: u32,
     /// The listeners by the value of the compared bits; each list is sorted by port number.
-    wanted: BTreeMap<u32, Vec<PortId>>,
+    wanted: HashMap<u32, Vec<PortId>, BuildHasherDefault<Multiply>>,
+}
+
+/// A multiplicative hasher for identifiers.
+#[derive(Default)]
+struct Multiply(u64);
+
+impl Hasher for Multiply {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_u32((*byte).into()));
+    }
+
+    fn write_u32(&mut self, number: u32) {
+        // 2^64 divided by the golden ratio: spreads adjacent values.
+        self.0 = (self.0 ^ u64::from(number)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        self.0 ^= self.0 >> 32;
+    }
 }
 
 impl Group {
@@ -42,6 +69,7 @@ impl Group {
             active: 0,
             counting: Vec::new(),
             open: Vec::new(),
+            standard: Vec::new(),
             masks: Vec::new(),
         }
     }
@@ -55,6 +83,9 @@ impl Group {
         // Filters accept data frames only.
         if frame.is_remote() {
             return;
+        }
+        if let Some(ports) = self.standard.get(frame.key() as usize).filter(|ports| !ports.is_empty()) {
+            tell(ports);
         }
         for mask in &self.masks {
             if let Some(ports) = mask.wanted.get(&(frame.key() & mask.bits)) {
@@ -88,8 +119,12 @@ impl Group {
 
     /// Returns the listener list of a filter, and creates the list if necessary.
     fn wanted(&mut self, filter: Filter) -> &mut Vec<PortId> {
+        if let Some(id) = standard(filter) {
+            self.standard.resize(STANDARD, Vec::new());
+            return &mut self.standard[id];
+        }
         let place = self.masks.iter().position(|mask| mask.bits == filter.mask).unwrap_or_else(|| {
-            self.masks.push(Mask { bits: filter.mask, wanted: BTreeMap::new() });
+            self.masks.push(Mask { bits: filter.mask, wanted: HashMap::default() });
             self.masks.len() - 1
         });
         self.masks[place].wanted.entry(filter.key & filter.mask).or_default()
@@ -100,6 +135,12 @@ impl Group {
             mask.wanted.remove(&(filter.key & filter.mask));
         }
     }
+}
+
+/// Returns the identifier of a filter that accepts exactly one standard identifier.
+fn standard(filter: Filter) -> Option<usize> {
+    let id = filter.key as usize;
+    (filter.mask == u32::MAX && id < STANDARD).then_some(id)
 }
 
 #[cfg(test)]

@@ -45,13 +45,11 @@ mod rig;
 #[cfg(test)]
 mod tests;
 
-use std::collections::VecDeque;
 use std::sync::Arc;
-use std::vec::Drain;
 
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
-use protocol_core::time::Instant;
+use protocol_core::time::{Instant, NEVER};
 
 pub use bits::{FrameBits, INTERMISSION};
 pub use confinement::Confinement;
@@ -74,7 +72,7 @@ use listeners::Group;
 use load::Load;
 use port::RECEIVE_QUEUE;
 use transmission::Transmission;
-use transmit::{Mailboxes, Transmit};
+use transmit::TransmitKind;
 
 /// The suffix of the name of a gateway's second controller, which only acknowledges.
 pub(crate) const LISTENING: &str = ", listening";
@@ -108,23 +106,25 @@ pub(crate) struct Bus {
     touched: Vec<PortId>,
     injectors: Vec<Box<dyn Injects>>,
     /// The disturbance requested by the user.
-    disturbance: Disturbance,
+    pub(crate) disturbance: Disturbance,
     faults: Faults,
     /// The ports with frames delayed between application and controller.
     delaying: Vec<PortId>,
+    /// The earliest time at which a delayed frame or an insertion may be due, kept because each event asks for it.
+    fault_due: Option<Instant>,
     load: Load,
-    journal: Journal,
+    pub(crate) journal: Journal,
 }
 
 impl Bus {
     /// Adds the controller of a new device, initially disconnected.
     pub(crate) fn add_device(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
-        self.add(Port::new(name, rate, Transmit::Mailboxes(Mailboxes::default()), RECEIVE_QUEUE))
+        self.add(Port::new(name, rate, TransmitKind::Mailboxes, RECEIVE_QUEUE))
     }
 
     /// Adds a client with a receive queue of this capacity, connected and integrated immediately.
     pub(crate) fn add_client(&mut self, name: Arc<str>, rate: BitRate, room: usize, now: Instant) -> PortId {
-        let mut port = Port::new(name, rate, Transmit::Queue(VecDeque::new()), room);
+        let mut port = Port::new(name, rate, TransmitKind::Queue, room);
         port.connected = true;
         port.joined_at = nanos(now);
         port.ready_at = nanos(now);
@@ -244,17 +244,8 @@ impl Bus {
         self.injectors.push(Box::new(injector));
     }
 
-    pub(crate) const fn disturb(&mut self, disturbance: Disturbance) {
-        self.disturbance = disturbance;
-    }
-
-    pub(crate) const fn disturbance(&self) -> Disturbance {
-        self.disturbance
-    }
-
-    /// Returns the earliest time at which a delayed frame or an insertion is due.
-    fn fault_due(&self) -> Instant {
-        self.faults.next_insertion.min(self.next_release())
+    fn schedule_faults(&mut self) {
+        self.fault_due = Some(self.faults.next_insertion.min(self.next_release())).filter(|due| *due != NEVER);
     }
 
     /// Adds a communication fault. `own` are the names of the controllers that send inserted frames.
@@ -279,15 +270,20 @@ impl Bus {
         {
             return Err(FaultError::Invalid("an inserted frame needs a name that nobody on the bus has"));
         }
-        self.faults.add(fault, now)
+        self.faults.add(fault, now)?;
+        self.schedule_faults();
+        Ok(())
     }
 
     pub(crate) fn end_fault(&mut self, name: &str) -> bool {
-        self.faults.end(name)
+        let has_ended = self.faults.end(name);
+        self.schedule_faults();
+        has_ended
     }
 
     pub(crate) fn end_faults(&mut self) {
         self.faults.clear();
+        self.schedule_faults();
     }
 
     pub(crate) fn faults(&self, now: Instant) -> impl Iterator<Item = FaultState> {
@@ -296,7 +292,7 @@ impl Bus {
 
     /// Returns whether [`serve_faults`](Self::serve_faults) must be called at `now`.
     pub(crate) fn is_fault_due(&self, now: Instant) -> bool {
-        self.fault_due() <= now
+        self.fault_due.is_some_and(|due| due <= now)
     }
 
     /// Hands over the delayed frames that are due by `now`. Returns the due frames to insert, each with the name of its
@@ -305,6 +301,7 @@ impl Bus {
     pub(crate) fn serve_faults(&mut self, now: Instant, busy: &[Arc<str>]) -> Vec<(Arc<str>, Frame)> {
         self.release_due(now);
         let inserted = self.faults.insert(now, busy);
+        self.schedule_faults();
         let frames = inserted.iter().map(|(frame, event)| (Arc::clone(&event.who), *frame)).collect();
         self.journal.note(|| inserted.into_iter().map(|(_, event)| event));
         frames
@@ -317,8 +314,7 @@ impl Bus {
 
     /// Drops the queued frames of a client except the frame on the wire.
     pub(crate) fn drop_waiting(&mut self, id: PortId, now: Instant) {
-        let is_sending = self.is_sending(id);
-        self.ports[id.0].transmit.drop_waiting(is_sending);
+        self.ports[id.0].transmit.drop_waiting();
         self.refresh(id, now);
     }
 
@@ -366,15 +362,7 @@ impl Bus {
         if !self.externals.is_empty() {
             due = due.min(instant(self.next_joining()));
         }
-        due.min(self.fault_due())
-    }
-
-    pub(crate) fn record_events(&mut self, on: bool) {
-        self.journal.record(on);
-    }
-
-    pub(crate) fn take_events(&mut self) -> Drain<'_, Event> {
-        self.journal.take()
+        self.fault_due.map_or(due, |fault| due.min(fault))
     }
 
     /// Records that the device of a port dropped `count` frames.

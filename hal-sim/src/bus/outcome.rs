@@ -48,8 +48,7 @@ impl Bus {
         let bits = match by {
             None => 1,
             Some(by) => {
-                let is_lost = self.lose(&transmission);
-                self.deliver(&transmission, is_lost);
+                self.deliver(&transmission);
                 transmission.failure = Some(Failure::new(BusError::Bit, Some(self.ports[by.0].name.clone())));
                 // The sender responds with an error flag one bit later, the unaffected receivers with an overload flag.
                 1 + ERROR_FLAG + ERROR_DELIMITER
@@ -70,11 +69,10 @@ impl Bus {
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
-        let error = transmission.error();
-        let is_lost = error.is_none() && self.lose(&transmission);
         self.note(&transmission);
+        let error = transmission.error();
         match error {
-            None => self.deliver(&transmission, is_lost),
+            None => self.deliver(&transmission),
             // A sender without acknowledgement is alone, so no other controller counts the error.
             Some(BusError::Acknowledgement) => {}
             Some(_) => self.count_errors(&transmission),
@@ -104,12 +102,13 @@ impl Bus {
         });
     }
 
-    fn deliver(&mut self, transmission: &Transmission, is_lost: bool) {
+    fn deliver(&mut self, transmission: &Transmission) {
         let Transmission { frame, rate, end, over: at, omission, .. } = transmission;
         let Some(place) = self.groups.iter().position(|group| group.rate == *rate) else { return };
         if !self.groups[place].counting.is_empty() {
             self.count_received(place, *at, omission.as_deref());
         }
+        let is_lost = self.faults.at_receivers && self.lose(transmission);
         let Self { ports, senders, .. } = self;
         for id in senders {
             ports[id.0].heard = *end;
@@ -152,11 +151,9 @@ impl Bus {
     }
 
     /// Applies the faults between the receiving controllers and their applications. Returns whether the frame is lost
-    /// for all receivers.
+    /// for all receivers. The fault events precede the event of the frame.
+    #[cold]
     fn lose(&mut self, transmission: &Transmission) -> bool {
-        if !self.faults.at_receivers {
-            return false;
-        }
         let Self { faults, ports, groups, senders, .. } = self;
         let Some(sender) = senders.first() else { return false };
         let has_receiver = |names: &[Arc<str>]| {
@@ -176,7 +173,7 @@ impl Bus {
                 port.heard = transmission.end;
             }
         }
-        self.journal.note(|| struck);
+        self.journal.note_before(&transmission.frame, transmission.over, struck);
         is_lost
     }
 

@@ -15,7 +15,7 @@ use super::confinement::Confinement;
 use super::contenders::Contends;
 use super::delayed::DelayedFrames;
 use super::event::WireEvent;
-use super::transmit::{Mailboxes, Transmit};
+use super::transmit::{Transmit, TransmitKind};
 
 /// The capacity of a device controller's receive queue, equal to the firmware's queue.
 pub(super) const RECEIVE_QUEUE: usize = 256;
@@ -110,19 +110,19 @@ impl Port {
     /// Creates a device controller without a bus. The caller takes the frames from the mailboxes; no frames are received.
     #[must_use]
     pub fn alone(name: &str, rate: BitRate) -> Self {
-        Self::new(name.into(), rate, Transmit::Mailboxes(Mailboxes::default()), RECEIVE_QUEUE)
+        Self::new(name.into(), rate, TransmitKind::Mailboxes, RECEIVE_QUEUE)
     }
 
     /// Creates a disconnected port. `room` is the capacity of the receive queue.
-    pub(super) fn new(name: Arc<str>, rate: BitRate, transmit: Transmit, room: usize) -> Self {
+    pub(super) fn new(name: Arc<str>, rate: BitRate, kind: TransmitKind, room: usize) -> Self {
         Self {
-            external: matches!(transmit, Transmit::Offer(..)).then(Box::default),
+            external: (kind == TransmitKind::Offer).then(Box::default),
             name,
             only_sends: false,
             rate,
             connected: false,
             confinement: Confinement::default(),
-            transmit,
+            transmit: Transmit::new(kind),
             delayed: DelayedFrames::default(),
             answers: None,
             queues: false,
@@ -175,8 +175,8 @@ impl Port {
     }
 
     /// Returns whether the port belongs to a device, which must be served after events on its port.
-    pub(super) const fn is_device(&self) -> bool {
-        matches!(self.transmit, Transmit::Mailboxes(_))
+    pub(super) fn is_device(&self) -> bool {
+        self.transmit.kind == TransmitKind::Mailboxes
     }
 
     /// Returns the frame that the controller will send next.

@@ -51,7 +51,7 @@ impl Rig {
 
     pub(super) fn at(rate: BitRate, count: u8) -> Self {
         let mut bus = Bus::default();
-        bus.record_events(true);
+        bus.journal.record(true);
         for name in (b'a'..).take(usize::from(count)) {
             let id = bus.add_device(char::from(name).to_string().into(), rate);
             bus.connect(id, micros(0));
@@ -72,7 +72,7 @@ impl Rig {
             if self.bus.is_fault_due(self.now) {
                 self.bus.serve_faults(self.now, &[]);
             }
-            for Event { at, who: from, what } in self.bus.take_events() {
+            for Event { at, who: from, what } in self.bus.journal.take() {
                 let (frame, error) = match what {
                     EventKind::Frame { frame, .. } => (frame, None),
                     EventKind::ErrorFrame { frame, error, .. } => (frame, Some(error)),

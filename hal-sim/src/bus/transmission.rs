@@ -99,7 +99,7 @@ impl Disruption {
 impl Bus {
     /// Starts to send the most urgent pending frame if the bus is free.
     pub(crate) fn begin(&mut self, now: Instant) {
-        if self.current.is_some() || self.contenders.is_empty() {
+        if self.current.is_some() || self.contenders.ready.is_empty() && self.contenders.waiting.is_empty() {
             return;
         }
         let start = self.next_start();
@@ -133,10 +133,10 @@ impl Bus {
 
     /// Returns the earliest possible start of the next frame.
     pub(super) fn next_start(&self) -> Nanos {
-        if self.contenders.is_any_ready() {
+        if !self.contenders.ready.is_empty() {
             return self.free_at;
         }
-        let ready = self.contenders.waiting().iter().map(|id| self.ports[id.0].ready_at);
+        let ready = self.contenders.waiting.iter().map(|id| self.ports[id.0].ready_at);
         ready.min().map_or(Nanos::MAX, |ready| ready.max(self.free_at))
     }
 

@@ -6,130 +6,32 @@ use std::convert::Infallible;
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 
-#[derive(Clone, Debug)]
-pub(super) enum Transmit {
-    /// The mailboxes of a device's controller, which sends the most urgent frame first.
-    Mailboxes(Mailboxes),
-    /// The unlimited FIFO queue of a client.
-    Queue(VecDeque<Frame>),
-    /// The offer of an external controller: its most urgent frame, if any, and whether that frame is on the wire.
-    Offer(Option<Frame>, bool),
-}
-
-impl Transmit {
-    /// Sets the offer of an external controller, unless its frame is on the wire.
-    pub(super) const fn set_offer(&mut self, frame: Option<Frame>) {
-        if let Self::Offer(offer, false) = self {
-            *offer = frame;
-        }
-    }
-
-    pub(super) fn takes(&self, frame: &Frame) -> bool {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.takes(frame),
-            Self::Queue(_) => true,
-            Self::Offer(..) => false,
-        }
-    }
-
-    /// Stores a frame. Returns the less urgent frame that it displaces, if any.
+/// The kind of a port's transmit buffers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TransmitKind {
+    /// The mailboxes of a device's controller, modelled on bxCAN and its driver (RM0090 32.7.1).
     ///
-    /// # Errors
-    /// `WouldBlock` if the frame is not accepted now.
-    pub(super) fn put(&mut self, frame: Frame) -> nb::Result<Option<Frame>, Infallible> {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.put(frame),
-            Self::Queue(queue) => {
-                queue.push_back(frame);
-                Ok(None)
-            }
-            Self::Offer(..) => Err(nb::Error::WouldBlock),
-        }
-    }
-
-    /// Returns the frame for the next arbitration.
-    pub(super) fn head(&self) -> Option<&Frame> {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.head(),
-            Self::Queue(queue) => queue.front(),
-            Self::Offer(offer, _) => offer.as_ref(),
-        }
-    }
-
-    /// Marks the head as on the wire: it cannot be displaced.
-    pub(super) fn sending(&mut self) {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.sending(),
-            Self::Queue(_) => {}
-            Self::Offer(_, on_wire) => *on_wire = true,
-        }
-    }
-
-    /// Ends the attempt on the wire. Removes a sent or aborted frame; keeps a failed frame for a retry. The offer of an
-    /// external controller is removed in any case.
-    pub(super) fn sent(&mut self, success: bool) {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.sent(success),
-            Self::Queue(queue) => {
-                if success {
-                    queue.pop_front();
-                }
-            }
-            Self::Offer(..) => *self = Self::Offer(None, false),
-        }
-    }
-
-    /// Drops the pending frames that pass `which`. A mailbox frame on the wire is not retransmitted if it fails.
-    pub(super) fn abort(&mut self, which: Filter) {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.abort(which),
-            Self::Queue(queue) => queue.retain(|frame| !which.passes(frame)),
-            Self::Offer(..) => {}
-        }
-    }
-
-    /// Drops the queued frames of a client except the frame on the wire.
-    pub(super) fn drop_waiting(&mut self, is_sending: bool) {
-        if let Self::Queue(queue) = self {
-            queue.truncate(usize::from(is_sending));
-        }
-    }
-
-    pub(super) fn clear(&mut self) {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.waiting.clear(),
-            Self::Queue(queue) => queue.clear(),
-            Self::Offer(..) => *self = Self::Offer(None, false),
-        }
-    }
-
-    pub(super) fn len(&self) -> usize {
-        match self {
-            Self::Mailboxes(mailboxes) => mailboxes.waiting.len(),
-            Self::Queue(queue) => queue.len(),
-            Self::Offer(offer, _) => usize::from(offer.is_some()),
-        }
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.head().is_none()
-    }
+    /// bxCAN sends frames with equal identifiers in mailbox order, not in request order. To preserve the order of
+    /// requests, the driver accepts a frame only if it is strictly more urgent than all pending frames.
+    Mailboxes,
+    /// The unlimited FIFO queue of a client.
+    Queue,
+    /// The offer of an external controller: its most urgent frame, if any.
+    Offer,
 }
 
 const MAILBOXES: usize = 3;
 
-/// The transmit mailboxes of a device's controller, modelled on bxCAN and its driver (RM0090 32.7.1).
-///
-/// bxCAN sends frames with equal identifiers in mailbox order, not in request order. To preserve the order of requests,
-/// the driver accepts a frame only if it is strictly more urgent than all pending frames.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Mailboxes {
-    /// The pending frames, in ascending order of urgency.
-    waiting: Vec<Mailbox>,
+/// The pending transmit frames of a port.
+#[derive(Clone, Debug)]
+pub(super) struct Transmit {
+    pub(super) kind: TransmitKind,
+    /// The frames in the order of transmission.
+    pending: VecDeque<Pending>,
 }
 
 #[derive(Clone, Debug)]
-struct Mailbox {
+struct Pending {
     frame: Frame,
     /// Whether the frame is on the wire and cannot be displaced.
     on_wire: bool,
@@ -137,49 +39,103 @@ struct Mailbox {
     aborted: bool,
 }
 
-impl Mailboxes {
-    /// Returns whether the mailboxes accept a frame, which must be more urgent than all pending frames.
-    fn takes(&self, frame: &Frame) -> bool {
-        self.head().is_none_or(|head| head.arbitration() > frame.arbitration())
+impl Transmit {
+    pub(super) const fn new(kind: TransmitKind) -> Self {
+        Self { kind, pending: VecDeque::new() }
+    }
+
+    /// Sets the offer of an external controller, unless its frame is on the wire.
+    pub(super) fn set_offer(&mut self, frame: Option<Frame>) {
+        if !self.pending.front().is_some_and(|pending| pending.on_wire) {
+            self.pending = frame.map(Pending::new).into_iter().collect();
+        }
+    }
+
+    pub(super) fn takes(&self, frame: &Frame) -> bool {
+        match self.kind {
+            TransmitKind::Mailboxes => self.head().is_none_or(|head| head.arbitration() > frame.arbitration()),
+            TransmitKind::Queue => true,
+            TransmitKind::Offer => false,
+        }
     }
 
     /// Stores a frame. If all mailboxes are full, removes and returns the least urgent frame that is not on the wire.
-    fn put(&mut self, frame: Frame) -> nb::Result<Option<Frame>, Infallible> {
+    ///
+    /// # Errors
+    /// `WouldBlock` if the frame is not accepted now.
+    pub(super) fn put(&mut self, frame: Frame) -> nb::Result<Option<Frame>, Infallible> {
         if !self.takes(&frame) {
             return Err(nb::Error::WouldBlock);
         }
-        let full = self.waiting.len() >= MAILBOXES;
-        let least = self.waiting.iter().position(|mailbox| !mailbox.on_wire).filter(|_| full);
-        let overtaken = least.map(|least| self.waiting.remove(least).frame);
-        self.waiting.push(Mailbox { frame, on_wire: false, aborted: false });
+        if self.kind == TransmitKind::Queue {
+            self.pending.push_back(Pending::new(frame));
+            return Ok(None);
+        }
+        let mut overtaken = None;
+        if self.pending.len() >= MAILBOXES {
+            let least = self.pending.iter().rposition(|pending| !pending.on_wire);
+            overtaken = least.and_then(|least| self.pending.remove(least)).map(|pending| pending.frame);
+        }
+        self.pending.push_front(Pending::new(frame));
         Ok(overtaken)
     }
 
-    fn head(&self) -> Option<&Frame> {
-        self.waiting.last().map(|mailbox| &mailbox.frame)
+    /// Returns the frame for the next arbitration.
+    pub(super) fn head(&self) -> Option<&Frame> {
+        self.pending.front().map(|pending| &pending.frame)
     }
 
-    /// Marks the most urgent frame as on the wire.
-    fn sending(&mut self) {
-        if let Some(head) = self.waiting.last_mut() {
+    /// Marks the head as on the wire: it cannot be displaced.
+    pub(super) fn sending(&mut self) {
+        if let Some(head) = self.pending.front_mut() {
             head.on_wire = true;
         }
     }
 
-    /// Ends the attempt on the wire. Removes the frame if it was sent or aborted, otherwise keeps it for a retry.
-    fn sent(&mut self, success: bool) {
-        self.waiting.retain_mut(|mailbox| {
-            let done = std::mem::take(&mut mailbox.on_wire) && (success || mailbox.aborted);
-            !done
-        });
+    /// Ends the attempt on the wire. Removes a sent or aborted frame; keeps a failed frame for a retry. The offer of an
+    /// external controller is removed in any case.
+    pub(super) fn sent(&mut self, success: bool) {
+        if self.kind == TransmitKind::Offer {
+            return self.clear();
+        }
+        let is_sent = |pending: &mut Pending| std::mem::take(&mut pending.on_wire) && (success || pending.aborted);
+        // Usually the frame on the wire is the first, whose removal moves no other frame.
+        if self.pending.front().is_some_and(|head| head.on_wire) {
+            self.pending.pop_front_if(is_sent);
+        } else {
+            self.pending.retain_mut(|pending| !is_sent(pending));
+        }
     }
 
     /// Drops the pending frames that pass `which`. A frame on the wire is not retransmitted if it fails.
-    fn abort(&mut self, which: Filter) {
-        self.waiting.retain_mut(|mailbox| {
-            let meant = which.passes(&mailbox.frame);
-            mailbox.aborted |= meant;
-            !meant || mailbox.on_wire
+    pub(super) fn abort(&mut self, which: Filter) {
+        self.pending.retain_mut(|pending| {
+            let meant = which.passes(&pending.frame);
+            pending.aborted |= meant;
+            !meant || pending.on_wire
         });
+    }
+
+    /// Drops all pending frames except the frame on the wire.
+    pub(super) fn drop_waiting(&mut self) {
+        self.pending.retain(|pending| pending.on_wire);
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.pending.clear();
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.pending.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.pending.is_empty()
+    }
+}
+
+impl Pending {
+    const fn new(frame: Frame) -> Self {
+        Self { frame, on_wire: false, aborted: false }
     }
 }

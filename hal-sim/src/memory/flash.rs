@@ -1,5 +1,7 @@
 //! A NOR flash in RAM with the geometry and the failures of the board's flash.
 
+use std::sync::Arc;
+
 use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -16,7 +18,8 @@ pub const WORD: usize = 4;
 /// A NOR flash in RAM with two sectors of four-byte words. A write can only clear bits.
 #[derive(Clone, Debug)]
 pub struct Flash {
-    pub(super) cells: Vec<u8>,
+    /// The content, which clones share until they write.
+    pub(super) cells: Arc<Vec<u8>>,
     reads: u64,
     word_writes: u64,
     erases: u64,
@@ -133,6 +136,7 @@ impl Flash {
     }
 
     fn of(cells: Vec<u8>) -> Self {
+        let cells = Arc::new(cells);
         let (torn_erase, noise) = (TornErase::default(), fastrand::Rng::with_seed(0));
         Self { cells, reads: 0, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
     }
@@ -140,7 +144,7 @@ impl Flash {
     /// Returns a copy of the content.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
-        self.cells.clone()
+        self.cells.to_vec()
     }
 
     /// Returns the number of reads since the flash was created.
@@ -218,14 +222,14 @@ impl Flash {
 
     /// Inverts the bit at an index; no effect beyond the end of the flash.
     pub fn flip_bit(&mut self, bit: usize) {
-        if let Some(cell) = self.cells.get_mut(bit / 8) {
+        if let Some(cell) = Arc::make_mut(&mut self.cells).get_mut(bit / 8) {
             *cell ^= 1 << (bit % 8);
         }
     }
 
     /// Overwrites the whole flash, as a programmer does.
     pub fn fill(&mut self, content: impl FnMut(usize) -> u8) {
-        self.cells = (0..SIZE).map(content).collect();
+        self.cells = Arc::new((0..SIZE).map(content).collect());
     }
 
     fn range(offset: u32, len: usize, unit: usize) -> Result<std::ops::Range<usize>, FlashError> {
@@ -294,7 +298,7 @@ impl NorFlash for Flash {
         let len = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
         for start in Self::range(from, len, SECTOR)?.step_by(SECTOR) {
             let torn = self.attempt()?;
-            let sector = &mut self.cells[start..start + SECTOR];
+            let sector = &mut Arc::make_mut(&mut self.cells)[start..start + SECTOR];
             if let Some(error) = torn {
                 self.torn_erase.tear(sector, &mut self.noise);
                 return Err(error);
@@ -310,7 +314,8 @@ impl NorFlash for Flash {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
             let torn = self.attempt()?;
-            for (cell, byte) in self.cells[start..start + WORD].iter_mut().zip(word) {
+            let cells = &mut Arc::make_mut(&mut self.cells)[start..start + WORD];
+            for (cell, byte) in cells.iter_mut().zip(word) {
                 *cell &= if torn.is_none() { *byte } else { *byte | self.noise.u8(..) };
             }
             if let Some(error) = torn {

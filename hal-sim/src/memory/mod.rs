@@ -206,7 +206,7 @@ impl Memory {
         if !self.flash.can_be_written() {
             return;
         }
-        self.put_aside = Some(found.cells.clone());
+        self.put_aside = Some(found.image());
         self.flash.fill(|_| ERASED);
         if let Err(error) = self.persist_aside().and_then(|()| self.persist()) {
             self.warnings.push(error.to_string());

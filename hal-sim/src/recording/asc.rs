@@ -74,8 +74,8 @@ pub(super) struct Parser {
     is_begun: bool,
     /// The time of the previous event.
     last: Timestamp,
-    /// The channel of the last frame.
-    channel: u16,
+    /// The channel of the last frame, from 1.
+    pub(super) channel: u16,
 }
 
 impl Default for Parser {
@@ -110,11 +110,6 @@ impl Parser {
             first => return self.event(first, rest),
         }
         Ok(None)
-    }
-
-    /// Returns the channel of the last frame, from 1.
-    pub(super) const fn channel(&self) -> u16 {
-        self.channel
     }
 
     /// Sets the origin to a date. An unreadable date leaves the origin unchanged.

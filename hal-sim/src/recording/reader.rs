@@ -248,11 +248,11 @@ impl Text {
             self.style = if is_asc { Style::Asc(asc::Parser::default()) } else { Style::Candump };
         }
         if let Style::Asc(asc) = &mut self.style {
-            let before = asc.channel();
+            let before = asc.channel;
             let record = asc.line(line)?;
-            if asc.channel() != before {
+            if asc.channel != before {
                 // ASC channels are numbered from 1, candump names from 0.
-                self.bus = format!("can{}", asc.channel().saturating_sub(1));
+                self.bus = format!("can{}", asc.channel.saturating_sub(1));
             }
             return Ok(record);
         }

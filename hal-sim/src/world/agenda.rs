@@ -11,6 +11,8 @@ pub(super) struct Agenda {
     /// The winner of each match, indexed as in a heap: the final at 1, the semi-finals at 2 and 3, and so on. The last
     /// entries are the devices themselves, or [`NOBODY`].
     winners: Vec<usize>,
+    /// The winner of the final with its due time, kept because each event asks for it.
+    next: Option<(Instant, usize)>,
 }
 
 const NOBODY: usize = usize::MAX;
@@ -36,12 +38,12 @@ impl Agenda {
     }
 
     pub(super) fn next(&self) -> Instant {
-        self.winners.get(1).map_or(NEVER, |winner| self.due_of(*winner))
+        self.next.map_or(NEVER, |(due, _)| due)
     }
 
     /// Returns the next device that is due by `now`.
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
-        self.winners.get(1).copied().filter(|winner| self.due_of(*winner) <= now)
+        self.next.filter(|(due, _)| *due <= now).map(|(_, node)| node)
     }
 
     fn enter(&mut self, node: usize) {
@@ -58,6 +60,8 @@ impl Agenda {
             self.winners[place] = if self.due_of(right) < self.due_of(left) { right } else { left };
             place /= 2;
         }
+        let winner = self.winners[1];
+        self.next = Some((self.due_of(winner), winner));
     }
 
     fn due_of(&self, node: usize) -> Instant {

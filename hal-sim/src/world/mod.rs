@@ -393,13 +393,13 @@ impl World {
 
     /// Destroys the next attempts to send a frame, replacing any earlier disturbance.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
-        self.bus.disturb(disturbance);
+        self.bus.disturbance = disturbance;
     }
 
     /// Returns the requested disturbance, with the number of attempts still to destroy.
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
-        self.bus.disturbance()
+        self.bus.disturbance
     }
 
     /// Adds a communication fault, which starts now or later.
@@ -446,12 +446,12 @@ impl World {
     /// Starts or stops recording events for [`take_events`](Self::take_events). Recording is initially off, because
     /// events that are never taken would fill the memory.
     pub fn record_events(&mut self, on: bool) {
-        self.bus.record_events(on);
+        self.bus.journal.record(on);
     }
 
     /// Takes the recorded events, oldest first.
     pub fn take_events(&mut self) -> Drain<'_, Event> {
-        self.bus.take_events()
+        self.bus.journal.take()
     }
 
     fn own(&mut self, port: PortId, owner: Option<NodeId>) {
