@@ -206,12 +206,16 @@ impl World {
         &self.nodes[node.0].inputs
     }
 
-    /// Sets the inputs of a device. Ignores the bus mode, which [`force_bus_off`](Self::force_bus_off) sets, and the
-    /// angle of a linked shaft, which [`set_plant`](Self::set_plant) sets.
+    /// Sets the inputs of a device. Ignores the bus mode, which [`force_bus_off`](Self::force_bus_off) sets, the angle of
+    /// a linked shaft, which [`set_plant`](Self::set_plant) sets, and the roughness of a spool, which
+    /// [`set_roughness`](Self::set_roughness) sets.
     pub fn set_inputs(&mut self, node: NodeId, inputs: Inputs) {
         self.follow_links(node);
-        let inputs = self.as_linked(node, inputs);
+        let mut inputs = self.as_linked(node, inputs);
         let Node { inputs: sensed, power, electronics, .. } = &mut self.nodes[node.0];
+        if let (Some(valve), Some(earlier)) = (inputs.valve_mut(), sensed.valve()) {
+            valve.spool.roughness = earlier.spool.roughness;
+        }
         *sensed = Inputs { bus: sensed.bus, ..inputs };
         electronics.has_new_inputs = matches!(power, Power::On(_));
         self.watch_supply(node);

@@ -7,6 +7,7 @@ use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, NEVER};
 
+use super::node::Node;
 use super::{NodeId, World};
 
 /// The interval between two values of a noise (A).
@@ -106,18 +107,18 @@ fn turned(angle_cdeg: u32, by: i64) -> u32 {
 impl World {
     /// Makes the spool of a valve, or the shaft of a sensor, rough. Values above the limits count as the limits.
     pub fn set_roughness(&mut self, node: NodeId, Roughness { noise, dead_band }: Roughness) {
-        let mut inputs = *self.inputs(node);
-        let is_shaft = inputs.shaft().is_some();
+        let is_shaft = self.inputs(node).shaft().is_some();
         let max = if is_shaft { Roughness::MAX_OF_SHAFT } else { Roughness::MAX_OF_SPOOL };
         let settings = Roughness { noise: noise.min(max), dead_band: dead_band.min(max) };
         let seed = if settings.noise > 0 { self.random.u64(..) } else { 0 };
         let trembles = !is_shaft && settings.noise > 0;
         let next = if trembles { next_step(self.now) } else { NEVER };
-        self.nodes[node.0].rough = State { settings, seed, next, seen: None };
+        let Node { rough, inputs, .. } = &mut self.nodes[node.0];
+        *rough = State { settings, seed, next, seen: None };
         if let Some(valve) = inputs.valve_mut() {
             valve.spool.roughness = actuator::Roughness { dead_band: settings.dead_band, ..Default::default() };
         }
-        self.set_inputs(node, inputs);
+        self.set_inputs(node, *self.inputs(node));
     }
 
     /// Gives a trembling spool its next deviation.

@@ -125,6 +125,16 @@ fn a_trembling_spool_in_the_monitors_tolerance_is_no_fault() {
     assert!(faults.iter().all(|fault| !fault.active), "{faults:?}");
 }
 
+/// Other inputs leave the mechanics as they are.
+#[test]
+fn new_inputs_do_not_make_a_spool_smooth() {
+    let mut rig = Rig::new("pvea-canopen,dead-band=100", SENSOR, None);
+    let kind = protocol_core::device::pve::Kind::PveaCanopen;
+    rig.world.set_inputs(rig.valve, Inputs::healthy(kind.into()));
+    rig.hold(8192, 8);
+    assert_eq!(rig.hold(8292, 4).last(), Some(&8192));
+}
+
 #[test]
 fn a_shaft_has_play() {
     let mut rig = Rig::new("pvea-canopen", &format!("{SENSOR},dead-band=100"), None);

@@ -56,6 +56,17 @@ fn a_fault_that_cannot_be_is_refused() {
         (r#"{ fault = { lose = "220", probability = 1.5 } }"#, "fault.probability 1.5 is not valid; accepted: "),
         (r#"{ fault = { loose = "220" } }"#, "fault: unknown key 'loose'; did you mean 'lose'?"),
         (r#"{ end = "lose-220" }"#, "end: no fault 'lose-220'"),
+        (
+            r#"{ fault = { lose = "220", receivers = ["pvea-canopen", "the master"] } }"#,
+            "fault: 'the master' receives no frames; receivers: pvea-canopen",
+        ),
+        (
+            concat!(
+                r#"{ fault = { insert = "123#00", every_ms = 5, name = "stranger" } }, "#,
+                r#"{ fault = { lose = "220", receivers = ["stranger"] } }"#
+            ),
+            "fault: 'stranger' receives no frames; receivers: pvea-canopen",
+        ),
         (r#"{ fault = { lose = "220" }, disturb = { frames = 1 } }"#, "disturb and fault cannot be in the same step"),
     ] {
         let refused = refused(step);
@@ -81,6 +92,7 @@ fn a_fault_without_an_effect_fails() {
         r#"corrupt = "220", data = { toggle = "00 00 00 00 80" }"#,
         r#"delay = "220", ms = 0"#,
         r#"lose = "321", receivers = ["pvea-canopen"]"#,
+        r#"swap = "321", within_ms = 5"#,
     ] {
         fails(&format!(r#"{{ fault = {{ {fault} }} }}, {{ send = "220#0F00 0020" }}, {{ send = "321#00" }}"#), 1);
     }
