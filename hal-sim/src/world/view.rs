@@ -56,6 +56,10 @@ impl World {
     #[must_use]
     pub fn next_inside(&self, node: NodeId, range: &RangeInclusive<i16>, limit: Instant) -> Instant {
         let Some(valve) = self.valve(node) else {
+            // A valve without power is neutral until an event.
+            if self.inputs(node).shaft().is_none() {
+                return limit;
+            }
             return match self.is_linked(node) || self.is_rough_shaft(node) {
                 true => self.next_position(node, limit),
                 false => self.outside_until(node, range).max(after(self.now, Duration::from_ticks(1))).min(limit),
