@@ -37,7 +37,7 @@ pub struct CellResult {
     pub detected_us: Option<u64>,
     /// The time from the fault to the safe state, in microseconds; 0 if the state held throughout.
     pub safe_us: Option<u64>,
-    /// The number of frames that a communication fault affected; 1 for another fault that acted.
+    /// The number of frames that a communication fault affected; 1 for a plant or power fault that acted.
     pub struck: u64,
 }
 

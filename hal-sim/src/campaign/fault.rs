@@ -1,4 +1,4 @@
-//! The faults of a plan: each entry as one fault for each combination of its values.
+//! The faults of a plan: one fault for each combination of the values of an entry.
 
 use std::fmt::Write as _;
 
@@ -35,8 +35,8 @@ pub(super) enum Act {
     Message(Fault),
 }
 
-/// The own faults of a valve: the causes of its monitors but time guarding (SPEC 3), the lever, the power and the
-/// processor. A drifting spool is left out: each movement ends the drift before the monitor sees it.
+/// The faults of a valve itself: the causes of its monitors except time guarding (SPEC 3), the lever, the power and the
+/// processor. A drifting spool is omitted, because each movement ends the drift before the monitor detects the drift.
 const ALL_OF_PVE: [&str; 13] = [
     "plant = { supply_mv = 8000 }",
     "plant = { supply_mv = 40000 }",
@@ -93,7 +93,7 @@ fn is_one_value(key: &str, items: &[Value]) -> bool {
     }
 }
 
-/// Returns the own faults of each valve.
+/// Returns the faults of [`ALL_OF_PVE`] for each valve.
 ///
 /// # Errors
 /// The reason, if there is no valve.

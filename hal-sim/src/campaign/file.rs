@@ -12,7 +12,7 @@ use crate::scenario::schema::{published, replace_null};
 use crate::state::schema::Schemas;
 use crate::state::{FaultRequest, Identifier, PlantChange, PowerChange, StateCondition};
 
-/// A plan of a campaign: each fault at each instant of a scenario, against the controller.
+/// The plan of a campaign: the faults, the instants at which each fault is injected, and the expected reaction.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Plan)]
@@ -20,13 +20,13 @@ pub(super) struct PlanFile {
     /// The title of the campaign.
     #[serde(default)]
     pub(super) title: String,
-    /// The scenario of the run without a fault, relative to the plan. Its steps are the controller, or the surroundings
-    /// of `controller`.
+    /// The path of the scenario, relative to the plan. The steps of the scenario are the controller, or run beside
+    /// `controller`.
     pub(super) scenario: String,
     /// The seeds of the runs; 1 by default.
     #[serde(default)]
     pub(super) seeds: Option<Vec<u64>>,
-    /// The faults: ready sets, and own faults. A list as a value stands for each of its items.
+    /// The faults: ready sets and tables. A list as a value stands for each of its items.
     #[schema(value_type = Vec<FaultEntry>)]
     pub(super) faults: Vec<toml::Value>,
     /// The instants of the faults.
@@ -37,19 +37,19 @@ pub(super) struct PlanFile {
     /// The safe state.
     #[serde(default)]
     pub(super) safe: Option<Safe>,
-    /// The observation of each cell after the fault, in milliseconds; by default three times the larger `within_ms`.
+    /// The observation time after the fault, in milliseconds; by default three times the larger `within_ms`.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) observe_ms: Option<u32>,
-    /// A program that is the controller, with its arguments; "{bus}" stands for the address of the bus.
+    /// The program of the controller, with its arguments; "{bus}" stands for the address of the bus.
     #[serde(default)]
     pub(super) controller: Option<Vec<String>>,
-    /// The speed of virtual time against wall time for `controller`; 1 by default.
+    /// The speed of virtual time relative to wall time for `controller`; 1 by default.
     #[serde(default)]
     pub(super) speed: Option<f64>,
 }
 
-/// Faults of a plan. Only its schema is used.
+/// Faults of a plan.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
 #[schema(as = FaultEntry)]
@@ -57,7 +57,7 @@ pub(super) struct PlanFile {
 enum FaultEntry {
     /// A ready set.
     Ready(ReadySet),
-    /// One fault, or one for each combination of the values in lists.
+    /// One fault, or one fault for each combination of the values in lists.
     Own(FaultTable),
 }
 
@@ -65,9 +65,9 @@ enum FaultEntry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum ReadySet {
-    /// The own faults of each valve.
+    /// The faults of each valve itself.
     AllOfPve,
-    /// The eight errors of IEC 61784-3 on each identifier that comes throughout the run without a fault.
+    /// The eight errors of IEC 61784-3 on each identifier that is sent throughout the run without a fault.
     Communication,
 }
 
@@ -96,7 +96,7 @@ pub(super) struct Instants {
     /// The last instant, in milliseconds of virtual time.
     #[schema(minimum = 0, maximum = 86400000)]
     pub(super) to_ms: u32,
-    /// The distance of two instants, in milliseconds.
+    /// The interval between two instants, in milliseconds.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) step_ms: Option<u32>,
@@ -113,17 +113,17 @@ pub(super) enum At {
     EachFrame,
 }
 
-/// The proof that the controller has detected the fault: one of `expect` and `stops`.
+/// The proof that the controller has detected the fault: either `expect` or `stops`.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Detected {
     /// A frame of any sender, several frames in order, or a state of a device.
     #[serde(default)]
     pub(super) expect: Option<Expected>,
-    /// The identifier of a frame, as in "220", that has stopped: it did not come for `for_ms`.
+    /// The identifier of a frame that has stopped, as in "220": no such frame was sent for `for_ms`.
     #[serde(default)]
     pub(super) stops: Option<Identifier>,
-    /// The silence of `stops`, in milliseconds.
+    /// For stops: the time without the frame, in milliseconds.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) for_ms: Option<u32>,
@@ -145,12 +145,12 @@ pub(super) struct Safe {
     /// The device; required with several devices on the bus.
     #[serde(default)]
     pub(super) device: Option<String>,
-    /// The time for which the state has to hold without a break, in milliseconds; by default to the end of the
+    /// The time for which the state has to hold without interruption, in milliseconds; by default to the end of the
     /// observation.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) for_ms: Option<u32>,
-    /// The limit for its beginning, in milliseconds after the fault.
+    /// The limit for the beginning of the state, in milliseconds after the fault.
     #[schema(minimum = 0, maximum = 86400000)]
     pub(super) within_ms: u32,
 }
@@ -179,7 +179,7 @@ fn document(value: toml::Value) -> Value {
     }
 }
 
-/// The schemas that a plan is checked by.
+/// The schemas against which a plan is checked.
 static SCHEMAS: LazyLock<Schemas> = LazyLock::new(|| {
     let mut definitions = definitions();
     vary(&mut definitions);
@@ -195,7 +195,7 @@ pub fn schema() -> String {
     published("Plan", "Campaign plan of pve-sim", definitions)
 }
 
-/// Returns the schemas of a plan by name. A fault has the keys of a communication fault, too.
+/// Returns the schemas of a plan by name. The schema of a fault also has the keys of a communication fault.
 fn definitions() -> Map<String, Value> {
     let mut definitions = Schemas::of::<PlanFile>().by_name().clone();
     definitions.extend(Schemas::of::<FaultRequest>().by_name().clone());
@@ -213,7 +213,7 @@ fn definitions() -> Map<String, Value> {
     definitions
 }
 
-/// Accepts a list of values for each key of a fault and of its plant.
+/// Makes the schemas accept a list of values for each key of a fault and of its plant, except `plant` and `reference`.
 fn vary(definitions: &mut Map<String, Value>) {
     for name in ["FaultTable", "PlantChange"] {
         let Some(members) = definitions.get_mut(name).and_then(|table| table["properties"].as_object_mut()) else {

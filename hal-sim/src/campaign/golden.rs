@@ -15,7 +15,8 @@ use crate::scenario::runner::Watch;
 use crate::simulation::{Happened, Simulation};
 use crate::world::NodeId;
 
-/// The largest difference of two positions that are the same: 2 % of the stroke of a valve, or of the turn of a shaft.
+/// The largest difference between two positions that count as equal: 2 % of the stroke of a valve, or of
+/// the turn of a shaft.
 const TOLERANCE: i32 = 328;
 
 /// The reason why a campaign cannot run.
@@ -31,7 +32,7 @@ pub enum CampaignError {
         failures: String,
     },
     /// The proof of detection holds without a fault.
-    #[error("detected: it holds without a fault, at {} ms (seed {seed}): it proves nothing", at_us / 1000)]
+    #[error("detected: the proof holds without a fault, at {} ms (seed {seed}): it proves nothing", at_us / 1000)]
     Detected {
         /// The seed of the run.
         seed: u64,
@@ -49,7 +50,6 @@ pub enum CampaignError {
     Plan(String),
 }
 
-/// A golden run.
 #[derive(Debug)]
 pub(super) struct Golden {
     pub(super) seed: u64,
@@ -58,11 +58,11 @@ pub(super) struct Golden {
     samples: Vec<Sample>,
     /// The instants of the faults.
     pub(super) instants: Vec<Instant>,
-    /// The identifiers that come within the observation of every instant, each with its last frame.
+    /// The identifiers that are sent within the observation of every instant, each with its last frame.
     pub(super) identifiers: BTreeMap<(bool, u32), Frame>,
 }
 
-/// The state of a device that is compared with the golden run.
+/// The part of a device's state that is compared with the golden run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sample {
     position: i16,
@@ -136,8 +136,8 @@ impl Golden {
         views.map(|view| Sample::of(view.as_ref()).state & LASTING).collect()
     }
 
-    /// Returns whether each device is as in the golden run, at a sample instant. Changes may come up to a sample
-    /// earlier or later: an additional frame on the bus delays others.
+    /// Returns whether each device is as in the golden run, at a sample instant. A change may be up to
+    /// one sample earlier or later, because an additional frame on the bus delays other frames.
     pub(super) fn is_as(&self, simulation: &Simulation) -> bool {
         let number = (simulation.now().as_ticks() / SAMPLE.as_ticks()) as usize;
         let (count, all) = (self.devices.len(), self.samples.len() / self.devices.len().max(1));
@@ -157,7 +157,7 @@ impl Golden {
 struct Frames {
     from: Instant,
     to: Instant,
-    /// The ends of the frames within the instants of the faults.
+    /// The ends of the frames from the first to the last instant of the faults.
     ends: Vec<Instant>,
     identifiers: BTreeMap<(bool, u32), Seen>,
 }
@@ -166,7 +166,7 @@ struct Frames {
 struct Seen {
     frame: Frame,
     last: Instant,
-    /// The longest time without a frame, from the first instant of the faults on.
+    /// The longest time without a frame since the first instant of the faults.
     gap: Duration,
 }
 

@@ -1,4 +1,4 @@
-//! The judge of a cell whose controller is outside of this library: a program, or a client of the control interface.
+//! The judge of a cell whose controller is outside this library: a program, or a client of the control interface.
 
 use protocol_core::time::{Instant, NEVER, after};
 
@@ -24,7 +24,7 @@ pub struct Judge {
     injection: Option<Injection<'static>>,
     /// The states of the devices at the instant of the fault.
     before: Vec<u32>,
-    /// The last sample.
+    /// The instant of the last sample.
     sampled: Instant,
     due: Instant,
     result: Option<CellResult>,
@@ -47,9 +47,9 @@ impl Plan {
 impl Judge {
     /// Creates the judge of a cell; `None` for an unknown row.
     ///
-    /// The devices of an *exact* controller, which acts at the same instants in each run, are compared with the golden
-    /// run at each instant. Of another one, power, NMT state, device state machine and faults are compared, with those
-    /// at the instant of the fault.
+    /// An *exact* controller acts at the same instants in each run. Its devices are compared with the golden run at
+    /// each sample. With any other controller, power, NMT state, device state machine and active faults are compared
+    /// with their values at the instant of the fault.
     #[must_use]
     pub fn new(
         campaign: &'static Campaign<'static>,
@@ -76,7 +76,7 @@ impl Judge {
         self.oracles.event(happened);
     }
 
-    /// Returns the next instant at which the judge has to [`poll`](Self::poll).
+    /// Returns the next instant at which the caller must call [`poll`](Self::poll).
     #[must_use]
     pub const fn due(&self) -> Instant {
         self.due
@@ -88,13 +88,13 @@ impl Judge {
         after(self.cell.at, self.campaign.plan().observe)
     }
 
-    /// Returns the verdict, once the cell is decided.
+    /// Returns the result; `None` until the cell is decided.
     #[must_use]
     pub const fn result(&self) -> Option<&CellResult> {
         self.result.as_ref()
     }
 
-    /// Injects the fault at its instant, and observes the devices.
+    /// Injects the fault at its instant, and then observes the devices.
     pub fn poll(&mut self, simulation: &mut Simulation) {
         let now = simulation.now();
         // The events of the instant come first.

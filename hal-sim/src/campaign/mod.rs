@@ -1,4 +1,4 @@
-//! Campaigns: each fault of a plan at each instant of a scenario, and a verdict on each of these cells.
+//! Campaigns inject each fault of a plan at each instant of a scenario, and give a verdict on each of these cells.
 //!
 //! ```text
 //! file     the file format of a plan    plan     the checked plan
@@ -7,7 +7,7 @@
 //! golden   the runs without a fault     run      rows and cells, by forking
 //! rig      a run with its oracles       oracles  the oracles while a cell runs
 //! cell     cells and their results      verdict  verdicts
-//! judge    a cell whose controller is outside of this library
+//! judge    a cell whose controller is outside this library
 //! ```
 
 mod cell;

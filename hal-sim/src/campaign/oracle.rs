@@ -26,15 +26,15 @@ pub(super) enum Proof {
     Frames(Vec<Pattern>),
     /// A state of a device.
     State(Wanted),
-    /// The frame with this identifier has not come for this time. The time counts from the first such frame of the run.
+    /// No frame with this identifier for this time, after at least one such frame in the run.
     Stops(Id, Duration),
 }
 
-/// A state that has to hold without a break.
+/// A state that has to hold without interruption.
 #[derive(Debug)]
 pub(super) struct SafeState {
     pub(super) state: Wanted,
-    /// The time for which the state has to hold; `None` to the end of the observation.
+    /// The time for which the state has to hold; with `None`, it has to hold to the end of the observation.
     pub(super) span: Option<Duration>,
 }
 
@@ -70,7 +70,7 @@ impl Detected {
                 Proof::Stops(id, millis(span))
             }
             (None, None) => return Err(format!("nothing to look for; {FORMS}")),
-            (Some(_), Some(_)) => return Err(format!("expect and stops cannot be together; {FORMS}")),
+            (Some(_), Some(_)) => return Err(format!("expect and stops cannot be combined; {FORMS}")),
         };
         Ok(Oracle { what, within: millis(within_ms) })
     }

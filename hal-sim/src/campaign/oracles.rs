@@ -15,7 +15,7 @@ use crate::simulation::{Happened, Simulation};
 use crate::state::{DeviceState, Pattern};
 use crate::world::NodeId;
 
-/// The oracles of a run. Before the fault, they only follow the frame that may stop.
+/// The oracles of a run. Before the fault, they track only the frame of [`Proof::Stops`].
 #[derive(Clone)]
 pub(super) struct Oracles<'a> {
     proof: Option<Seeker<'a>>,
@@ -35,10 +35,10 @@ struct Injected {
 
 #[derive(Clone)]
 enum Seeker<'a> {
-    /// The frames, and the number of those that have come.
+    /// The expected frames, and the number of frames that have matched so far.
     Frames(&'a [Pattern], usize),
     State(Box<StateEye<'a>>),
-    /// The frame, its silence, and the end of its last transmission.
+    /// The identifier of the frame, the required time without it, and the end of its last transmission.
     Stops(Id, Duration, Option<Instant>),
 }
 
@@ -46,9 +46,9 @@ enum Seeker<'a> {
 struct Safety<'a> {
     eye: StateEye<'a>,
     span: Option<Duration>,
-    /// The beginning of the time for which the state has held without a break.
+    /// The instant since which the state has held without interruption.
     since: Option<Instant>,
-    /// The beginning of a time that was long enough.
+    /// The value of `since` when the state had held for `span`.
     proved: Option<Instant>,
 }
 
@@ -198,7 +198,7 @@ impl<'a> Oracles<'a> {
         self.detected.map(|at| since(at, fault.at))
     }
 
-    /// Returns the time from the fault to the safe state at the end of the observation, if any.
+    /// Returns the time from the fault to the safe state, if any. Called at the end of the observation.
     pub(super) fn safe(&self) -> Option<Duration> {
         let (fault, safety) = (self.fault.as_ref()?, self.safe.as_ref()?);
         let begin = match safety.span {

@@ -37,7 +37,7 @@ pub struct Plan {
 #[derive(Debug)]
 pub(super) enum Entry {
     Own(Vec<PlanFault>),
-    /// The communication errors, whose identifiers the golden run defines.
+    /// The communication errors; the golden runs define their identifiers.
     Communication,
 }
 
@@ -46,7 +46,7 @@ pub(super) enum Entry {
 pub(super) struct Grid {
     pub(super) from_ms: u32,
     pub(super) to_ms: u32,
-    /// The distance of two instants; `None` for the end of each frame.
+    /// The interval between two instants; `None` for the end of each frame.
     pub(super) step_ms: Option<NonZeroU32>,
 }
 
@@ -91,7 +91,7 @@ impl Plan {
             return Err(at("controller")(reason.to_owned()));
         }
         if speed.is_some() && controller.is_none() {
-            return Err(at("speed")("it is only valid together with controller".to_owned()));
+            return Err(at("speed")("only valid together with controller".to_owned()));
         }
         let speed = speed.unwrap_or(1.0);
         if !(speed.is_finite() && speed > 0.0) {
@@ -134,13 +134,13 @@ impl Plan {
         &self.path
     }
 
-    /// Returns the program that is the controller, with its arguments; `None` if the scenario's steps are.
+    /// Returns the program of the controller, with its arguments; `None` if the scenario's steps are the controller.
     #[must_use]
     pub fn controller(&self) -> Option<&[String]> {
         self.controller.as_deref()
     }
 
-    /// Returns the speed of virtual time against wall time for [`controller`](Self::controller).
+    /// Returns the speed of virtual time relative to wall time for [`controller`](Self::controller).
     #[must_use]
     pub const fn speed(&self) -> f64 {
         self.speed
@@ -187,7 +187,7 @@ fn grid(instants: &Instants) -> Result<Grid, String> {
     let step_ms = match (step_ms, at) {
         (Some(step), None) => NonZeroU32::new(step),
         (None, Some(At::EachFrame)) => None,
-        _ => return Err("give one of step_ms = 10 and at = \"each frame\"".to_owned()),
+        _ => return Err("give either step_ms = 10 or at = \"each frame\"".to_owned()),
     };
     Ok(Grid { from_ms, to_ms, step_ms })
 }

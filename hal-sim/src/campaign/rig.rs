@@ -9,7 +9,7 @@ use crate::scenario::Outcome;
 use crate::scenario::runner::{Run, Watch};
 use crate::simulation::{Happened, Simulation};
 
-/// A run with everything that belongs to it.
+/// A run with its target and its oracles.
 pub(super) struct Rig<'a, T> {
     pub(super) run: Run<'a>,
     pub(super) target: T,
@@ -35,7 +35,7 @@ impl<'a, T: Subject> Rig<'a, T> {
         self.run.pass(&mut self.target, until, &mut self.oracles);
     }
 
-    /// Advances to an instant, and shows the events to another observer, too.
+    /// Advances to an instant with an additional observer, and lets the oracles look there.
     pub(super) fn pass_frames(&mut self, until: Instant, also: &mut dyn Watch) {
         let mut both = Both(&mut self.oracles, also);
         self.run.pass(&mut self.target, until, &mut both);

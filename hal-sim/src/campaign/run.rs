@@ -18,7 +18,7 @@ use crate::state::{PlantState, Power};
 /// The step of the refinement.
 const FINE: Duration = Duration::from_millis(1);
 
-/// A campaign whose golden runs have passed. Rows share nothing: they can run in parallel.
+/// A campaign whose golden runs have passed. Rows share nothing, so that they can run in parallel.
 #[derive(Debug)]
 pub struct Campaign<'a, M = Scripted> {
     plan: &'a Plan,
@@ -56,7 +56,7 @@ impl Row {
 }
 
 impl<'a> Campaign<'a> {
-    /// Runs the scenario of a plan without a fault for each seed. The steps of the scenario are the controller.
+    /// Runs the scenario of a plan without a fault, once for each seed. The steps of the scenario are the controller.
     ///
     /// # Errors
     /// [`CampaignError`]
@@ -66,8 +66,8 @@ impl<'a> Campaign<'a> {
 }
 
 impl<'a, C: Controller + Clone, F: Fn() -> C> Campaign<'a, Cloned<F>> {
-    /// Runs the scenario of a plan without a fault for each seed, with a controller in Rust beside the steps. `make`
-    /// creates the controller of a run; cells clone it.
+    /// Runs the scenario of a plan without a fault, once for each seed, with a controller in Rust beside the steps.
+    /// `make` creates the controller of a run; cells clone this controller.
     ///
     /// # Errors
     /// [`CampaignError`]
@@ -88,7 +88,7 @@ impl<'a, C: Controller, F: Fn() -> C> Campaign<'a, Fresh<F>> {
 }
 
 impl<'a, M: Master> Campaign<'a, M> {
-    /// Runs the scenario of a plan without a fault for each seed, with this kind of controller.
+    /// Runs the scenario of a plan without a fault, once for each seed, with this kind of controller.
     ///
     /// # Errors
     /// [`CampaignError`]
@@ -114,7 +114,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         Ok(Self { plan, master, goldens, rows, forks: true })
     }
 
-    /// Runs each cell from the start of the scenario, instead of forking the golden run at the instant of the fault.
+    /// Makes each cell run from the start of the scenario, instead of from a fork at the instant of the fault.
     #[must_use]
     pub fn without_forks(self) -> Self {
         Self { forks: false, ..self }
@@ -142,8 +142,8 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some(Cell { row: place, at })
     }
 
-    /// Runs a row: its grid cells in order, each change of the verdict between two instants to 1 ms, and every 1 ms of
-    /// the worst interval. Hands over each result. An unknown row has no cells.
+    /// Runs a row and hands over each result: the grid cells in order, the cells that locate each change of the verdict
+    /// to 1 ms, and the worst interval in steps of 1 ms. An unknown row has no cells.
     pub fn row(&self, row: usize, each: &mut dyn FnMut(CellResult)) {
         let Some(golden) = self.rows.get(row).and_then(|row| self.goldens.get(row.golden)) else { return };
         let mut base = self.base(row);
@@ -201,7 +201,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some(run.outcome(rig.target.simulation()).trace().to_owned())
     }
 
-    /// Returns the run of a row before its first event, from which cells are forked.
+    /// Returns the run of a row before its first event, from which cells are forked; `None` without forks.
     fn base(&self, row: usize) -> Option<Rig<'a, M::Target>> {
         let row = self.rows.get(row).filter(|_| self.forks)?;
         Some(Rig::new(self.plan, &self.master, row.seed, false))
@@ -221,7 +221,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some(rig)
     }
 
-    /// Finds the change of the verdict between two cells, to 1 ms.
+    /// Locates the change of the verdict between two cells to 1 ms, and adds the cells of the search to `refined`.
     fn bisect(&self, left: &CellResult, right: &CellResult, refined: &mut Vec<CellResult>) {
         let (row, fine) = (left.row, FINE.as_micros());
         let mut base = self.base(row);
@@ -245,7 +245,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         }
     }
 
-    /// Runs every 1 ms of an interval, except the cells that are known.
+    /// Runs the cells of an interval in steps of 1 ms, and skips the cells with a known result.
     fn scan(&self, row: usize, interval: &Interval, each: &mut dyn FnMut(CellResult)) {
         let mut base = self.base(row);
         let instants = (interval.left..interval.right).step_by(FINE.as_micros() as usize).skip(1);
@@ -257,7 +257,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         }
     }
 
-    /// Injects the fault of a cell into a run that has arrived at its instant. Returns the verdict.
+    /// Injects the fault of a cell into a run that has arrived at its instant. Returns the result.
     fn judge(&self, rig: Rig<'a, M::Target>, cell: Cell) -> Option<CellResult> {
         self.observe(rig, cell).map(|(_, result)| result)
     }
@@ -298,7 +298,6 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some((rig, result))
     }
 
-    /// Returns the plan.
     pub(super) const fn plan(&self) -> &'a Plan {
         self.plan
     }
@@ -339,7 +338,7 @@ struct Interval {
     left: u64,
     right: u64,
     severity: (Severity, Severity),
-    /// The cells inside that have been run.
+    /// The instants of the cells inside that have been run, in microseconds.
     known: Vec<u64>,
 }
 
@@ -425,7 +424,7 @@ impl<'a> Injection<'a> {
             // The device of a checked plan exists.
             let _ = target.execute(Command::Power(device.clone(), Power::On));
         }
-        // A profile changes the plant later.
+        // A profile may change the plant only after the injection.
         if !self.has_changed && self.plant.is_some() {
             self.has_changed = self.plant(target.simulation()).map(|plant| plant.at_rest()) != self.plant;
         }
@@ -435,7 +434,7 @@ impl<'a> Injection<'a> {
         self.struck(simulation) > 0
     }
 
-    /// Returns the number of affected frames; 1 for another fault that acted.
+    /// Returns the number of frames that a communication fault affected; 1 for a plant or power fault that acted.
     pub(super) fn struck(&self, simulation: &Simulation) -> u64 {
         match &self.name {
             Some(name) => simulation.faults().find(|record| record.name == *name).map_or(0, |record| record.struck),

@@ -176,7 +176,7 @@ fn a_golden_run_that_proves_nothing_is_an_error() {
     );
     let stops = CAREFUL.replace("{ at_ms = 500 },", "{ at_ms = 380, send = \"000#0220\" },");
     let detected = refused(&stops);
-    assert!(detected.contains("detected: it holds without a fault, at 380 ms"), "{detected}");
+    assert!(detected.contains("detected: the proof holds without a fault, at 380 ms"), "{detected}");
 }
 
 #[test]

@@ -89,7 +89,7 @@ impl Verdict {
         }
     }
 
-    /// Returns whether the verdict breaks no limit.
+    /// Returns whether the cell has passed: without an effect, or detected and safe within the limits.
     #[must_use]
     pub const fn passed(self) -> bool {
         matches!(self, Self::NoEffect | Self::Safe)

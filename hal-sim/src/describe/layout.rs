@@ -278,8 +278,8 @@ fn name() -> Vec<Signal> {
     ]
 }
 
-/// Returns a connection management message of the transport protocol (SAE J1939-21 5.10.3). The control byte selects
-/// the other signals.
+/// Returns the signals of a connection management message (SAE J1939-21 5.10.3). The control byte selects the other
+/// signals.
 fn connection() -> Vec<Signal> {
     const BAM: u8 = 32;
     const ABORT: u8 = 255;

@@ -74,7 +74,7 @@ fn angle(text: &str) -> Result<u32, String> {
     })
 }
 
-/// Rejects links whose names are not those of a valve and of a sensor without another link.
+/// Rejects a link unless it names a valve and an angle sensor on the bus, and no earlier link has the same sensor.
 ///
 /// # Errors
 /// [`DevicesError::UnknownDevice`] or [`DevicesError::LinkedTwice`].

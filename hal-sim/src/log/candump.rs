@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(line(ErrorClass::Restarted), "(0.000005) pve0 20000100#0000000000000000");
     }
 
-    /// Written lines can be parsed, with any text after the frame.
+    /// Parses written lines, also with a direction, an explanation or a CR after the frame.
     #[test]
     fn a_log_is_read_as_it_was_written() {
         for text in ["5A0: 43 18 10 01 19 00 00 01", "080:", "00000080: 01", "720: R0", "00000720: R8", "7FF: R1"] {

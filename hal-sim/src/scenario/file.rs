@@ -112,14 +112,14 @@ pub(super) struct StepTable {
     /// Sends a frame, as in "220#0F00 0020".
     #[serde(default)]
     pub(super) send: Option<String>,
-    /// Repeats the frame with this period; replaces an earlier cyclic frame with the same identifier. In a strict
-    /// scenario, in a step without send: the expected frame repeats with this period, until a frame with that
-    /// identifier is expected or stopped.
+    /// Repeats the frame with this period; replaces an earlier cyclic frame with the same identifier. In a step
+    /// without send of a strict scenario, sets the period of the expected frame. The repetition lasts until a step
+    /// expects or stops that identifier.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
-    /// Stops the cyclic frame with an identifier, as in "220", which has to be active; or "all". In a strict scenario,
-    /// also an expected cyclic frame.
+    /// Stops the active cyclic frame with an identifier, as in "220", or all cyclic frames with "all". In a strict
+    /// scenario, stop also ends the expectation of a cyclic frame.
     #[serde(default)]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub(super) stop: Option<Identifier>,
@@ -131,11 +131,11 @@ pub(super) struct StepTable {
     #[serde(default)]
     #[schema(value_type = Option<PowerChange>)]
     pub(super) power: Option<toml::Table>,
-    /// Changes the bit rate of the bus and of the sender of the frames, as a master that changes its rate.
+    /// Changes the bit rate of the bus and of the sender of the frames, as for a master that changes its rate.
     #[serde(default)]
     #[schema(value_type = Option<BusChange>)]
     pub(super) bus: Option<toml::Table>,
-    /// Destroys the next attempts to send a frame, by a bit error each.
+    /// Destroys the next attempts to send a frame, each by a bit error.
     #[serde(default)]
     #[schema(value_type = Option<Disturb>)]
     pub(super) disturb: Option<toml::Table>,
@@ -165,7 +165,8 @@ pub(super) struct StepTable {
     pub(super) for_ms: Option<u32>,
 }
 
-/// A rule beside the steps: a trigger, `on` or `missing`, and an action, `send` or `stop`. It acts once.
+/// A rule beside the steps: a trigger, `on` or `missing`, and an action, `send` or `stop`. By default, it acts
+/// once.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Reaction)]
@@ -173,7 +174,7 @@ pub(super) struct ReactionTable {
     /// Acts at the end of a frame of a device, as in "0A0#1234 ..".
     #[serde(default)]
     pub(super) on: Option<String>,
-    /// Acts when no such frame of a device has come for `for_ms`, counted from the first one.
+    /// Acts when no such frame of a device has come for `for_ms`. The first such frame starts the supervision.
     #[serde(default)]
     pub(super) missing: Option<String>,
     /// For missing: the time without the frame, in milliseconds.

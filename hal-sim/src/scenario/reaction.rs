@@ -24,7 +24,7 @@ pub(super) struct Reaction {
 pub(super) enum Trigger {
     /// A frame of a device.
     On(Pattern),
-    /// No frame of a device for this time, counted from the first such frame.
+    /// No frame of a device for this time. The first such frame starts the supervision.
     Missing(Pattern, Duration),
 }
 

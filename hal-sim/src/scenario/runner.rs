@@ -19,15 +19,15 @@ pub(crate) trait Watch {
     /// Observes an event of the bus.
     fn event(&mut self, _happened: &Happened) {}
 
-    /// Observes the simulation after a step of it. It may be replaced by a clone.
+    /// Observes the simulation after each of its steps, and may replace the simulation with a clone.
     fn step(&mut self, _simulation: &mut Simulation) {}
 }
 
 /// The observer that ignores everything.
 impl Watch for () {}
 
-/// A run of a scenario on a target with powered devices. It can be paused at any instant; a clone continues with a clone
-/// of the target exactly as the original would.
+/// A run of a scenario on a target with powered devices. A run can be paused at any instant. A clone continues with a
+/// clone of the target exactly as the original would.
 #[derive(Clone)]
 pub(crate) struct Run<'a> {
     scenario: &'a Scenario,
@@ -114,8 +114,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Advances to `until` and processes everything due by then, or to the end of the scenario. Returns whether the
-    /// scenario has ended.
+    /// Advances to `until` or to the end of the scenario, whichever comes first, and processes everything due by then.
+    /// Returns whether the scenario has ended.
     pub(crate) fn advance<T: Target>(&mut self, target: &mut T, until: Instant, watch: &mut dyn Watch) -> bool {
         Runner { run: self, target, watch }.advance(until)
     }
@@ -153,7 +153,7 @@ impl Run<'_> {
         }
     }
 
-    /// Goes on with the steps, but ignores further failures: a fault from outside the scenario may have caused them.
+    /// Ignores further failures while the steps continue: a fault from outside the scenario may cause such failures.
     pub(crate) fn forgive(&mut self) {
         (self.claims, self.held_claims, self.is_forgiven) = (None, None, true);
     }
@@ -338,7 +338,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         ends
     }
 
-    /// Checks at the end of the scenario what the steps have left.
+    /// Checks deviations, prohibitions, faults and bit rates at the end of the scenario.
     fn end(&mut self) {
         if let Some(last) = self.run.scenario.steps.last() {
             self.settle(last);
@@ -430,7 +430,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             }
             let (limit, due) = (end.min(until), self.run.reactions.due());
             if self.target.go(limit.min(due)) && limit < due {
-                // At a pause, nothing has happened. A look would sample linked shafts, whose rounding it changes.
+                // At a pause, nothing has happened. A look would sample linked shafts and change their rounding.
                 if until < end {
                     return false;
                 }

@@ -7,7 +7,6 @@ use crate::state::{Condition, Pattern, StateCondition};
 
 const NO_TIME: Duration = Duration::from_ticks(0);
 
-/// A step.
 #[derive(Debug)]
 pub(super) struct Step {
     /// The line in the file.
@@ -30,7 +29,6 @@ pub(super) enum Begin {
     At(Duration),
 }
 
-/// An expectation.
 #[derive(Debug)]
 pub(super) struct Expect {
     pub(super) what: What,
@@ -66,7 +64,6 @@ pub(crate) struct Wanted {
 }
 
 impl Wanted {
-    /// Returns the name of the device.
     pub(crate) fn device(&self) -> &str {
         &self.device
     }

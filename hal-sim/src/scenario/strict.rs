@@ -88,7 +88,6 @@ impl<'a> Claims<'a> {
         self.deviation.is_some()
     }
 
-    /// Takes the deviation, if any.
     pub(super) fn take_deviation(&mut self) -> Option<Deviation> {
         self.deviation.take()
     }

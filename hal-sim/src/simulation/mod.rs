@@ -4,7 +4,7 @@
 //! command    the commands and their replies
 //! sender     frames sent on command, once or cyclically
 //! waits      commands that wait for a state, a frame or a time
-//! profiles   plant changes in time
+//! profiles   plant changes over time
 //! history    the history of the bus
 //! bus        the state of the bus
 //! ```
@@ -392,7 +392,7 @@ impl Simulation {
         self.waits.advance_limit().max(sender)
     }
 
-    /// Returns whether a command or a frame is pending.
+    /// Returns whether a command or a frame is pending, or a cyclic frame is active.
     #[must_use]
     pub fn is_busy(&self) -> bool {
         !self.waits.is_empty() || self.sender.as_ref().is_some_and(|sender| !sender.is_idle())

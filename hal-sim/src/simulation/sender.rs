@@ -193,7 +193,7 @@ impl Sender {
         awaited.map(|outgoing| if outgoing.deadline > now { outgoing.deadline } else { NEVER }).max()
     }
 
-    /// Returns whether no frame is pending.
+    /// Returns whether no frame is pending and no cyclic frame is active.
     pub(super) const fn is_idle(&self) -> bool {
         self.sending.is_none() && self.waiting.is_empty() && self.cyclic.is_empty()
     }

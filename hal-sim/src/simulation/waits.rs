@@ -97,7 +97,6 @@ impl Waits {
         self.0.iter().map(|wait| wait.until).max()
     }
 
-    /// Returns whether there is no wait.
     pub(super) const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -374,7 +374,7 @@ impl FaultRequest {
                     (Some(Millis::One(ms)), None) => Delay::Constant(millis(*ms)),
                     (Some(Millis::Between([from, to])), None) => Delay::Uniform(millis(*from), millis(*to)),
                     (None, Some(period)) => Delay::Burst(millis(period)),
-                    _ => return Err(Invalid("delay needs ms or burst_ms".to_owned())),
+                    _ => return Err(Invalid("delay needs either ms or burst_ms, not both".to_owned())),
                 };
                 FaultKind::Delay { delay, overtake: self.overtake.unwrap_or_default() }
             }

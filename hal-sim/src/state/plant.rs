@@ -48,7 +48,7 @@ pub struct ValvePlant {
     pub boot_ms: u16,
     /// The delay of answers, in milliseconds.
     pub answer_ms: AnswerMs,
-    /// The cycle of the program, in milliseconds; 0 acts at once.
+    /// The cycle of the program, in milliseconds; at 0, the program reacts at once.
     pub cycle_ms: u16,
 }
 
@@ -71,7 +71,7 @@ pub struct EncoderPlant {
     pub boot_ms: u16,
     /// The delay of answers, in milliseconds.
     pub answer_ms: AnswerMs,
-    /// The cycle of the program, in milliseconds; 0 acts at once.
+    /// The cycle of the program, in milliseconds; at 0, the program reacts at once.
     pub cycle_ms: u16,
 }
 
@@ -211,25 +211,25 @@ pub struct PlantChange {
     /// Valves: cold oil slows the spool down.
     #[serde(default, deserialize_with = "given")]
     pub oil: Option<bool>,
-    /// The time from power to the start of the program, 0…60000 ms; a new one acts from the next start.
+    /// The time from power to the start of the program, 0…60000 ms; a change takes effect at the next start.
     #[serde(default, deserialize_with = "given")]
     pub boot_ms: Option<u16>,
     /// The delay of answers, 0…60000 ms, or the smallest and the largest delay.
     #[serde(default, deserialize_with = "given")]
     pub answer_ms: Option<AnswerMs>,
-    /// The cycle of the program, 0…1000 ms; 0 acts at once.
+    /// The cycle of the program, 0…1000 ms; at 0, the program reacts at once.
     #[serde(default, deserialize_with = "given")]
     pub cycle_ms: Option<u16>,
     /// The duration of the change, in milliseconds, after which the earlier values are restored; permanent by default.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub for_ms: Option<u32>,
-    /// A numeric word that changes in time.
+    /// A numeric word that changes over time.
     #[serde(default, deserialize_with = "given_object")]
     pub profile: Option<Profile>,
 }
 
-/// A numeric word of the plant that changes in time.
+/// A numeric word of the plant that changes over time.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {

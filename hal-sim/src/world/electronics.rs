@@ -25,7 +25,7 @@ pub struct Electronics {
 }
 
 impl Electronics {
-    /// Applies a plant change; other words than those of the electronics have no effect.
+    /// Applies a plant change; a word that does not belong to the electronics has no effect.
     pub(super) fn change(&mut self, plant: Plant) {
         let millis = |ms: u16| Duration::from_millis(ms.into());
         match plant {

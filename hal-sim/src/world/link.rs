@@ -21,9 +21,11 @@ pub struct Link {
     pub min: u32,
     /// The upper end stop, inclusive, in 1/100 degree. It must be less than one turn and not below the lower end stop.
     pub max: u32,
-    /// The largest deviation of the speed, in percent, up to 100. It changes every [`NOISE_STEP`](super::NOISE_STEP).
+    /// The largest deviation of the speed, in percent, up to 100. The deviation changes every
+    /// [`NOISE_STEP`](super::NOISE_STEP).
     pub noise: u8,
-    /// The overlap of the spool: the position up to which nothing flows, up to 16384. Beyond it the speed begins at 0.
+    /// The overlap of the spool: the position up to which nothing flows, up to 16384. Beyond this
+    /// position, the speed rises from 0.
     pub dead_band: u16,
 }
 

@@ -45,7 +45,7 @@ impl World {
                 plant => electronics.change(plant),
             }
         }
-        // Supply and limit change together, so that the supply is compared with the new limit alone.
+        // Supply and limit change together, so that the supply is compared only with the new limit.
         let has_new_electronics = electronics != self.electronics(node);
         self.fit_electronics(node, electronics);
         self.warm_oil(node, &mut inputs);
@@ -68,8 +68,9 @@ impl World {
         Ok(())
     }
 
-    /// Makes a valve's spool times depend on the temperature, see [`OIL`](super::OIL), or no longer. The current times
-    /// become the times in warm oil, from 0 to 60 °C; without oil, the spool has these times again.
+    /// Starts or ends the dependence of a valve's spool times on the temperature, see [`OIL`](super::OIL). At the
+    /// start, the current times become the times in warm oil, from 0 to 60 °C. At the end, the spool has these times
+    /// again.
     fn pour_oil(&mut self, node: NodeId, there: bool, inputs: &mut Inputs) {
         let Some(valve) = inputs.valve_mut() else { return };
         let oil = &mut self.nodes[node.0].oil;

@@ -63,7 +63,7 @@ pub(super) fn next_step(at: Instant) -> Instant {
 }
 
 impl State {
-    /// Returns whether a sensor sees another angle than that of its shaft.
+    /// Returns whether the angle that a sensor measures can differ from the angle of its shaft.
     pub(super) fn is_rough_shaft(&self, inputs: &Inputs) -> bool {
         self.settings != Roughness::default() && inputs.shaft().is_some()
     }
