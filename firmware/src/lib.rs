@@ -6,7 +6,8 @@
 //! settings      settings of the board
 //! ```
 //!
-//! For the target only there is also `memory_functions`: the functions that the compiler calls to copy memory.
+//! For the target, the crate also contains `memory_functions`: the functions that the compiler calls to copy, move and
+//! fill memory.
 #![no_std]
 #![deny(unsafe_code)]
 

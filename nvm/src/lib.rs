@@ -5,7 +5,7 @@
 //!
 //! The log writes entries to one sector until it is full, then copies the newest entries to the other sector. Above the
 //! log, the store manages a record of each key, an inventory of the keys ever stored, and a setting of the platform.
-//! Beside the log, a reader of the previous layout takes over the records of older flashes.
+//! Beside the log, a reader of the previous layout imports the records of flashes that still have it.
 //!
 //! ```text
 //! store    records by key, inventory and setting
@@ -13,8 +13,8 @@
 //! legacy   reader of the previous layout
 //! ```
 //!
-//! Every call runs to its end, so no operation stays half done. A slow flash blocks the caller. On the board this is
-//! the task with the lowest priority.
+//! Every call blocks until it succeeds or fails. A later write repeats an interrupted move. On the board, the task with
+//! the lowest priority makes the calls.
 //!
 //! # A record in a flash
 //!

@@ -6,7 +6,7 @@
 //!
 //! When the sector in use is full, the log moves. It erases the other sector, copies the newest entry of each key
 //! there, and finally writes the new entry, which completes the move. The full sector does not change until the next
-//! move. A sector with copies only belongs to an interrupted move, which begins again with the erase.
+//! move. A sector that holds nothing but copies is left from an interrupted move. That move starts over with the erase.
 //!
 //! No word is written twice between two erases. An unreadable word counts as damage. In a flash with error correction,
 //! an interrupted write leaves such words.
@@ -44,7 +44,7 @@ pub(crate) struct Log<'buffer, F> {
 /// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A copy of an older entry, because that will be erased, or because the newer entry of its key is damaged.
+    /// A copy of an older entry. The sector of that entry will be erased, or the newer entry of its key is damaged.
     Copy = 0,
     /// New content.
     Stored = 1,

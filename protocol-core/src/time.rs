@@ -1,8 +1,8 @@
 //! Time, which is always a parameter of the core.
 //!
 //! [`Instant`] and [`Duration`] come from embassy-time, in ticks of 1 µs, without its clock. Their operators panic on
-//! overflow; the functions here do not. Clocks stay below 2^63 ticks (292,000 years). Later times, up to [`NEVER`], are
-//! deadlines only.
+//! overflow; the functions here do not. Clocks stay below 2^63 ticks (292,000 years). Later times, up to [`NEVER`],
+//! serve only as deadlines.
 
 pub use embassy_time::{Duration, Instant};
 

@@ -3,10 +3,10 @@
 //! # Layers
 //!
 //! [`cli`] turns a command line into a [`Request`](cli::Request), which `main` executes. For `run`, [`run`] paces the
-//! world by the wall clock on a thread of its own. Clients live on another thread: [`gateway`] serves those of the bus,
-//! [`http`] those of the control interface. Their messages reach the world through [`inbox`], and [`control`] answers
-//! them there. The other commands have no clients: [`batch`] runs scenarios, [`campaign`] runs campaigns, [`remote`]
-//! sends requests to a running simulator.
+//! world by the wall clock on a thread of its own. Clients live on other threads: [`gateway`] serves the clients of the
+//! bus, [`http`] those of the control interface. Their messages reach the world through [`inbox`], and [`control`]
+//! answers them there. The other commands have no clients: [`batch`] runs scenarios, [`campaign`] runs campaigns,
+//! [`remote`] sends requests to a running simulator.
 //!
 //! ```text
 //! cli/       the command line

@@ -12,12 +12,12 @@ use super::storage::Client;
 /// The maximum time between two feedings by an idle task of the device.
 pub(super) const FEED: Duration = Duration::from_millis(100);
 
-/// The nominal and the highest frequency of the oscillator of the watchdog (LSI), in kHz (DS9405, DS10693). The time of
-/// the watchdog is defined at the nominal frequency.
+/// The nominal and the highest frequency of the oscillator of the watchdog (LSI), in kHz (DS9405, DS10693). The
+/// time-out of the watchdog is defined at the nominal frequency.
 const TYPICAL_LSI_KHZ: u64 = 32;
 const FASTEST_LSI_KHZ: u64 = 47;
 
-/// The time of the watchdog with the fastest oscillator.
+/// The time-out of the watchdog with the fastest oscillator.
 const SHORTEST: Duration = Duration::from_micros(WATCHDOG_US as u64 * TYPICAL_LSI_KHZ / FASTEST_LSI_KHZ);
 const _: () = assert!(SHORTEST.as_micros() > FEED.as_micros() + LONGEST_SETTLE.as_micros() + STANDSTILL.as_micros());
 
@@ -36,7 +36,7 @@ impl Watchdog {
         Self(watchdog)
     }
 
-    /// Restarts the time of the watchdog, unless an answer of the memory is overdue.
+    /// Restarts the watchdog timer, unless an answer of the memory is overdue.
     pub(super) fn feed(&mut self, memory: &Client, now: Instant) {
         if !memory.hangs(now) {
             self.0.pet();

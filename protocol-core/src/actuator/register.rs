@@ -6,7 +6,7 @@ use super::fault::{Fault, FaultSet, SPOOL_FAULTS};
 /// The fault changes since the last [`Valve::take_changes`](super::Valve::take_changes).
 ///
 /// The protocol reports the activations first, each set in order of priority. A fault in both sets became active and
-/// then cleared. A fault that cleared and became active again is in `activated` only.
+/// then cleared. A fault that cleared and became active again is only in `activated`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// The faults that became active.

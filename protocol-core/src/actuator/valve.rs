@@ -27,7 +27,7 @@ pub enum ActuatorType {
 /// The states in which the two spool-position monitors run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpoolMonitors {
-    /// The monitors run in [`Drive::Regulate`] only.
+    /// The monitors run only in [`Drive::Regulate`].
     WhileRegulating,
     /// The monitors run in every drive but [`Drive::Hand`] and [`Drive::EmergencyStop`]. In [`Drive::Off`] they expect
     /// the spool in neutral.
@@ -184,7 +184,7 @@ impl Valve {
         };
         self.drive = drive;
         if begins {
-            // Monitor 2 runs in float only, and restarts by itself.
+            // Monitor 2 runs only in float, and restarts by itself.
             self.at_set_point.restart();
         }
         self.step_spool(now);

@@ -1,9 +1,9 @@
 //! The object dictionary (CiA 301 7.4): a const table of each product.
 //!
-//! The table decides about look-up, access with its abort codes, PDO mapping, "save" and the default values. The
-//! compiler splits the table. Its [`Entries`] do not depend on the product, so services that need only them are
-//! compiled once for all products of an image. Each entry has a tag, `behind`, at the same position. The tag selects
-//! the code that serves the object.
+//! The table determines look-up, access with its abort codes, PDO mapping, "save" and the default values. The compiler
+//! splits the table. Its [`Entries`] do not depend on the product, so services that need only them are compiled once
+//! for all products of an image. Each entry has a tag, `behind`, at the same position. The tag selects the code that
+//! serves the object.
 
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
@@ -49,7 +49,7 @@ pub enum Mappable {
     Tpdo,
 }
 
-/// The default of a stored object, in force while the memory holds no value.
+/// The default of a stored object. It applies while the memory holds no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DefaultValue {
     /// A number, as the raw bits of its type.

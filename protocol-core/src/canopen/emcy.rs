@@ -237,8 +237,8 @@ impl EmcyProducer {
         self.cob_id
     }
 
-    /// Writes object 0x1014, in force at once. Bit 31 switches EMCYs off, whatever the identifier. The identifier
-    /// changes only while EMCYs are off.
+    /// Writes object 0x1014. The value takes effect at once. Bit 31 switches EMCYs off, whatever the identifier. The
+    /// identifier changes only while EMCYs are off.
     ///
     /// # Errors
     /// - [`AbortCode::INVALID_VALUE`] for bit 30, for a restricted identifier, and for a 29-bit identifier without
@@ -301,8 +301,8 @@ impl EmcyConsumer {
         self.cob_id
     }
 
-    /// Writes object 0x1028:1, in force at once. With bit 31, which switches the consumer off, the other bits are not
-    /// checked, and read back as written (A).
+    /// Writes object 0x1028:1. The value takes effect at once. Bit 31 switches the consumer off. The other bits are
+    /// then not checked, and read back as written (A).
     ///
     /// # Errors
     /// Returns [`AbortCode::INVALID_VALUE`] for a restricted identifier, and for a 29-bit identifier without

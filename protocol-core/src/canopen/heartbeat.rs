@@ -53,7 +53,7 @@ impl HeartbeatProducer {
         Ok(())
     }
 
-    /// Loads a stored time, in force from the next [`boot`](Self::boot).
+    /// Loads a stored time, which takes effect at the next [`boot`](Self::boot).
     pub(crate) const fn load(&mut self, time: u16) {
         self.time = time;
         self.stop();

@@ -20,7 +20,7 @@ pub(crate) enum State {
     Configuration,
 }
 
-/// The effect of a switch to LSS waiting on a pending node ID.
+/// The effect on a pending node ID when the slave switches to LSS waiting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
@@ -45,7 +45,7 @@ pub(crate) struct Rules {
     pub(crate) fast_scan_selects: bool,
     /// Whether the node ID 255 can be configured, which removes the node ID.
     pub(crate) can_remove_node_id: bool,
-    /// The effect of a switch to LSS waiting on a pending node ID.
+    /// The effect on a pending node ID when the slave switches to LSS waiting.
     pub(crate) on_waiting: OnWaiting,
     /// Whether NMT start drops the pending configuration.
     pub(crate) start_drops_pending: bool,

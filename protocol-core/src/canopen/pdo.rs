@@ -172,7 +172,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the transmission type, in force at once. Restarts the SYNC count and the event timer.
+    /// Writes the transmission type, and restarts the SYNC count and the event timer. The value takes effect at once.
     ///
     /// # Errors
     /// Returns [`AbortCode::INVALID_VALUE`] for a type that the product does not permit.
@@ -200,7 +200,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes the event timer, in force at once. The first period begins at `now`.
+    /// Writes the event timer. The value takes effect at once. The first period begins at `now`.
     pub(crate) fn write_event_timer(&mut self, value: u16, now: Instant) {
         self.transmission.set_event_timer(value);
         self.transmission.restart_timer(now, self.sends());
@@ -250,7 +250,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// Loads a stored COB-ID, in force from [`start`](Self::start).
+    /// Loads a stored COB-ID, which takes effect at [`start`](Self::start).
     pub(crate) const fn load_cob_id(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }

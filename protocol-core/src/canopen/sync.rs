@@ -25,7 +25,7 @@ impl SyncConsumer {
         self.cob_id
     }
 
-    /// Writes object 0x1005, in force at once.
+    /// Writes object 0x1005. The value takes effect at once.
     ///
     /// # Errors
     /// Returns [`AbortCode::INVALID_VALUE`] for bit 30 (a SYNC producer), for a restricted identifier, and for a 29-bit

@@ -76,7 +76,7 @@ impl Transmission {
         self.event_timer
     }
 
-    /// Sets the transmission type, in force from [`restart`](Self::restart).
+    /// Sets the transmission type, which takes effect at [`restart`](Self::restart).
     pub(crate) const fn set_kind(&mut self, kind: u8) {
         self.kind = kind;
     }
@@ -87,7 +87,7 @@ impl Transmission {
         self.inhibited_until = Instant::MIN;
     }
 
-    /// Sets the event timer, in force from [`restart_timer`](Self::restart_timer).
+    /// Sets the event timer, which takes effect at [`restart_timer`](Self::restart_timer).
     pub(crate) const fn set_event_timer(&mut self, event_timer: u16) {
         self.event_timer = event_timer;
     }

@@ -20,7 +20,7 @@ use crate::control::Speed;
 pub struct CellOptions {
     /// The plan.
     pub plan: PathBuf,
-    /// Replaces the seeds of the plan.
+    /// The seed that replaces those of the plan.
     pub seed: Option<u64>,
     /// The cell.
     pub which: Which,
@@ -57,7 +57,8 @@ impl FromStr for Which {
     }
 }
 
-/// Runs a cell and writes its trace and verdict to `out`; returns whether it passed. Errors of `out` are ignored.
+/// Runs a cell, and writes its trace and verdict to `out`. Returns whether the cell passed. Errors of `out` are
+/// ignored.
 ///
 /// # Errors
 /// [`CampaignError`]
@@ -71,7 +72,8 @@ pub fn run_cell(options: &CellOptions, out: &mut dyn Write) -> Result<bool, Camp
         }
         (Some(_), Which::At(..)) => {
             return Err(CampaignError::Refused(
-                "--cell: a plan with a controller has the cells of the grid only".to_owned(),
+                "--cell: a plan with a controller accepts only the number of a cell, as in 17, not ROW@MICROSECONDS"
+                    .to_owned(),
             ));
         }
         (None, _) => {
@@ -92,7 +94,7 @@ pub fn run_cell(options: &CellOptions, out: &mut dyn Write) -> Result<bool, Camp
     Ok(cell.verdict.passed())
 }
 
-/// Returns the devices of a plan, unpowered, and the judge of a cell, for a run with a controller of its own.
+/// Returns the unpowered devices of a plan and the judge of a cell, for a run whose controller is a client of the bus.
 ///
 /// # Errors
 /// [`CampaignError`]
@@ -108,10 +110,10 @@ pub fn judged(options: &CellOptions, speed: Speed) -> Result<(Simulation, Judge)
 
 fn unknown(campaign: &Campaign<'_>) -> CampaignError {
     let (rows, cells) = (campaign.rows().len(), campaign.cells());
-    CampaignError::Refused(format!("--cell: the plan has {rows} rows and {cells} cells"))
+    CampaignError::Refused(format!("--cell: no such cell; the plan has {rows} rows and {cells} cells, numbered from 0"))
 }
 
-/// A cell in a list.
+/// A cell in the output of `--list`.
 #[derive(Serialize)]
 struct Listed<'a> {
     number: u64,

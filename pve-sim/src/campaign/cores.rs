@@ -1,4 +1,4 @@
-//! Numbered tasks over threads, with their results in order.
+//! Runs tasks on several threads, and delivers their results in order.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -6,16 +6,16 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// The tasks that may be complete before their turn, for each thread: their results wait in memory.
+/// The number of tasks per thread that may begin ahead of the next result. Their results wait in memory.
 const AHEAD: usize = 4;
-/// The time between two calls of `meanwhile`.
+/// The maximum time without a message before `meanwhile` is called.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// Messages to the thread that takes the results.
 pub(super) enum Message<R> {
-    /// The result of the task at this place.
+    /// The index of a task, and its result.
     Done(usize, R),
-    /// A signal: the end of the work.
+    /// A signal, which ends the work.
     Interrupted,
 }
 
@@ -29,7 +29,7 @@ pub(super) enum Stopped<E> {
     Failed(E),
 }
 
-/// The places of tasks: the next to begin, and the next to take.
+/// The indices of the next task to begin and of the next result to take.
 #[derive(Default)]
 struct Turn {
     next: Mutex<(usize, usize)>,
@@ -41,7 +41,7 @@ impl Turn {
         self.next.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the place of the next task, once it is near enough to the next result.
+    /// Returns the index of the next task. Waits while it is more than `ahead` tasks beyond the next result.
     fn begin(&self, ahead: usize) -> usize {
         let mut next = self.lock();
         while next.0 > next.1 + ahead {
@@ -57,8 +57,9 @@ impl Turn {
     }
 }
 
-/// Executes tasks on threads, and calls `take` with their results in order; calls `meanwhile` several times a second.
-/// After an error or a signal the threads are left behind: they end with the process.
+/// Runs tasks on `jobs` threads, and calls `take` with their results in order. Calls `meanwhile` after each message,
+/// and after each [`PAUSE`] without one. After an error or a signal the threads are not joined: they end with the
+/// process at the latest.
 pub(super) fn in_order<T, R, E>(
     tasks: Vec<T>,
     jobs: usize,
@@ -94,7 +95,8 @@ where
             Ok(Message::Done(place, result)) => drop(early.insert(place, result)),
             Ok(Message::Interrupted) => return Err(Stopped::Interrupted),
             Err(RecvTimeoutError::Timeout) if Arc::strong_count(&alive) > 1 => {}
-            // A thread that panics takes its task with it. Its last message may have come since the time-out.
+            // All threads have ended. Their last messages may have come since the time-out; a missing result means a
+            // panic.
             Err(_) => match messages.try_recv() {
                 Ok(Message::Done(place, result)) => drop(early.insert(place, result)),
                 Ok(Message::Interrupted) => return Err(Stopped::Interrupted),
@@ -111,7 +113,7 @@ where
     Ok(())
 }
 
-/// Returns the channel of the messages.
+/// Creates the channel to the thread that takes the results.
 pub(super) fn messages<R>() -> (Sender<Message<R>>, Receiver<Message<R>>) {
     channel()
 }

@@ -1,5 +1,5 @@
-//! A cell whose controller is a program: a simulator of its own at the plan's speed, the program on its bus, and the
-//! verdict by the control interface.
+//! The cells whose controller is a program. Each cell has its own simulator at the speed of the plan. The program joins
+//! its bus, and the control interface gives the verdict.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader};
@@ -15,14 +15,14 @@ use super::program::Program;
 use super::results::Cell;
 use crate::control::{Judged, JudgedCell};
 
-/// The time between two questions for the verdict.
+/// The time between two requests for the verdict.
 const PAUSE: Duration = Duration::from_millis(20);
-/// The wall-clock time beyond that of the cell after which a simulator without a verdict has failed.
+/// The wall-clock time beyond the duration of the cell that a simulator has for its verdict.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// The lines of the trace that are kept, the last ones.
+/// The number of lines kept, from the end of the trace.
 const KEPT: usize = 200;
 
-/// The way to run the cells of a plan with a program.
+/// The setup for cells whose controller is a program.
 #[derive(Clone, Debug)]
 pub(super) struct Live {
     /// The program with its arguments.
@@ -42,7 +42,7 @@ struct Simulator {
 }
 
 impl Live {
-    /// Runs the cell with a number and an instant. Returns its result, and its trace with the output of the program.
+    /// Runs a cell. Returns its result, and its trace with the output of the program.
     pub(super) fn run(&self, number: u64, at_us: u64) -> io::Result<(Cell, String)> {
         let mut simulator = Simulator::start(self, number)?;
         let words = &self.controller;
@@ -52,7 +52,7 @@ impl Live {
         let mut program = Program::start(words, &simulator.bus).map_err(name)?;
         let began = Instant::now();
         let judged = loop {
-            // A verdict counts before the end of the program.
+            // The end is read before the verdict, so that a verdict already given counts.
             let ended = program.ended();
             let cell = simulator.ask()?;
             if let Some(judged) = cell.result {
@@ -86,7 +86,7 @@ impl Simulator {
         if let Some(seed) = live.seed {
             command.args(["--plan-seed", &seed.to_string()]);
         }
-        // The simulator ends when its stdout has no reader, so also with this process.
+        // The simulator ends when its stdout has no reader, so it also ends with this process.
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut process = command.spawn()?;
         let mut stdout = BufReader::new(process.stdout.take().ok_or(io::ErrorKind::BrokenPipe)?);

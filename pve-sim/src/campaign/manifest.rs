@@ -1,4 +1,4 @@
-//! The manifest of results: what was run, by which program, on which machine.
+//! The manifest of results: the plan, the version of pve-sim, and the machine.
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,9 +14,9 @@ pub(super) const FORMAT: u32 = 1;
 pub(super) struct Manifest {
     /// [`FORMAT`].
     pub(super) format: u32,
-    /// The version of the program.
+    /// The version of pve-sim.
     pub(super) version: String,
-    /// The commit of the program; `None` in a debug build.
+    /// The commit of pve-sim; `None` if the build does not know it.
     pub(super) commit: Option<String>,
     /// The plan as named on the command line.
     pub(super) plan: String,
@@ -26,24 +26,24 @@ pub(super) struct Manifest {
     pub(super) title: String,
     /// The seeds of the runs.
     pub(super) seeds: Vec<u64>,
-    /// `--seed`, which replaced the seeds of the plan.
+    /// The seed of `--seed`, which replaced those of the plan.
     pub(super) seed: Option<u64>,
-    /// `--shard`; `None` for all rows.
+    /// The part of `--shard`; `None` for all rows.
     pub(super) shard: Option<Shard>,
     /// The number of rows of the whole campaign.
     pub(super) rows: usize,
-    /// Limits and observation, in microseconds; `None` for an oracle that the plan does not have.
+    /// The limits and the observation time of the plan.
     pub(super) limits: LimitsUs,
     /// Whether cells were forked from the golden run; otherwise each ran from 0 ms.
     pub(super) forked: bool,
-    /// System, processor and number of cores.
+    /// The system, the processor architecture and the number of cores; for merged results, of each machine.
     pub(super) machine: String,
-    /// Of merged results: the rows that no file has. Empty if complete.
+    /// The rows that none of the merged files has; `None` if no row is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) missing: Option<String>,
 }
 
-/// Limits and observation, in microseconds.
+/// The limits and the observation time of a plan, in microseconds. A limit is `None` if the plan lacks its oracle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LimitsUs {
@@ -53,7 +53,7 @@ pub(super) struct LimitsUs {
 }
 
 impl Manifest {
-    /// Returns whether results with this manifest and another one belong to one campaign.
+    /// Returns whether the results of two manifests belong to the same campaign.
     pub(super) fn is_of_campaign_of(&self, other: &Self) -> bool {
         let common = |manifest: &Self| Self {
             shard: None,
@@ -66,7 +66,7 @@ impl Manifest {
     }
 }
 
-/// Returns system, processor and number of cores of this machine.
+/// Returns the system, the processor architecture and the number of cores of this machine.
 pub(super) fn machine() -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     format!("{} {}, {cores} cores", std::env::consts::OS, std::env::consts::ARCH)
@@ -82,7 +82,7 @@ pub(super) fn hash(plan: &str, scenario: &str) -> String {
     format!("{:016x}", digest.finalize())
 }
 
-/// One of several equal parts of a campaign: each row whose number, modulo the number of parts, is that of the part.
+/// One of several equal parts of a campaign. Part K of N has the rows whose number modulo N is K − 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Shard {

@@ -1,4 +1,4 @@
-//! `campaign merge`: the results of shards as one.
+//! `campaign merge`: joins the results of shards.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use super::manifest::Manifest;
 use super::results::{Reader, ResultsError, Row, Writer};
 use super::sink::{ReportError, Reports, report};
 
-/// The missing rows that are named.
+/// The maximum number of missing rows that are named.
 const NAMED: usize = 20;
 
 /// The options of `campaign merge`.
@@ -21,7 +21,7 @@ pub struct MergeOptions {
     pub reports: Reports,
 }
 
-/// Merges results and reports them; returns whether they are complete and each cell passed.
+/// Merges results and reports them. Returns whether no row is missing and each cell passed.
 ///
 /// # Errors
 /// [`ReportError`]
@@ -34,8 +34,10 @@ pub fn merge(options: &MergeOptions, out: &mut dyn Write) -> Result<bool, Report
         match &mut manifest {
             None => manifest = Some(found.clone()),
             Some(first) if !first.is_of_campaign_of(found) => {
-                let reason =
-                    format!("holds the results of another plan, version or seed than {}", options.files[0].display());
+                let reason = format!(
+                    "the plan, version, seed or --no-fork of these results differs from that of {}",
+                    options.files[0].display()
+                );
                 return Err(ResultsError::new(path, reason).into());
             }
             Some(first) if !first.machine.split("; ").any(|machine| machine == found.machine) => {
@@ -47,7 +49,13 @@ pub fn merge(options: &MergeOptions, out: &mut dyn Write) -> Result<bool, Report
         while let Some(row) = reader.next_row()? {
             match has.get_mut(row.head.row) {
                 Some(has) => *has = true,
-                None => return Err(ResultsError::new(path, format!("row {} of {}", row.head.row, has.len())).into()),
+                None => {
+                    return Err(ResultsError::new(
+                        path,
+                        format!("row {} is beyond the {} rows of the plan", row.head.row, has.len()),
+                    )
+                    .into());
+                }
             }
         }
     }
@@ -70,7 +78,7 @@ pub fn merge(options: &MergeOptions, out: &mut dyn Write) -> Result<bool, Report
     report(&manifest, &options.reports, next, out)
 }
 
-/// Returns the row with the lowest number; a row of several files once.
+/// Returns the next row in the order of the numbers. A row in several files is returned once.
 fn next(files: &mut [(Option<Row>, Reader)]) -> Result<Option<Row>, ResultsError> {
     let lowest = files.iter().filter_map(|(row, _)| Some(row.as_ref()?.head.row)).min();
     let mut found: Option<Row> = None;
@@ -89,7 +97,7 @@ fn next(files: &mut [(Option<Row>, Reader)]) -> Result<Option<Row>, ResultsError
     Ok(found)
 }
 
-/// Names the rows that no file has; `None` if there are none.
+/// Returns a text that names the rows missing from all files; `None` if no row is missing.
 fn missing(has: &[bool]) -> Option<String> {
     let rows: Vec<String> = has.iter().enumerate().filter(|(_, has)| !**has).map(|(row, _)| row.to_string()).collect();
     let more = if rows.len() > NAMED { format!(" and {} more", rows.len() - NAMED) } else { String::new() };

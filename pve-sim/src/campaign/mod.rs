@@ -1,12 +1,12 @@
-//! Campaigns: the rows of a plan over all cores, their results in a file, and the reports.
+//! Campaigns: the rows of a plan on all cores, their results in a file, and the reports.
 //!
 //! ```text
 //! run      runs the rows of a plan            results   results files, row by row
-//! cell     runs one cell alone                manifest  what was run, by which program
-//! merge    the results of shards as one       sink/     the reports: page, CSV, JSON, JUnit, summary
-//! cores    tasks over threads, in order       progress  the progress line
+//! cell     runs one cell alone                manifest  plan, version and machine of results
+//! merge    joins the results of shards        sink/     the reports: page, CSV, JSON, JUnit, summary
+//! cores    tasks on threads, in order         progress  the progress line
 //! plan     the plan and its golden run        live     a cell whose controller is a program
-//! program  a program with its children
+//! program  a controller program with its children
 //! ```
 
 mod cell;
@@ -36,23 +36,23 @@ pub use sink::{ReportError, Reports};
 /// The reason why a campaign did not run to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
-    /// The plan cannot be read, or a cell does not exist: wrong usage.
+    /// Wrong usage: the plan cannot be read, or has no such cell.
     #[error("{0}")]
     Refused(String),
     /// The run without a fault fails.
     #[error("{0}")]
     Golden(String),
-    /// The program that is the controller cannot run.
+    /// A cell whose controller is a program cannot run.
     #[error("{0}")]
     Program(String),
     /// The results or reports cannot be written or read.
     #[error(transparent)]
     Report(#[from] ReportError),
     /// A signal.
-    #[error("interrupted; the complete rows are in {}: the same command with --resume goes on", .0.display())]
+    #[error("interrupted; the complete rows are in {}; the same command with --resume continues", .0.display())]
     Interrupted(PathBuf),
-    /// A defect of this program.
-    #[error("a row ended by a panic; the complete rows are in {}", .0.display())]
+    /// A defect of pve-sim.
+    #[error("a row panicked; the complete rows are in {}", .0.display())]
     Panicked(PathBuf),
 }
 

@@ -15,9 +15,9 @@ use super::manifest::{FORMAT, LimitsUs, Manifest, hash, machine};
 pub(super) struct Prepared {
     pub(super) campaign: Campaign<'static>,
     pub(super) manifest: Manifest,
-    /// The plan. It lives as long as the program, because threads that are left behind use it.
+    /// The plan. It lives as long as the process, because threads that are not joined use it.
     pub(super) plan: &'static Plan,
-    /// The program that is the controller, if any.
+    /// The setup of the controller program, if the plan has one.
     pub(super) live: Option<Live>,
 }
 

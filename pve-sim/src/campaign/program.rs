@@ -1,4 +1,4 @@
-//! A program that is the controller: started with its bus, watched, and ended with its children.
+//! A controller program: its start on a bus, its output, and its end with its children.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader, Read};
@@ -6,13 +6,13 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-/// The lines of a program's output that are kept, the last ones.
+/// The number of lines kept, from the end of a program's output.
 const KEPT: usize = 50;
 
-/// The process IDs of the programs that run.
+/// The process IDs of the programs not yet ended by [`Program::end`] or a drop.
 static RUNNING: Mutex<Vec<u32>> = Mutex::new(Vec::new());
 
-/// A running program.
+/// A program that was started.
 #[derive(Debug)]
 pub(super) struct Program {
     child: Child,
@@ -21,7 +21,8 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// Starts a program; `{bus}` in its arguments becomes the URL of the bus. On Unix it is a process group of its own.
+    /// Starts a program; `{bus}` in its arguments becomes the URL of the bus. On Unix the program has its own process
+    /// group.
     pub(super) fn start(words: &[String], bus: &str) -> io::Result<Self> {
         let mut words = words.iter().map(|word| word.replace("{bus}", bus));
         let mut command = Command::new(words.next().unwrap_or_default());
@@ -73,7 +74,7 @@ pub(super) fn end_all() {
     }
 }
 
-/// Keeps the last lines of a pipe, and never lets it fill up.
+/// Reads a pipe on a new thread, so that it never fills up, and keeps its last lines.
 fn read(pipe: impl Read + Send + 'static, said: Arc<Mutex<VecDeque<String>>>) -> JoinHandle<()> {
     thread::spawn(move || {
         let mut lines = BufReader::new(pipe).split(b'\n');
@@ -96,7 +97,7 @@ fn alone(command: &mut Command) {
 #[cfg(unix)]
 fn kill_group(pid: u32) {
     use rustix::process::{Pid, Signal, kill_process_group};
-    // The group has the ID of its first process, also once that has ended.
+    // The group keeps the ID of its first process, even after the end of that process.
     if let Some(group) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
         let _ = kill_process_group(group, Signal::KILL);
     }

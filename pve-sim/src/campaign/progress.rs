@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 /// The time between two progress lines.
 const PERIOD: Duration = Duration::from_millis(500);
 
-/// The progress of a campaign.
 #[derive(Debug)]
 pub(super) struct Progress {
     is_shown: bool,
@@ -22,7 +21,8 @@ impl Progress {
         Self { is_shown: stderr().is_terminal(), began: Instant::now(), told: None, rows }
     }
 
-    /// Writes the progress line, if it is due. `cells` is the number of cells so far, `done` that of complete rows.
+    /// Writes the progress line, if it is due. `cells` is the number of cells so far, `done` the number of complete
+    /// rows.
     pub(super) fn tell(&mut self, cells: &AtomicU64, done: usize) {
         if self.is_shown && self.told.is_none_or(|told| told.elapsed() >= PERIOD) {
             self.told = Some(Instant::now());

@@ -1,4 +1,4 @@
-//! Results files: JSON lines, the manifest first, then each row with its cells, in the order of the rows.
+//! Results files: JSON lines. The manifest comes first, then each row with its cells, in the order of the rows.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, BufWriter, Seek as _, SeekFrom, Write};
@@ -26,13 +26,13 @@ pub(super) struct RowHead {
     pub(super) row: usize,
     /// The fault in words.
     pub(super) fault: String,
-    /// The reference of the plan.
+    /// The reference of the fault in the plan.
     pub(super) reference: Option<String>,
     /// The seed of the run.
     pub(super) seed: u64,
     /// The number of cells that follow.
     pub(super) cells: usize,
-    /// The place of the worst cell among them.
+    /// The index of the worst cell among them.
     pub(super) worst: usize,
     /// The explained trace of the worst cell.
     pub(super) trace: String,
@@ -52,7 +52,7 @@ pub(super) struct Cell {
     pub(super) detected_us: Option<u64>,
     /// The time from the fault to the safe state.
     pub(super) safe_us: Option<u64>,
-    /// The frames that the fault affected.
+    /// The number of frames that the fault affected.
     pub(super) struck: u64,
 }
 
@@ -132,7 +132,7 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    /// Creates the file. Replaces results of an earlier campaign, and no other file.
+    /// Creates the file. Replaces the results of an earlier campaign, but no other file with contents.
     pub(super) fn create(path: &Path, manifest: &Manifest) -> Result<Self, ResultsError> {
         let is_replaceable = match path.metadata() {
             Err(_) => true,
@@ -147,13 +147,14 @@ impl Writer {
         Ok(writer)
     }
 
-    /// Opens the results of an interrupted campaign behind their last complete row. Returns the rows that they have.
+    /// Opens the results of an interrupted campaign, to append rows after the last complete row. Returns the numbers of
+    /// the complete rows.
     pub(super) fn resume(path: &Path, manifest: &Manifest) -> Result<(Self, Vec<usize>), ResultsError> {
         let mut reader = Reader::open(path)?;
         let found = &reader.manifest;
         if !found.is_of_campaign_of(manifest) || found.shard != manifest.shard {
-            let reason =
-                "holds the results of another plan, version, seed or shard; without --resume they are replaced";
+            let reason = "the plan, version, seed, shard or --no-fork of these results differs; \
+                          without --resume they are replaced";
             return Err(ResultsError::new(path, reason));
         }
         let mut rows = Vec::new();
@@ -167,7 +168,7 @@ impl Writer {
         Ok((Self { path: path.to_owned(), file: BufWriter::new(file) }, rows))
     }
 
-    /// Appends a row, down to the operating system.
+    /// Appends a row, and flushes it to the operating system.
     pub(super) fn append(&mut self, row: &Row) -> Result<(), ResultsError> {
         let cells = row.cells.iter().map(|cell| Line::Cell(*cell));
         self.write([Line::Row(row.head.clone())].into_iter().chain(cells))
@@ -212,11 +213,11 @@ impl Reader {
                 let path = path.to_owned();
                 Ok(Self { path, file, manifest, line: 1, read, complete: read, text: String::new() })
             }
-            _ => Err(ResultsError::new(path, "not the results of a campaign, or of another version")),
+            _ => Err(ResultsError::new(path, "not the results of a campaign, or in the format of another version")),
         }
     }
 
-    /// Returns the next row; `None` at the end, or if the rest is torn.
+    /// Returns the next row; `None` at the end, or if the rest is incomplete.
     pub(super) fn next_row(&mut self) -> Result<Option<Row>, ResultsError> {
         let head = match self.next_line()? {
             None => return Ok(None),
@@ -232,13 +233,13 @@ impl Reader {
             }
         }
         if head.worst >= cells.len() {
-            return Err(self.refuse("the row has no such worst cell"));
+            return Err(self.refuse("the index of the worst cell is beyond the cells of the row"));
         }
         self.complete = self.read;
         Ok(Some(Row { head, cells }))
     }
 
-    /// Returns the next line; `None` at the end, or if the last line is torn.
+    /// Returns the next line; `None` at the end, or if the last line is incomplete.
     fn next_line(&mut self) -> Result<Option<Line>, ResultsError> {
         self.text.clear();
         let read = self.file.read_line(&mut self.text).map_err(|error| ResultsError::new(&self.path, error))?;

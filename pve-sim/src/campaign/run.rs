@@ -21,11 +21,11 @@ use super::results::{Cell, Reader, Row, RowHead, Writer};
 use super::sink::{Reports, report};
 use crate::run::Signals;
 
-/// The longest trace in results, in lines.
+/// The maximum number of lines of a trace in the results.
 const TRACE: usize = 200;
-/// The lines of a trace before the fault.
+/// The maximum number of lines of a trace before the fault.
 const BEFORE: usize = 6;
-/// The note in a trace at the instant of the fault.
+/// The beginning of the note in a trace at the instant of the fault.
 const FAULT: &str = "-- fault: ";
 
 /// The options of `campaign`.
@@ -33,15 +33,15 @@ const FAULT: &str = "-- fault: ";
 pub struct RunOptions {
     /// The plan.
     pub plan: PathBuf,
-    /// Replaces the seeds of the plan.
+    /// The seed that replaces those of the plan.
     pub seed: Option<u64>,
-    /// The number of rows that run at once; by default that of the processors.
+    /// The number of rows that run at once; by default the number of processors.
     pub jobs: Option<usize>,
     /// The part of the rows to run; by default all.
     pub shard: Option<Shard>,
-    /// Whether the rows in the results file are kept.
+    /// Whether the complete rows in the results file are kept.
     pub resume: bool,
-    /// Whether cells are forked from the golden run.
+    /// Whether cells are forked from the golden run; otherwise each cell runs from 0 ms.
     pub forked: bool,
     /// The results file.
     pub results: PathBuf,
@@ -49,7 +49,7 @@ pub struct RunOptions {
     pub reports: Reports,
 }
 
-/// Runs a campaign and writes its summary to `out`; returns whether each cell passed. Errors of `out` are ignored.
+/// Runs a campaign, and writes its summary to `out`. Returns whether each cell passed. Errors of `out` are ignored.
 ///
 /// # Errors
 /// [`CampaignError`]
@@ -148,13 +148,13 @@ fn of_row(campaign: &Campaign<'_>, row: usize, cells: Vec<Cell>, worst: usize, t
     Row { head: RowHead { row, fault, reference, seed, cells: cells.len(), worst, trace }, cells }
 }
 
-/// Returns the place of the worst cell, of equal ones the first.
+/// Returns the index of the worst cell; of equally bad cells, the index of the first.
 fn worst(cells: &[Cell]) -> usize {
     let severity = |place: &usize| (cells[*place].severity(), std::cmp::Reverse(*place));
     (0..cells.len()).max_by_key(severity).unwrap_or(0)
 }
 
-/// Returns a trace from shortly before the fault, without the lines beyond [`TRACE`].
+/// Returns at most [`TRACE`] lines of a trace, from shortly before the fault, and notes on the omitted lines.
 fn shortened(trace: &str) -> String {
     let lines: Vec<&str> = trace.lines().collect();
     let fault = lines.iter().position(|line| line.starts_with(FAULT)).unwrap_or(0);
@@ -164,7 +164,7 @@ fn shortened(trace: &str) -> String {
     format!("{}{}\n{}", left_out(from), lines[from..to].join("\n"), left_out(lines.len() - to)).trim_end().to_owned()
 }
 
-/// Sends a message for the signals that end a program.
+/// Sends a message when a signal asks the process to end.
 fn report_signals<R: Send + 'static>(sender: Sender<Message<R>>) {
     let listen = move || -> io::Result<()> {
         let runtime = Builder::new_current_thread().enable_io().build()?;

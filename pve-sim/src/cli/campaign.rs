@@ -101,7 +101,7 @@ struct ReportArgs {
     junit: Option<PathBuf>,
 }
 
-/// Refuses to overwrite plans, scenarios and results of this command line.
+/// Refuses to write reports or results over a plan, a scenario, an input, or each other.
 fn check(reports: &Reports, results: Option<&Path>, inputs: &[PathBuf]) -> Result<(), UsageError> {
     let results = results.map(|path| ("--results", path));
     let outputs: Vec<(&str, &Path)> = reports.files().chain(results).collect();

@@ -103,7 +103,7 @@ impl Events {
     }
 
     /// Sends the states of changed devices to the followers. A device whose only changes are continuous, such as the
-    /// position, is sent at sample times only.
+    /// position, is sent only at sample times.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         if !self.is_followed() {
             return;

@@ -54,7 +54,7 @@ impl BusUrl {
         }
     }
 
-    /// Returns whether the bus is an interface of the kernel: it runs in wall time only, and may have real devices.
+    /// Returns whether the bus is an interface of the kernel, which runs only in wall time and may have real devices.
     #[must_use]
     pub const fn is_interface(&self) -> bool {
         #[cfg(target_os = "linux")]

@@ -46,8 +46,8 @@ impl Server {
         self.listener.local_addr()
     }
 
-    /// Serves up to a number of connections until the process ends, on a separate thread, so that bus clients never
-    /// wait for them.
+    /// Serves at most `places` connections until the process ends. A separate thread keeps HTTP traffic from delaying
+    /// bus clients.
     pub(crate) fn start(self, world: WorldSender, places: usize) -> io::Result<()> {
         let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
         let listener = {
@@ -94,7 +94,7 @@ pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAdd
 async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin, router: Router, connection: Arc<Connection>) {
     let service = TowerToHyperService::new(router.layer(Extension(Arc::clone(&connection))));
     let stream = TokioIo::new(Tracked { stream, connection });
-    // An error ends this connection only.
+    // An error ends only this connection.
     let _ = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIMEOUT)

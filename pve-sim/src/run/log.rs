@@ -1,4 +1,4 @@
-//! The file of `--log`: every frame, in the format of its extension.
+//! The file of `--log`: every frame, in the format that the extension of the file selects.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter};

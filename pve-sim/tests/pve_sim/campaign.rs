@@ -144,7 +144,7 @@ fn an_interrupted_campaign_goes_on() {
     let ended = process.wait_with_output().expect("its end");
     assert_eq!((ended.status.code(), ended.stdout.len()), (Some(1), 0));
     let line =
-        "pve-sim: interrupted; the complete rows are in long.results.jsonl: the same command with --resume goes on\n";
+        "pve-sim: interrupted; the complete rows are in long.results.jsonl; the same command with --resume continues\n";
     assert_eq!(String::from_utf8(ended.stderr).expect("text"), line);
     let before = files.read("long.results.jsonl");
     assert!((1..11).contains(&rows()), "{}", rows());

@@ -18,8 +18,8 @@ use crate::board::wake_up::{Event, notify};
 /// The capacity of the queue: the frames of 12 ms on a full bus at 1 Mbit/s.
 const QUEUE: usize = 256;
 
-/// The number of received frames that were lost, in the controller or in front of a full queue. An overrun of the
-/// controller counts as one frame.
+/// The number of received frames lost to an overrun of the controller or to a full queue. An overrun counts as one
+/// frame.
 pub(in crate::board) static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 
 /// The state of the receive interrupts.

@@ -59,7 +59,7 @@ impl Listening {
     pub(super) const NOTHING: Self =
         Self { keys: [NONE; SERVICES], other: Filter::exactly(NONE), groups: 0, node: 0, handed_out: true };
 
-    /// Computes the identifiers of a node. Without a node ID the node receives LSS only.
+    /// Computes the identifiers of a node. Without a node ID the node receives only LSS.
     pub(super) fn of(objects: &Communication, rules: &Rules) -> Self {
         let mut new = Self { handed_out: false, ..Self::NOTHING };
         let [rpdo, sync, nmt, sdo, emcy_consumer, lss] = &mut new.keys;

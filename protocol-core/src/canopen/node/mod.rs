@@ -75,7 +75,7 @@ pub(crate) struct Node<P: Product> {
     bit_rate: BitRate,
     /// Whether the platform must still take `bit_rate`.
     rate_is_new: bool,
-    /// The node ID that the restart demanded by LSS will put in force.
+    /// The node ID that takes effect at the restart which LSS has demanded.
     activated: Option<LssNodeId>,
     /// The LSS configuration that is in force but not stored. The node ID lasts until power-off, the bit rate until
     /// reset application.
@@ -145,7 +145,7 @@ impl<P: Product> Node<P> {
     }
 
     /// Completes a start: loads the parameters of each group and boots. Reset communication does not load the product's
-    /// own objects. A node without a node ID stays in initialisation, and serves LSS only.
+    /// own objects. A node without a node ID stays in initialisation, and serves only LSS.
     pub(crate) fn boot<const GROUPS: usize>(
         &mut self,
         scope: Reset,

@@ -122,7 +122,7 @@ impl Factory {
     }
 }
 
-/// The node ID and the bit rate, in force from the next start. On ISOBUS the node ID is the address.
+/// The node ID and the bit rate, which take effect at the next start. On ISOBUS the node ID is the address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalLayer {
     /// The node ID or address; `None` only for a valve that was delivered without a node ID.

@@ -27,7 +27,7 @@ pub enum Indication {
     ClearPreviouslyActive(Request),
     /// A commanded address for the NAME of the node.
     CommandedAddress(Address),
-    /// The address is lost. From now on the node sends cannot-claims only; all frames in the controller are aborted.
+    /// The address is lost. From now on the node sends only cannot-claims; all frames in the controller are aborted.
     AddressLost,
 }
 

@@ -6,14 +6,13 @@ use super::Sink;
 use crate::campaign::manifest::Manifest;
 use crate::campaign::results::{Cell, Row};
 
-/// The columns: docs/campaigns.md explains them.
+/// The columns, which docs/campaigns.md explains.
 const COLUMNS: &str = "row,cell,refined,fault,reference,seed,at_us,verdict,passed,detected_us,safe_us,reaction_us,struck,\
                        version,commit,plan,plan_hash,machine";
 
-/// A CSV file.
 pub(super) struct Csv<W> {
     out: W,
-    /// The columns that are the same in each line.
+    /// The values of the last columns, which are the same in each line.
     common: String,
 }
 
@@ -26,7 +25,7 @@ impl<W: Write> Csv<W> {
     }
 }
 
-/// Quotes a field where it needs quotes.
+/// Quotes a field if it needs quotes.
 fn field(text: &str) -> String {
     if text.contains(['"', ',', '\r', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }

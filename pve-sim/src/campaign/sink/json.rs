@@ -6,7 +6,6 @@ use super::Sink;
 use crate::campaign::manifest::Manifest;
 use crate::campaign::results::Row;
 
-/// A JSON file.
 pub(super) struct Json<W> {
     out: W,
     is_first: bool,

@@ -1,4 +1,4 @@
-//! Results as JUnit XML: a test case for each row, which names the worst cell and the command that reproduces it.
+//! Results as JUnit XML: a test case for each row. A failure names the worst cell and the command that reproduces it.
 
 use std::io::{self, Write};
 
@@ -12,7 +12,7 @@ use crate::campaign::results::Row;
 /// The name of the test suite.
 const SUITE: &str = "pve-sim campaign";
 
-/// A JUnit file, written as a whole at the end: it has the size of the rows, not of the cells.
+/// A JUnit file, written as a whole at the end. Its size depends on the number of rows, not of cells.
 pub(super) struct JUnit<W> {
     out: W,
     manifest: Manifest,

@@ -1,4 +1,4 @@
-//! The reports of a campaign: each takes the rows one by one, so that none holds all cells.
+//! The reports of a campaign. Each report takes the rows one by one, so that no report holds all cells.
 
 mod csv;
 mod json;
@@ -16,7 +16,7 @@ use super::results::{ResultsError, Row};
 use summary::Summary;
 pub(super) use summary::reaction;
 
-/// A report.
+/// A report that is given the rows one by one.
 pub(super) trait Sink {
     /// Takes the next row.
     fn row(&mut self, row: &Row) -> io::Result<()>;
@@ -28,18 +28,18 @@ pub(super) trait Sink {
 /// The files of the reports.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Reports {
-    /// `--html`
+    /// The file of `--html`.
     pub html: Option<PathBuf>,
-    /// `--csv`
+    /// The file of `--csv`.
     pub csv: Option<PathBuf>,
-    /// `--json`
+    /// The file of `--json`.
     pub json: Option<PathBuf>,
-    /// `--junit`
+    /// The file of `--junit`.
     pub junit: Option<PathBuf>,
 }
 
 impl Reports {
-    /// Returns the options with their files.
+    /// Returns the given options with their files.
     pub fn files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
         let files = [("--html", &self.html), ("--csv", &self.csv), ("--json", &self.json), ("--junit", &self.junit)];
         files.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?)))
@@ -77,7 +77,8 @@ impl Named {
     }
 }
 
-/// Writes all reports of rows, and the summary to `out`. Returns whether each cell passed. Errors of `out` are ignored.
+/// Writes the reports, and the summary to `out`. Returns whether each cell passed and no row is missing. Errors of
+/// `out` are ignored.
 pub(super) fn report(
     manifest: &Manifest,
     reports: &Reports,

@@ -11,15 +11,14 @@ use super::Sink;
 use crate::campaign::manifest::Manifest;
 use crate::campaign::results::{Cell, Row};
 
-/// The page without what replaces the words `STYLE`, `DATA` and `SCRIPT`.
+/// The template of the page, with the placeholders `STYLE`, `DATA` and `SCRIPT`.
 const PAGE: &str = include_str!("../../../report/page.html");
 const STYLE: &str = include_str!("../../../report/page.css");
 const SCRIPT: &str = include_str!("../../../report/page.js");
 
-/// The space for all traces, in bytes: a page of 10,000 cells stays below 1 MB.
+/// The space for all traces together, in bytes. It keeps a page of 10,000 cells below 1 MB.
 const TRACES: usize = 200_000;
 
-/// A page.
 pub(super) struct Page<W> {
     out: W,
     is_first: bool,
@@ -36,15 +35,15 @@ struct Data<'a> {
     seed: u64,
     /// The number of the first cell of the grid.
     first: u64,
-    /// The instants of the grid as first one, distance and number; `None` if their distances differ.
+    /// The instants of an even grid: the first, the distance between two, and their number; `None` for an uneven grid.
     grid: Option<(u64, u64, usize)>,
-    /// The instants, if their distances differ.
+    /// The instants of an uneven grid; empty for an even grid.
     at: Vec<u64>,
     /// A letter for the verdict of each cell of the grid.
     verdicts: String,
     detected: Vec<Option<u64>>,
     safe: Vec<Option<u64>>,
-    /// The cells of the refinement.
+    /// The cells of the refinement: instant, letter of the verdict, detection time, and time to the safe state.
     refined: Vec<(u64, char, Option<u64>, Option<u64>)>,
     worst_us: u64,
     worst_number: Option<u64>,
@@ -65,12 +64,12 @@ const fn letter(verdict: Verdict) -> char {
     }
 }
 
-/// Returns JSON that ends no script element.
+/// Returns JSON without `<`, so that it cannot end its script element.
 fn embedded(value: &impl Serialize) -> io::Result<String> {
     Ok(serde_json::to_string(value)?.replace('<', "\\u003c"))
 }
 
-/// Returns the lines of a trace that have space, and says how many are left out.
+/// Returns the first lines of a trace, as many as fit, and a note with the number of omitted lines, if any.
 fn beginning(trace: &str, space: usize) -> Cow<'_, str> {
     if trace.len() <= space {
         return trace.into();

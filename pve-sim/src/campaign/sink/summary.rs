@@ -1,4 +1,4 @@
-//! The summary on stdout: each fault with its verdicts, its worst instant, and the command that reproduces it.
+//! The summary on stdout: the verdicts and the worst cell of each row, and the command that reproduces a failure.
 
 use std::io::{self, Write};
 
@@ -7,13 +7,13 @@ use hal_sim::campaign::Verdict;
 use crate::campaign::manifest::{LimitsUs, Manifest};
 use crate::campaign::results::{Cell, Row};
 
-/// The summary of a campaign.
 pub(in crate::campaign) struct Summary<'a> {
     manifest: &'a Manifest,
     cells: usize,
     failed: usize,
-    /// The cells of the grid whose fault was injected, and those of them that were detected.
+    /// The number of grid cells whose fault was injected.
     injected: usize,
+    /// The number of injected faults that were detected.
     detected: usize,
     not_injected: usize,
 }
@@ -46,7 +46,7 @@ impl<'a> Summary<'a> {
         Ok(())
     }
 
-    /// Writes the last lines.
+    /// Writes the totals.
     pub(super) fn end(&self, out: &mut dyn Write) -> io::Result<()> {
         if self.manifest.limits.detected_us.is_some() {
             writeln!(out, "{} of {} injected faults detected", self.detected, self.injected)?;
@@ -60,25 +60,25 @@ impl<'a> Summary<'a> {
         writeln!(out, "{} passed, {} failed", self.cells - self.failed, self.failed)
     }
 
-    /// Returns whether each cell passed and none is missing.
+    /// Returns whether there are cells, each passed, and no row is missing.
     pub(super) const fn passed(&self) -> bool {
         self.failed == 0 && self.cells > 0 && self.manifest.missing.is_none()
     }
 }
 
-/// Returns the number of cells of a row that broke a limit.
+/// Returns the number of cells of a row that did not pass.
 pub(super) fn failed(row: &Row) -> usize {
     row.cells.iter().filter(|cell| !cell.verdict.passed()).count()
 }
 
-/// Returns the verdicts of a row in words, the worst first.
+/// Returns the number of cells of a row, and the number with each verdict, the worst verdict first, in words.
 pub(super) fn counts(row: &Row) -> String {
     let counts = row.counts().into_iter().map(|(verdict, count)| format!("{count} {verdict}"));
     let cells = if row.cells.len() == 1 { "1 cell".to_owned() } else { format!("{} cells", row.cells.len()) };
     format!("{cells}: {}", counts.collect::<Vec<_>>().join(", "))
 }
 
-/// Returns verdict and instant of a cell, and the times of the oracles that the plan has, in words.
+/// Returns the verdict and the instant of a cell, and the time of each oracle of the plan, in words.
 pub(in crate::campaign) fn reaction(cell: &Cell, limits: &LimitsUs) -> String {
     let after = |word: &str, time: Option<u64>| match time {
         Some(us) => format!(", {word} after {}", milliseconds(us)),

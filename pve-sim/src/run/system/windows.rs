@@ -71,7 +71,7 @@ pub(in crate::run) const fn interrupt() {}
 pub(in crate::run) struct Modes;
 
 impl Modes {
-    /// Returns the modes; a process has one console.
+    /// Returns the modes without a search for the terminal, because a process has at most one console.
     #[expect(clippy::unnecessary_wraps, reason = "Unix has several terminals")]
     pub(in crate::run) const fn of_the_terminal() -> Option<Self> {
         Some(Self)

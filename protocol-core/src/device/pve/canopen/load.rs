@@ -5,7 +5,7 @@
 //! cleared, because the next start would overwrite its parameters otherwise.
 //!
 //! The "load" of a client sets the flag for the next start, and a later "save" leaves the flag set (R). Once the
-//! defaults are stored, such a write of the flag also completes the executed "load".
+//! defaults or newer parameters are stored, a write that sets the flag also completes the executed "load".
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 

@@ -21,7 +21,7 @@ const SAVE: Write = Write::new(RecordKey::Parameters, Requester::Sdo);
 const RESTORE: Write = Write::new(RecordKey::Parameters, Requester::Device);
 /// The write of the restore flag.
 const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Requester::Device);
-/// The write of the restore flag for the client of a "save", as its second half.
+/// The write of the restore flag that completes a client's "save".
 const FLAG_OF_SAVE: Write = Write::new(RecordKey::RestoreFlag, Requester::Sdo);
 /// The write of the fault log with all counters cleared.
 const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Requester::Sdo);
