@@ -7,7 +7,6 @@ use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, NEVER};
 
-use super::node::Node;
 use super::{NodeId, World};
 
 /// The interval between two values of a noise (A).
@@ -113,9 +112,9 @@ impl World {
         let seed = if settings.noise > 0 { self.random.u64(..) } else { 0 };
         let trembles = !is_shaft && settings.noise > 0;
         let next = if trembles { next_step(self.now) } else { NEVER };
-        let Node { rough, inputs, .. } = &mut self.nodes[node.0];
-        *rough = State { settings, seed, next, seen: None };
-        if let Some(valve) = inputs.valve_mut() {
+        let state = &mut self.nodes[node.0];
+        state.rough = State { settings, seed, next, seen: None };
+        if let Some(valve) = state.inputs.valve_mut() {
             valve.spool.roughness = actuator::Roughness { dead_band: settings.dead_band, ..Default::default() };
         }
         self.set_inputs(node, *self.inputs(node));
