@@ -400,7 +400,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         executed
     }
 
-    /// Takes the result of a command that was waited for.
+    /// Takes the result of an awaited command; returns an error if virtual time reached its limit first.
     fn result(&mut self, ticket: Ticket) -> Result<Reply, Refusal> {
         let place = self.run.ended.iter().position(|(known, _)| *known == ticket);
         place.map_or(
@@ -498,8 +498,8 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         }
     }
 
-    /// Adds a failure for each device at a bit rate different from the bus. The failure refers to the line of the
-    /// device if the rates differed from the start, otherwise to the current step.
+    /// Adds a failure for each device whose bit rate differs from that of the bus. The failure names the line of the
+    /// device if the rates already differed at 0 ms, otherwise the current step.
     fn fail_unheard(&mut self) {
         for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
             let place = self.run.scenario.devices.iter().position(|known| known.name == device);

@@ -158,7 +158,7 @@ fn points(profile: &Profile, now: Instant) -> Result<(&'static str, Points), Ref
     let (Some(word), Some((min, max))) = (word, word.and_then(|word| word.values.range())) else {
         let known = WORDS.iter().filter(|word| word.values.range().is_some()).map(|word| word.name);
         let known = known.collect::<Vec<_>>().join(", ");
-        return Err(Refusal::Invalid(format!("profile of '{}': must be one of {known}", profile.word)));
+        return Err(Refusal::Invalid(format!("'{}' cannot have a profile; accepted: {known}", profile.word)));
     };
     let given = profile.points();
     if given.is_empty() {

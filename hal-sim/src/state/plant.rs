@@ -24,7 +24,7 @@ pub enum PlantState {
 /// The plant of a valve.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct ValvePlant {
-    /// The supply, in millivolt.
+    /// The supply voltage, in millivolts.
     pub supply_mv: u32,
     /// The temperature, in °C.
     pub temperature_c: i16,

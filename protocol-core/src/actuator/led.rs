@@ -47,7 +47,7 @@ impl Led {
     pub const RED: Self = Self { color: Color::Red, flashing: false };
     /// Flashing red: any other active fault of highest priority.
     pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };
-    /// The indication of a shutdown that lasts although its fault has cleared (A).
+    /// The indication of a shutdown that persists after its fault has cleared (A).
     pub const FAULT_HOLD: Self = Self::RED_FLASHING;
 
     /// Returns the LED state for a condition, by precedence: bus-off, the fault of highest priority, fault hold,

@@ -110,7 +110,7 @@ fn check(reports: &Reports, results: Option<&Path>, inputs: &[PathBuf]) -> Resul
         let is_taken =
             inputs.iter().any(|input| input == path) || outputs[..place].iter().any(|(_, other)| other == path);
         if is_toml || is_taken {
-            let why = if is_toml { "this is a plan or a scenario" } else { "this file is named twice" };
+            let why = if is_toml { "a .toml file is a plan or a scenario" } else { "this file is named twice" };
             return Err(UsageError(format!("{option} {}: {why}; use a file of its own", path.display())));
         }
     }

@@ -48,7 +48,7 @@ pub type Answer<T> = oneshot::Sender<Result<T, Refusal>>;
 /// The speed of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Speed {
-    /// A factor of wall time, finite and above 0.
+    /// The ratio of virtual time to wall time, finite and above 0.
     Factor(f64),
     /// Stepped: only the control interface advances time.
     Step,
@@ -93,7 +93,7 @@ pub struct Judged {
 pub struct Time {
     /// The virtual time, in microseconds since the start.
     pub now_us: u64,
-    /// The speed: a factor against wall time, or `"step"`.
+    /// The speed: the ratio of virtual time to wall time, or `"step"`.
     pub speed: SpeedValue,
 }
 
@@ -101,7 +101,7 @@ pub struct Time {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum SpeedValue {
-    /// A factor of wall time.
+    /// The ratio of virtual time to wall time.
     Factor(f64),
     /// Time advances only by `POST /time`.
     Step(StepWord),

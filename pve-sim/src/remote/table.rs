@@ -14,11 +14,10 @@ const HEAD: [&str; COLUMNS] = ["name", "kind", "node_id", "state", "set_point", 
 /// The cell of a member that does not exist for the kind or for an unpowered device.
 const ABSENT: &str = "-";
 
-/// Returns a response of the control interface, the state of one device or the list of all states, as a table with a
-/// line for each device.
+/// Formats a response (the state of one device, or the list of all states) as a table with a line for each device.
 ///
 /// # Errors
-/// When the JSON is not that of device states.
+/// When the response is not JSON or contains no device states.
 pub(super) fn of(answer: &str) -> Result<String, String> {
     let answer: Value = serde_json::from_str(answer).map_err(|error| error.to_string())?;
     let devices = answer.as_array().map_or(std::slice::from_ref(&answer), Vec::as_slice);

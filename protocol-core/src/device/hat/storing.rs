@@ -41,8 +41,8 @@ const fn value_of(task: Task) -> u8 {
 }
 
 impl HatSensor {
-    /// Begins a task for an SDO client. It changes a waiting write of the same record, because the client of the older
-    /// task waits no longer.
+    /// Begins a task for an SDO client. The task overwrites a queued write of the same record, because the earlier client
+    /// has stopped waiting.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         self.task = Some(task);
         self.task_failed = false;

@@ -10,13 +10,13 @@ pub enum Injection {
     /// No fault.
     #[default]
     None,
-    /// Of a valve: a supply below 9 V.
+    /// A valve supply below 9 V.
     SupplyLow,
-    /// Of a valve: a supply above 36 V.
+    /// A valve supply above 36 V.
     SupplyHigh,
-    /// Of a valve: a temperature above 120 °C.
+    /// A valve temperature above 120 °C.
     Temperature,
-    /// Of a valve: a stuck spool.
+    /// A stuck valve spool.
     SpoolStuck,
     /// Of an encoder: a measuring error.
     MeasuringError,
