@@ -2,7 +2,7 @@
 //! follow the events.
 //!
 //! The world executes each message at the virtual instant of its arrival, and an answer describes a single instant.
-//! Only the [`server`] accesses the world, and the server never waits for a client.
+//! Only the server accesses the world, and it never waits for a client.
 
 pub(crate) mod events;
 mod server;

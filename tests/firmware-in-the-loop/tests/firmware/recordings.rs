@@ -12,8 +12,6 @@ use hal_sim::replay::{Outcome, ReplayOptions, replay};
 use hal_sim::scenario::Target as _;
 use hal_sim::simulation::{KEPT, TraceRecord};
 use hal_sim::state::Pattern;
-use hal_sim::world::Electronics;
-use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 use protocol_core::frame::Frame;
@@ -54,12 +52,9 @@ fn write(name: &str, frames: impl Iterator<Item = (Instant, Frame)>) -> PathBuf 
 
 /// Replays a log against the host devices, and sees that they send the same; returns how many frames were compared.
 fn replays(file: PathBuf, devices: &[Device]) -> u64 {
-    let named = |device: &Device| NamedDevice {
-        name: device.kind.name().to_owned(),
-        setup: Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) },
-        spool_times: SpoolTimes::DEFAULT,
-        has_oil: false,
-        electronics: Electronics::default(),
+    let named = |device: &Device| {
+        let setup = Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) };
+        NamedDevice::new(device.kind.name(), setup)
     };
     let options = ReplayOptions {
         file,
