@@ -7,9 +7,16 @@ use hal_sim::scenario::{Outcome, Scenario};
 
 /// Returns the use case of a name.
 pub fn use_case(name: &str) -> Scenario {
+    parsed(name, &text(name))
+}
+
+fn text(name: &str) -> String {
     let path = format!("{}/../../scenarios/use-case-{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
-    Scenario::parse(&text).unwrap_or_else(|error| panic!("{path}: {error:?}"))
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+fn parsed(name: &str, text: &str) -> Scenario {
+    Scenario::parse(text).unwrap_or_else(|error| panic!("use case {name}: {error:?}"))
 }
 
 fn played(board: &'static Board, scenario: &Scenario) -> Outcome {
@@ -53,6 +60,19 @@ use_cases! {
     use_case_6: "6",
     use_case_hat: "hat",
     use_case_isobus: "isobus",
+}
+
+/// Changes the last expected frame of each; the tests of `pve-sim use-case` change all.
+#[test]
+fn a_changed_byte_turns_a_use_case_red() {
+    for name in ALL {
+        let mut text = text(name);
+        let expected = text.rfind("expect = ").expect("a frame");
+        let place = expected + text[expected..].find('#').expect("data") + 1;
+        let other = if text.as_bytes()[place] == b'0' { "1" } else { "0" };
+        text.replace_range(place..=place, other);
+        assert!(!played(&NUCLEO_F429ZI, &parsed(name, &text)).is_success(), "{name}");
+    }
 }
 
 #[test]
