@@ -104,10 +104,11 @@ impl Golden {
         let mut now = Instant::from_ticks(0);
         while now <= end {
             if now > from && !rig.oracles.have_begun() {
-                rig.pass_frames(from, &mut frames);
+                rig.pass(from, &mut frames);
                 rig.oracles.begin(None, rig.target.simulation());
             }
-            rig.pass_frames(now, &mut frames);
+            rig.pass(now, &mut frames);
+            rig.oracles.look(rig.target.simulation());
             samples.extend(devices.iter().map(|node| Sample::of(rig.target.simulation().world().peek(*node).as_ref())));
             if let Some(detected) = rig.oracles.detected() {
                 return Err(CampaignError::Detected { seed, at_us: after(from, detected).as_micros() });

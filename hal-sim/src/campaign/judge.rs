@@ -4,9 +4,10 @@ use protocol_core::time::{Instant, NEVER, after};
 
 use super::cell::{Cell, CellResult};
 use super::golden::Golden;
+use super::injection::Injection;
 use super::oracles::{Oracles, next_sample};
 use super::plan::Plan;
-use super::run::{Campaign, Injection};
+use super::run::Campaign;
 use super::verdict::Observed;
 use crate::scenario::runner::Watch as _;
 use crate::simulation::{Happened, Simulation};

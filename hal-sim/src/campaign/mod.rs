@@ -6,6 +6,7 @@
 //! master   the controller               controller  controllers in Rust
 //! golden   the runs without a fault     run      rows and cells, by forking
 //! rig      a run with its oracles       oracles  the oracles while a cell runs
+//! observe  a run with faults            injection  a fault in a run
 //! cell     cells and their results      verdict  verdicts
 //! judge    a cell whose controller is outside this library
 //! ```
@@ -15,8 +16,10 @@ mod controller;
 mod fault;
 mod file;
 mod golden;
+mod injection;
 mod judge;
 mod master;
+mod observe;
 mod oracle;
 mod oracles;
 mod plan;

@@ -28,9 +28,12 @@ pub(super) struct Oracles<'a> {
 
 #[derive(Clone)]
 struct Injected {
-    at: Instant,
-    /// The name of a communication fault, whose frames prove nothing.
-    name: Option<Arc<str>>,
+    /// The instant of the first fault.
+    first: Instant,
+    /// The instant of the last fault, from which limits count.
+    last: Instant,
+    /// The names of the communication faults, whose frames prove nothing.
+    names: Vec<Arc<str>>,
 }
 
 #[derive(Clone)]
@@ -127,10 +130,13 @@ impl<'a> Oracles<'a> {
         self.fault.is_some()
     }
 
-    /// Begins to look for the proof and the safe state, at the instant of the fault. `name` is the name of a
-    /// communication fault.
+    /// Begins to look for the proof and the safe state, at the instant of a fault. `name` is the name of a communication
+    /// fault. At a later fault, the limits begin to count anew.
     pub(super) fn begin(&mut self, name: Option<Arc<str>>, simulation: &Simulation) {
-        self.fault = Some(Injected { at: simulation.now(), name });
+        let now = simulation.now();
+        let fault = self.fault.get_or_insert_with(|| Injected { first: now, last: now, names: Vec::new() });
+        fault.last = now;
+        fault.names.extend(name);
         self.look(simulation);
     }
 
@@ -153,7 +159,7 @@ impl<'a> Oracles<'a> {
             self.detected = match &mut self.proof {
                 Some(Seeker::State(eye)) => eye.holds(simulation).then_some(now),
                 Some(Seeker::Stops(_, span, Some(last))) => {
-                    (now >= after(*last, *span)).then(|| after(*last, *span).max(fault.at))
+                    (now >= after(*last, *span)).then(|| after(*last, *span).max(fault.first))
                 }
                 _ => None,
             };
@@ -192,20 +198,20 @@ impl<'a> Oracles<'a> {
             && self.safe.as_ref().is_none_or(|safety| safety.proved.is_some())
     }
 
-    /// Returns the time from the fault to its detection, if any.
+    /// Returns the time from the last fault to the detection, if any; 0 for an earlier detection.
     pub(super) fn detected(&self) -> Option<Duration> {
         let fault = self.fault.as_ref()?;
-        self.detected.map(|at| since(at, fault.at))
+        self.detected.map(|at| since(at, fault.last))
     }
 
-    /// Returns the time from the fault to the safe state, if any. Called at the end of the observation.
+    /// Returns the time from the last fault to the safe state, if any; 0 for an earlier state. Called at the end of the observation.
     pub(super) fn safe(&self) -> Option<Duration> {
         let (fault, safety) = (self.fault.as_ref()?, self.safe.as_ref()?);
         let begin = match safety.span {
             None => safety.since,
             Some(_) => safety.proved,
         };
-        begin.map(|begin| since(begin.max(fault.at), fault.at))
+        begin.map(|begin| since(begin, fault.last))
     }
 }
 
@@ -218,13 +224,13 @@ impl Watch for Oracles<'_> {
                 if let (Some(fault), Some(last), None) = (fault, *last, self.detected)
                     && at > after(last, *span)
                 {
-                    self.detected = Some(after(last, *span).max(fault.at));
+                    self.detected = Some(after(last, *span).max(fault.first));
                 }
                 *last = Some(at);
             }
             (Some(Seeker::Frames(patterns, came)), Some(fault)) if self.detected.is_none() => {
-                let is_of_fault = fault.name.as_ref() == Some(&happened.event.who);
-                if at > fault.at && !is_of_fault && patterns.get(*came).is_some_and(|wanted| wanted.matches(frame)) {
+                let is_of_fault = fault.names.contains(&happened.event.who);
+                if at > fault.first && !is_of_fault && patterns.get(*came).is_some_and(|wanted| wanted.matches(frame)) {
                     *came += 1;
                     self.detected = (*came == patterns.len()).then_some(at);
                 }

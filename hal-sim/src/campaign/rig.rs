@@ -30,16 +30,9 @@ impl<'a, T: Subject> Rig<'a, T> {
         Some(Self { run: self.run.clone(), target, oracles: self.oracles.clone() })
     }
 
-    /// Advances to an instant.
-    pub(super) fn pass(&mut self, until: Instant) {
-        self.run.pass(&mut self.target, until, &mut self.oracles);
-    }
-
-    /// Advances to an instant with an additional observer, and lets the oracles look there.
-    pub(super) fn pass_frames(&mut self, until: Instant, also: &mut dyn Watch) {
-        let mut both = Both(&mut self.oracles, also);
-        self.run.pass(&mut self.target, until, &mut both);
-        self.oracles.look(self.target.simulation());
+    /// Advances to an instant, with an additional observer.
+    pub(super) fn pass(&mut self, until: Instant, also: &mut dyn Watch) {
+        self.run.pass(&mut self.target, until, &mut Both(&mut self.oracles, also));
     }
 
     /// Runs the scenario to its end.
@@ -50,9 +43,9 @@ impl<'a, T: Subject> Rig<'a, T> {
 }
 
 /// Two observers.
-struct Both<'r>(&'r mut dyn Watch, &'r mut dyn Watch);
+struct Both<'r, W>(&'r mut W, &'r mut dyn Watch);
 
-impl Watch for Both<'_> {
+impl<W: Watch> Watch for Both<'_, W> {
     fn event(&mut self, happened: &Happened) {
         self.0.event(happened);
         self.1.event(happened);

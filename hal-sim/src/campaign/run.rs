@@ -1,19 +1,17 @@
 //! A campaign: its rows, the cells of each row by forking, and the refinement of each row.
 
-use protocol_core::time::{Duration, Instant, NEVER, after};
+use protocol_core::time::{Duration, Instant};
 
 use super::cell::{Cell, CellResult};
 use super::controller::{Cloned, Controller, Fresh};
-use super::fault::{Act, PlanFault, communication};
+use super::fault::{PlanFault, communication};
 use super::golden::{CampaignError, Golden};
-use super::master::{Master, Scripted, Subject};
-use super::oracles::next_sample;
+use super::master::{Master, Scripted};
+use super::observe::observe;
 use super::plan::{Entry, Plan, refuse_more};
 use super::rig::Rig;
 use super::verdict::{Observed, Verdict};
 use crate::scenario::Target as _;
-use crate::simulation::{Command, Executed, Reply, Simulation};
-use crate::state::{PlantState, Power};
 
 /// The step of the refinement.
 const FINE: Duration = Duration::from_millis(1);
@@ -184,7 +182,7 @@ impl<'a, M: Master> Campaign<'a, M> {
     pub fn trace(&self, cell: Cell) -> Option<String> {
         let row = self.rows.get(cell.row)?;
         let mut rig = Rig::new(self.plan, &self.master, row.seed, true);
-        rig.pass(cell.at);
+        rig.pass(cell.at, &mut ());
         rig.run.note(&format!("fault: {}", row.fault()));
         let (rig, result) = self.observe(rig, cell)?;
         let mut run = rig.run;
@@ -210,14 +208,14 @@ impl<'a, M: Master> Campaign<'a, M> {
     /// Returns a run that has arrived at an instant: a fork of `base`, which is advanced to that instant, or a new run.
     fn rig_at(&self, base: &mut Option<Rig<'a, M::Target>>, row: usize, at: Instant) -> Option<Rig<'a, M::Target>> {
         if let Some(rig) = base {
-            rig.pass(at);
+            rig.pass(at, &mut ());
             if let Some(fork) = rig.fork(&self.master) {
                 return Some(fork);
             }
             *base = None;
         }
         let mut rig = Rig::new(self.plan, &self.master, self.rows.get(row)?.seed, false);
-        rig.pass(at);
+        rig.pass(at, &mut ());
         Some(rig)
     }
 
@@ -226,7 +224,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         let (row, fine) = (left.row, FINE.as_micros());
         let mut base = self.base(row);
         if let Some(base) = &mut base {
-            base.pass(Instant::from_micros(left.at_us));
+            base.pass(Instant::from_micros(left.at_us), &mut ());
         }
         let (mut left, mut right, first) = (left.clone(), right.clone(), left.verdict);
         while right.at_us - left.at_us > fine {
@@ -262,38 +260,9 @@ impl<'a, M: Master> Campaign<'a, M> {
         self.observe(rig, cell).map(|(_, result)| result)
     }
 
-    fn observe(&self, mut rig: Rig<'a, M::Target>, cell: Cell) -> Option<(Rig<'a, M::Target>, CellResult)> {
-        let row = self.rows.get(cell.row)?;
-        let golden = self.goldens.get(row.golden)?;
-        let end = after(cell.at, self.plan.observe);
-        rig.run.forgive();
-        let mut injection = Injection::begin(&row.fault, &mut rig.target);
-        rig.oracles.begin(injection.name(), rig.target.simulation());
-        let mut now = cell.at;
-        while now < end {
-            let sample = next_sample(now);
-            let until = rig.oracles.due(rig.target.simulation(), sample.min(end).min(injection.due()));
-            rig.pass(until);
-            now = until;
-            injection.poll(now, &mut rig.target);
-            if now == sample && !rig.oracles.has_effect() && !golden.is_as(rig.target.simulation()) {
-                rig.oracles.note_effect(now);
-            }
-            rig.oracles.look(rig.target.simulation());
-            let is_over =
-                rig.oracles.are_decided() && rig.oracles.has_effect() && injection.has_struck(rig.target.simulation());
-            if is_over || !rig.target.is_alive() {
-                break;
-            }
-        }
-        let struck = injection.struck(rig.target.simulation());
-        let observed = Observed {
-            was_injected: struck > 0,
-            is_alive: rig.target.is_alive(),
-            had_effect: rig.oracles.has_effect(),
-            detected: rig.oracles.detected(),
-            safe: rig.oracles.safe(),
-        };
+    fn observe(&self, rig: Rig<'a, M::Target>, cell: Cell) -> Option<(Rig<'a, M::Target>, CellResult)> {
+        let (row, golden) = self.place(cell)?;
+        let (rig, observed, struck) = observe(self.plan, golden, rig, &[(cell.at, Some(&row.fault))], &mut ());
         let result = self.result(cell, row, golden, &observed, struck);
         Some((rig, result))
     }
@@ -360,85 +329,4 @@ fn errors(goldens: &[Golden]) -> Result<Vec<PlanFault>, CampaignError> {
         return Err(CampaignError::Plan(reason.to_owned()));
     }
     Ok(faults)
-}
-
-/// The fault of a cell, and whether it acted.
-pub(super) struct Injection<'a> {
-    fault: &'a PlanFault,
-    /// The name of the communication fault.
-    name: Option<String>,
-    /// The plant before the change.
-    plant: Option<PlantState>,
-    has_changed: bool,
-    /// The instant at which the power returns.
-    power_on: Instant,
-}
-
-impl<'a> Injection<'a> {
-    pub(super) fn begin(fault: &'a PlanFault, target: &mut impl Subject) -> Self {
-        let mut injection = Self { fault, name: None, plant: None, has_changed: false, power_on: NEVER };
-        let now = target.simulation().now();
-        let before = injection.plant(target.simulation());
-        let was_powered = injection.is_powered(target.simulation());
-        let Ok(Executed::Done(reply)) = target.execute(fault.command()) else { return injection };
-        match (&fault.act, reply) {
-            (Act::Message(_), Reply::Fault(record)) => injection.name = Some(record.name),
-            (Act::Plant(..), _) => {
-                injection.has_changed = injection.plant(target.simulation()) != before;
-                injection.plant = before.map(|plant| plant.at_rest());
-            }
-            (Act::Power(_, power, lasts), _) => {
-                let is_powered = injection.is_powered(target.simulation());
-                injection.has_changed = *power == Power::Watchdog || was_powered != is_powered;
-                injection.power_on = lasts.map_or(NEVER, |lasts| after(now, lasts));
-            }
-            _ => {}
-        }
-        injection
-    }
-
-    fn plant(&self, simulation: &Simulation) -> Option<PlantState> {
-        let Act::Plant(device, _) = &self.fault.act else { return None };
-        simulation.find(device).ok().map(|(node, _)| PlantState::of(node, simulation.world()))
-    }
-
-    fn is_powered(&self, simulation: &Simulation) -> Option<bool> {
-        let Act::Power(device, ..) = &self.fault.act else { return None };
-        simulation.find(device).ok().map(|(node, _)| simulation.world().is_powered(node))
-    }
-
-    pub(super) fn name(&self) -> Option<std::sync::Arc<str>> {
-        self.name.as_deref().map(Into::into)
-    }
-
-    /// Returns the next instant at which the fault needs a command.
-    pub(super) const fn due(&self) -> Instant {
-        self.power_on
-    }
-
-    pub(super) fn poll(&mut self, now: Instant, target: &mut impl Subject) {
-        if self.power_on <= now
-            && let Act::Power(device, ..) = &self.fault.act
-        {
-            self.power_on = NEVER;
-            // The device of a checked plan exists.
-            let _ = target.execute(Command::Power(device.clone(), Power::On));
-        }
-        // A profile may change the plant only after the injection.
-        if !self.has_changed && self.plant.is_some() {
-            self.has_changed = self.plant(target.simulation()).map(|plant| plant.at_rest()) != self.plant;
-        }
-    }
-
-    fn has_struck(&self, simulation: &Simulation) -> bool {
-        self.struck(simulation) > 0
-    }
-
-    /// Returns the number of frames that a communication fault affected; 1 for a plant or power fault that acted.
-    pub(super) fn struck(&self, simulation: &Simulation) -> u64 {
-        match &self.name {
-            Some(name) => simulation.faults().find(|record| record.name == *name).map_or(0, |record| record.struck),
-            None => self.has_changed.into(),
-        }
-    }
 }
