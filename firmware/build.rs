@@ -1,5 +1,5 @@
-//! Sets the linker arguments of the image. In `.cargo/config.toml` RUSTFLAGS would silently override them, and the
-//! image would have a few bytes only.
+//! Sets the linker arguments of the image. If they were in `.cargo/config.toml`, RUSTFLAGS would silently override
+//! them, and the image would have only a few bytes.
 
 use std::env;
 use std::path::Path;

@@ -119,7 +119,7 @@ mod image {
             }
         }
 
-        /// Counts a row, whose frame comes a millisecond after the previous row.
+        /// Counts a row, whose frame comes a millisecond after the frame of the previous row.
         fn count(&mut self, row: fn(&mut Self) -> Option<Effect>, received: Option<Frame>) {
             self.now += Duration::from_millis(1);
             self.settle(None);

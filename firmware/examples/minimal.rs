@@ -1,15 +1,15 @@
-//! The smallest firmware: one CANopen valve, which is pumped each millisecond. A port begins with this file.
+//! The smallest firmware: one CANopen valve, which is pumped each millisecond. A port starts from this file.
 //!
-//! A port replaces [`Controller`] by its driver and [`NoMemory`] by its flash. Here words in RAM stand for the
+//! A port replaces [`Controller`] by its driver and [`NoMemory`] by its flash. Here words in RAM represent the
 //! registers of the controller, and `tests/firmware-in-the-loop/run --test firmware minimal` simulates the bus behind
 //! them.
 //!
-//! A port also replaces [`TICK_CYCLES`] by its clock, and `memory.x` at the top of the repository. It replaces the
-//! package `firmware`, whose functions that copy memory are for a Cortex-M4. When the controller is bus-off, it calls
+//! A port also replaces [`TICK_CYCLES`] by its clock, and `memory.x` at the top of the repository. It omits the package
+//! `firmware`, whose memory functions are for a Cortex-M4. At every change of the controller's error mode, it calls
 //! `sense`.
 //!
-//! The loop counts its periods. While a period lasts longer than [`TICK`], during an erase of the flash for example,
-//! the time of the valve stands still. A port with such a flash reads a timer instead.
+//! The loop counts its periods. If a period lasts longer than [`TICK`], for example during an erase of the flash, the
+//! time of the valve falls behind. A port with such a flash reads a timer instead.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -140,8 +140,8 @@ mod image {
         fn set_filters(&mut self, _: &Filters) {}
     }
 
-    /// The memory of a board without memory. It accepts every record and stores no record, so that each start is that
-    /// of a new device.
+    /// The memory of a board without memory. It accepts every record and stores no record, so that each start is the
+    /// start of a new device.
     struct NoMemory;
 
     impl Memory for NoMemory {

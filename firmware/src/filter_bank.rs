@@ -44,9 +44,9 @@ impl Bank {
 
 /// Returns the next change towards the wanted filters: the number of a bank and its new contents, `None` for inactive.
 ///
-/// A bank is inactive while it changes. A filter that stays therefore keeps its bank, and new filters precede the
-/// removal of old ones. An identifier that is wanted before and after is received throughout. A new filter replaces an
-/// old filter only if no bank is free.
+/// A bank is inactive while it changes. A filter that stays therefore keeps its bank, and new filters are added before
+/// old filters are removed. An identifier that is wanted before and after the change is received throughout. A new
+/// filter replaces an old filter only if no bank is free.
 #[must_use]
 pub fn next_change(held: &[Option<Bank>; BANKS], wanted: &Filters) -> Option<(usize, Option<Bank>)> {
     let is_held = |bank: &Bank| held.contains(&Some(*bank));

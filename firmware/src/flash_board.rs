@@ -4,12 +4,12 @@ use std::env::args_os;
 use std::io::ErrorKind;
 use std::process::{Command, ExitCode};
 
-/// The name of the microcontroller for probe-rs.
+/// The name of the microcontroller, as probe-rs expects it.
 const CHIP: &str = if cfg!(feature = "nucleo-f446re") { "STM32F446RETx" } else { "STM32F429ZITx" };
 
 const MISSING: &str = "\
-probe-rs is missing: it is not installed, or not in PATH. docs/board.md, \"probe-rs\", says how to install it,
-and \"Flashing\" how to flash without it.";
+probe-rs was not found in PATH. In docs/board.md, \"probe-rs\" explains how to install it,
+and \"Flashing\" explains how to flash without it.";
 
 /// Runs probe-rs, or explains that it is missing.
 pub(crate) fn run() -> ExitCode {

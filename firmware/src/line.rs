@@ -20,7 +20,7 @@ const BACKSPACE: u8 = 0x08;
 /// The character that many terminals send instead of backspace.
 const DELETE: u8 = 0x7F;
 
-/// A line of the console, which CR, LF or both end. The next character begins a new line.
+/// A line of the console, which ends with CR, LF or both. The next character begins a new line.
 #[derive(Debug, Default)]
 pub struct Line {
     text: String<LONGEST>,
@@ -43,11 +43,11 @@ impl Line {
         &self.text
     }
 
-    /// Adds a character. `is_damaged` says whether this character, or a character received with it, is damaged. Returns
+    /// Adds a character. `is_damaged` is true if this character, or a character received with it, is damaged. Returns
     /// the condition of a line that the character ends.
     ///
     /// If the beginning of a line is lost together with the previous line, the rest is not [damaged](Arrival::Damaged).
-    /// It cannot be parsed, because no command ends with another command.
+    /// The rest cannot be parsed, because no command ends with another command.
     pub fn push(&mut self, character: u8, is_damaged: bool) -> Option<Arrival> {
         let last = core::mem::replace(&mut self.last, character);
         if character == b'\n' && last == b'\r' {

@@ -16,7 +16,7 @@ core::arch::global_asm!(
         \\name:
     .endm
 
-    @ r0: to, r1: from, r2: length; the two overlap, or not.
+    @ r0: to, r1: from, r2: length; the two may overlap.
     .section .text.__aeabi_memmove, \"ax\", %progbits
     function __aeabi_memmove
     function __aeabi_memmove4
@@ -24,7 +24,7 @@ core::arch::global_asm!(
         sub     r3, r0, r1
         cmp     r3, r2
         bhs     __aeabi_memcpy
-        @ The end of the source is what would be overwritten: backwards.
+        @ The target overlaps the end of the source: copy backwards.
         add     r1, r2
         add     r0, r2
         b       2f

@@ -32,8 +32,8 @@ impl Settings {
     /// The settings of a new board, with the kind of the image.
     pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false, serial: None };
 
-    /// Returns the settings at a start. If the image has another kind than the board, the board becomes a new device,
-    /// unless the console has chosen its kind.
+    /// Returns the settings at a start. If the kinds of image and board differ, the board becomes a new device, unless
+    /// the console has chosen its kind.
     #[must_use]
     pub fn at_start(stored: Option<Self>) -> Self {
         match stored {
@@ -105,7 +105,7 @@ const fn named(name: &str) -> Kind {
         }
         i += 1;
     }
-    panic!("PVE_KIND is none of pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000");
+    panic!("PVE_KIND must be one of pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000 and hat3000");
 }
 
 const fn is_equal(left: &[u8], right: &[u8]) -> bool {

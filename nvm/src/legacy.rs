@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::NorFlash;
 use crate::log::{HEADER as ENTRY_HEADER, Log, MARK};
 use crate::{ERASED, ITEM_MAX, is_key};
 
-/// The checksum of an item: CRC-32C with another initial value.
+/// The checksum of an item: CRC-32C with a non-standard initial value.
 const DATA: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&Algorithm {
     width: 32,
     poly: 0x1EDC_6F41,
@@ -28,7 +28,7 @@ const LENGTH_CHECKSUM: Range<usize> = 6..8;
 /// The maximum number of announcements at the end of a sector. An announcement has two words, and concerns the other
 /// sector.
 const ANNOUNCEMENTS: usize = 16;
-/// The byte that fills the first word of an announcement. An erase of the other sector has begun.
+/// The byte that fills the first word of an announcement when an erase of the other sector begins.
 const ANNOUNCED: u8 = 0x5A;
 /// The byte that fills the word at the end of a full sector.
 const FULL: u8 = 0;
@@ -38,8 +38,8 @@ impl<F: NorFlash> Log<'_, F> {
     const LEGACY_SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * 2 * F::WRITE_SIZE;
     const LEGACY_HEADER: usize = LENGTH_CHECKSUM.end.next_multiple_of(F::WRITE_SIZE);
 
-    /// Visits the items of a sector in this layout, from the oldest to the newest. A sector of the present layout, or
-    /// with an unfinished erase, is skipped. `visit` receives address, key and content.
+    /// Visits the items of a sector in the previous layout, from the oldest to the newest. A sector of the present
+    /// layout, or with an unfinished erase, is skipped. `visit` receives the address, key and content of an item.
     pub(crate) fn legacy_items(
         &mut self,
         sector: usize,
@@ -65,7 +65,7 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(())
     }
 
-    /// Reads the content of an item into the buffer, behind the space of an entry header. Returns whether the item is
+    /// Reads the content of an item into the buffer, after the space for an entry header. Returns whether the item is
     /// intact.
     pub(crate) fn read_legacy(&mut self, at: usize, length: usize) -> Result<bool, F::Error> {
         let end = (at / F::ERASE_SIZE) * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE;
@@ -84,7 +84,7 @@ impl<F: NorFlash> Log<'_, F> {
         self.is_word_of(sector * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE, FULL)
     }
 
-    /// Reads the item at a word into the buffer. Returns its length; `None` unless an intact item begins there.
+    /// Reads the item at a word into the buffer. Returns its length; `None` unless an intact item begins at the word.
     fn legacy_item_at(&mut self, at: usize, end: usize) -> Result<Option<usize>, F::Error> {
         if at + Self::LEGACY_HEADER > end {
             return Ok(None);
@@ -121,7 +121,7 @@ impl<F: NorFlash> Log<'_, F> {
     }
 }
 
-/// Returns the checksum of an item. Its first byte is never 0 or that of an erased word.
+/// Returns the checksum of an item. The first byte of the checksum is neither 0 nor 0xFF.
 fn checksum(data: &[u8]) -> u32 {
     match DATA.checksum(data) {
         0 => 1,
@@ -130,7 +130,7 @@ fn checksum(data: &[u8]) -> u32 {
     }
 }
 
-/// Returns the checksum of the length of an item: CRC-16 with the reversed polynomial 0x1A2E, but never an erased word.
+/// Returns the checksum of the length of an item: CRC-16 with the reversed polynomial 0x1A2E, but never 0xFFFF.
 fn length_checksum(length: u16) -> u16 {
     let crc = length.to_le_bytes().iter().fold(u16::MAX, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })

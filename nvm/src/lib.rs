@@ -73,7 +73,8 @@ pub use store::{Contents, Records, SETTING_MAX, Setting, Unreadable};
 /// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The number of sectors of a memory. One holds the contents; the other takes them over when the first is full.
+/// The number of sectors of a memory. One sector holds the contents. When it is full, the newest entries move to the
+/// other sector.
 const SECTORS: usize = 2;
 
 /// The maximum word size of a flash, in bytes.

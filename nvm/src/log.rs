@@ -4,9 +4,9 @@
 //! An entry has a sequence number and a checksum, and begins at a word. The log searches sectors word by word, so that
 //! damage affects only the damaged entries.
 //!
-//! When the sector in use is full, the log moves. It erases the other sector, copies the newest entry of each key
-//! there, and finally writes the new entry, which completes the move. The full sector does not change until the next
-//! move. A sector that holds nothing but copies is left from an interrupted move. That move starts over with the erase.
+//! When the sector in use is full, the log moves. It erases the other sector, copies the newest entry of each key into
+//! that sector, and finally writes the new entry, which completes the move. The full sector does not change until the
+//! next move. A sector that holds only copies remains from an interrupted move, which starts over with the erase.
 //!
 //! No word is written twice between two erases. An unreadable word counts as damage. In a flash with error correction,
 //! an interrupted write leaves such words.
@@ -31,8 +31,8 @@ pub(crate) const HEADER: usize = 12;
 pub(crate) const MARK: u8 = 0x4E;
 const CHECKSUM: Range<usize> = 8..HEADER;
 
-/// The maximum number of attempts to write an entry. An entry that does not read back, because of a flipped bit for
-/// example, is written again further on.
+/// The maximum number of attempts to write an entry. An entry that does not read back, for example because of a flipped
+/// bit, is written again at a later address.
 const ATTEMPTS: usize = 3;
 
 /// A log of entries in a flash.
@@ -44,7 +44,7 @@ pub(crate) struct Log<'buffer, F> {
 /// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A copy of an older entry. The sector of that entry will be erased, or the newer entry of its key is damaged.
+    /// A copy of an older entry, whose sector will be erased or whose newer version is damaged.
     Copy = 0,
     /// New content.
     Stored = 1,
@@ -85,8 +85,8 @@ struct Survey {
     walks: [Walk; SECTORS],
     /// The index of the sector in use.
     home: usize,
-    /// Whether no entry may be appended to the sector in use, because a move from it was interrupted or it has the
-    /// previous layout.
+    /// Set if no entry may be appended to the sector in use: a move from this sector was interrupted, or the sector has
+    /// the previous layout.
     is_move_due: bool,
 }
 
@@ -120,9 +120,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Self { flash, buffer }
     }
 
-    /// Visits the items of the previous layout, then the intact entries, the older sector first: the last entry of a
-    /// key is its newest. `visit` receives the key, the content, and whether the entry is a beginning. A beginning
-    /// invalidates all earlier entries but the setting.
+    /// Visits the items of the previous layout, then the intact entries, the older sector first. The last visited entry
+    /// of a key is therefore the newest. `visit` receives the key, the content, and whether the entry is a beginning. A
+    /// beginning invalidates all earlier entries but the setting.
     pub(crate) fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8], bool)) -> Result<(), F::Error> {
         let order = self.order()?;
         for sector in order.into_iter().flatten() {
@@ -152,9 +152,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.erase(old)
     }
 
-    /// Copies the newest entries that lie in the other sector into the sector in use, unless a move is due. They are
-    /// older versions of damaged entries, or the rest of a move in the previous layout. Without room for them, the next
-    /// move loses them. Returns the resulting state of the flash.
+    /// Copies the newest entries that lie in the other sector into the sector in use, unless a move is due. Such
+    /// entries are older versions of damaged entries, or the rest of a move in the previous layout. Entries that do not
+    /// fit are lost in the next move. Returns the resulting state of the flash.
     fn gather(&mut self) -> Result<Survey, StoreError> {
         for _ in 0..KEYS {
             let survey = self.survey().map_err(|_| StoreError)?;
@@ -168,12 +168,12 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     }
 
     /// Moves to the other sector: erases it, copies the entries to keep, and writes the entry that completes the move.
-    /// The erase is never skipped, because a sector that reads as erased can be that of an interrupted erase.
+    /// The erase is never skipped, because a sector can read as erased after an interrupted erase.
     fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
         self.erase(1 - home)?;
         let survey = self.survey().map_err(|_| StoreError)?;
-        // The slot extends over words that do not read as erased. An entry that meets such a word is written again
-        // behind the word.
+        // The slot extends over words that do not read as erased. An entry that meets such a word is written again at a
+        // later address.
         let mut slot = Slot { end: (2 - home) * F::ERASE_SIZE, ..survey.slot_in(1 - home) };
         let kept = survey.newest.iter().flatten().filter(|found| is_kept(found));
         for source in kept.copied().map(Source::Copy).chain([last]) {
@@ -207,8 +207,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(words * F::WRITE_SIZE)
     }
 
-    /// Writes an entry into the slot and reads it back, in up to [`ATTEMPTS`] attempts. The slot then begins behind the
-    /// entry. Returns `false` without room for the entry.
+    /// Writes an entry into the slot and reads it back, in up to [`ATTEMPTS`] attempts. The slot then begins after the
+    /// entry. Returns `false` if the entry does not fit.
     fn put(&mut self, slot: &mut Slot, source: Source<'_>) -> Result<bool, StoreError> {
         for _ in 0..ATTEMPTS {
             let (kind, key, length) = match source {
@@ -245,7 +245,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Err(StoreError)
     }
 
-    /// Reads the content of an entry, or of an item of the previous layout, into the buffer behind the space of a
+    /// Reads the content of an entry, or of an item of the previous layout, into the buffer, after the space for a
     /// header. Returns whether the content is intact.
     fn read_item(&mut self, found: &Found) -> Result<bool, F::Error> {
         if found.sequence == 0 {
@@ -264,7 +264,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         at / F::ERASE_SIZE
     }
 
-    /// Returns the sectors that are not blank, the older one first.
+    /// Returns the sectors that are not blank, the older sector first.
     fn order(&mut self) -> Result<[Option<usize>; SECTORS], F::Error> {
         let (mut firsts, mut order) = ([None; SECTORS], [None; SECTORS]);
         for sector in 0..SECTORS {
@@ -291,7 +291,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(self.next_written(sector * F::ERASE_SIZE, end)?.map(|at| (at, end)))
     }
 
-    /// Returns the sequence number of the first intact entry from an address on.
+    /// Returns the sequence number of the first intact entry at or after an address.
     fn first_entry(&mut self, mut at: usize, end: usize) -> Result<Option<u32>, F::Error> {
         while let Some(next) = self.next_written(at, end)? {
             if let Some(found) = self.entry_at(next, end)? {
@@ -371,8 +371,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Walk { last, last_new, room: gap.unwrap_or((free, end)), is_blank })
     }
 
-    /// Reads the entry at a word into the buffer. Returns its header fields; `None` unless an intact entry begins
-    /// there.
+    /// Reads the entry at a word into the buffer. Returns its header fields; `None` unless an intact entry begins at
+    /// the word.
     fn entry_at(&mut self, at: usize, end: usize) -> Result<Option<Found>, F::Error> {
         let head = HEADER.next_multiple_of(F::WRITE_SIZE);
         if at + head > end {
@@ -391,7 +391,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         let is_intact = self.checksum(length) == self.buffer[CHECKSUM];
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
         let found = Found { at, sequence, key, length: length as u8, kind };
-        // No entry could follow the highest sequence number.
+        // The highest sequence number is invalid, because no entry could follow it.
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
 
@@ -403,7 +403,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         digest.finalize().to_le_bytes()
     }
 
-    /// Returns the address of the first word from `at` on that is not erased.
+    /// Returns the address of the first word at or after `at` that is not erased.
     pub(crate) fn next_written(&mut self, mut at: usize, end: usize) -> Result<Option<usize>, F::Error> {
         let mut step = F::WRITE_SIZE;
         while at < end {
@@ -420,7 +420,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(None)
     }
 
-    /// Reads words into the buffer. Unreadable words become zeros.
+    /// Reads words into the buffer. Unreadable words become zeros, unless the entire flash has failed.
     pub(crate) fn read(&mut self, at: usize, len: usize) -> Result<(), F::Error> {
         let Err(error) = self.flash.read(at as u32, &mut self.buffer[..len]) else { return Ok(()) };
         let mut is_alive = false;
@@ -431,7 +431,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 Err(_) => word.fill(0),
             }
         }
-        // If no word of the flash can be read, the flash has failed entirely.
+        // If neither these words nor the ends of the sectors can be read, the entire flash has failed.
         let mut word = [0; WORD_MAX];
         let mut can_read = |at: usize| self.flash.read(at as u32, &mut word[..F::WRITE_SIZE]).is_ok();
         let ends = [0, F::ERASE_SIZE - F::WRITE_SIZE, F::ERASE_SIZE, 2 * F::ERASE_SIZE - F::WRITE_SIZE];

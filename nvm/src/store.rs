@@ -1,6 +1,6 @@
 //! The records by key, stored in a [log](crate::log) of entries.
 //!
-//! The store adds to the log an inventory of the keys ever stored. The inventory distinguishes lost records from
+//! The store adds an inventory of the keys ever stored to the log. The inventory distinguishes lost records from
 //! records that were never written.
 //!
 //! The store keeps no state between operations. Each operation scans the flash as a start does, from the oldest entry
@@ -18,8 +18,8 @@ use crate::{BUFFER, INVENTORY, SETTING, record_key};
 /// The maximum length of a setting, in bytes.
 pub const SETTING_MAX: usize = 8;
 
-/// The inventory of a memory without records. An inventory is a byte with a bit for each record, which is set once the
-/// record was stored.
+/// The inventory of a memory without records. An inventory is a byte with a bit for each record. The bit is set once
+/// the record has been stored.
 const NOTHING: u8 = 0;
 
 /// The version of the encoding of the setting.
@@ -30,7 +30,7 @@ const fn first_stores<F: NorFlash>() -> usize {
     4 * (HEADER + 1).next_multiple_of(F::WRITE_SIZE)
 }
 
-/// The setting of a platform, any bytes.
+/// The setting of a platform: arbitrary bytes.
 pub type Setting = Vec<u8, SETTING_MAX>;
 
 /// The contents of a memory.
@@ -50,7 +50,7 @@ impl Contents {
     }
 }
 
-/// The flash holds no intact entry, but more data than interrupted first stores leave behind.
+/// The error for a flash without an intact entry that holds more data than interrupted first stores leave behind.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Unreadable;
 
@@ -120,7 +120,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     ///
     /// # Errors
     /// Returns [`Unreadable`] if the flash holds no intact entry, but more data than interrupted first stores leave
-    /// behind. There is no setting then.
+    /// behind. The contents then have no setting.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         let Contents { image, setting } = contents;
         image.clear();
@@ -139,7 +139,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         });
         let lost = |key: &RecordKey| scanned.is_err() || found.misses(*key);
         RecordKey::ALL.into_iter().filter(lost).for_each(|key| image.put_unreadable(key));
-        // Interrupted first stores leave less data without an entry: these data are not from this store.
+        // Interrupted first stores leave less data, so these data come from elsewhere.
         let is_noise =
             scanned.is_ok() && !found.any && self.log.in_use().is_ok_and(|bytes| bytes > first_stores::<F>());
         if is_noise { Err(Unreadable) } else { Ok(()) }

@@ -5,14 +5,14 @@ use heapless::Vec;
 use crate::controller::MAILBOXES;
 use crate::frame::Frame;
 
-/// The capacity: an answer of each service to each of two clients.
+/// The capacity of the queue: room for two answers of each service of a node.
 const ANSWERS: usize = 8;
 
 /// The queue of unsent answers. A full queue drops the newest answer. The node counts dropped answers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Answers {
     waiting: Vec<Frame, ANSWERS>,
-    /// The number of answers that the controller may hold.
+    /// The number of answers handed to the controller and not known to be sent.
     taken: usize,
 }
 
@@ -28,8 +28,8 @@ impl Answers {
         self.waiting.push(frame).is_ok()
     }
 
-    /// Requeues the answer that [`pop`](Self::pop) returned last. Returns `false` if a full queue dropped its newest
-    /// answer for it.
+    /// Requeues an answer that the controller returned, ahead of all others. Returns `false` if the full queue dropped
+    /// its newest answer to make room.
     #[must_use]
     pub(crate) fn take_back(&mut self, frame: Frame) -> bool {
         self.taken = self.taken.saturating_sub(1);
@@ -37,7 +37,7 @@ impl Answers {
         if !had_room {
             self.waiting.pop();
         }
-        // There is room now.
+        // Cannot fail, because there is room.
         let _ = self.waiting.insert(0, frame);
         had_room
     }
@@ -75,8 +75,8 @@ impl Answers {
         self.taken = 0;
     }
 
-    /// Drops all answers, also those that the controller holds. Returns their number, or more if the controller has
-    /// sent some of them.
+    /// Drops all answers, including those that the controller may hold. The returned number includes answers that the
+    /// controller may have sent.
     pub(crate) fn clear(&mut self) -> u32 {
         let in_controller = core::mem::take(&mut self.taken).min(MAILBOXES);
         let all = self.waiting.len().saturating_add(in_controller);

@@ -11,8 +11,8 @@ pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
     /// Returns whether the controller has sent all its frames.
     fn is_idle(&self) -> bool;
 
-    /// Drops the pending transmit frames that pass `which`. A frame on the wire is not dropped, but not repeated after
-    /// an error either.
+    /// Drops the pending transmit frames that pass `which`. A frame on the wire is not dropped, but it is not repeated
+    /// after an error.
     fn abort(&mut self, which: Filter);
 
     /// Sets the receive filters. From now on the controller must accept data frames that pass a filter, and may reject
@@ -64,8 +64,8 @@ pub enum BusErrorMode {
     ErrorActive,
     /// An error counter is above 127. The controller communicates with passive error flags.
     ErrorPassive,
-    /// The transmit error counter is above 255. The controller does not communicate until recovery. The platform drops
-    /// its pending frames, which would be outdated then, before it reports bus-off to the device.
+    /// The transmit error counter is above 255. The controller does not communicate until recovery. Before the platform
+    /// reports bus-off to the device, it drops the controller's pending frames, which would be outdated after recovery.
     BusOff,
 }
 

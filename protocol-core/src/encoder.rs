@@ -8,24 +8,25 @@ pub const TURN_CDEG: u32 = 36_000;
 /// The number of position steps in a turn (A): 14 bits.
 pub const STEPS: u32 = 16_384;
 
-/// The shaft of the encoder, which turns at constant speed from a reference time on.
+/// The shaft of the encoder. It turns at a constant speed from a reference time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
     /// The angle at `since`, in 1/100 degree. Whole turns do not count.
     pub angle_cdeg: u32,
-    /// The speed in turns per minute, positive clockwise. The position increases clockwise.
+    /// The speed in turns per minute; positive values are clockwise. The position increases clockwise.
     pub speed_rpm: i32,
     /// The reference time of `angle_cdeg`. Before it the shaft is at rest.
     pub since: Instant,
-    /// Whether the sensor reports a measuring error. The position follows the shaft nevertheless.
+    /// Set while the sensor reports a measuring error. The position still follows the shaft.
     pub measuring_error: bool,
 }
 
-/// The microseconds in a minute. At one turn per minute the shaft covers 1/60 000 000 turn in each: a *part*.
+/// The number of microseconds in a minute. A *part* is 1/60 000 000 turn: the shaft turns by one part per microsecond
+/// at one turn per minute.
 const MINUTE_US: u64 = 60_000_000;
 
-/// The number of turns per microsecond that is added to a negative speed. It makes every speed positive, and whole
-/// turns do not change the angle.
+/// The whole turns per microsecond that are added to a negative speed. The sum is positive, and whole turns do not
+/// change the angle.
 const TURNS_FORWARDS: u64 = 36;
 const _: () = assert!(TURNS_FORWARDS * MINUTE_US > i32::MIN.unsigned_abs() as u64);
 
@@ -62,7 +63,7 @@ struct Ratio {
 impl Ratio {
     /// Creates the ratio of two constants in lowest terms, for multiplicands up to `max`. Assertions check that the
     /// rounding of `scaled` never changes a product.
-    #[expect(clippy::arithmetic_side_effects, reason = "of constants: the compiler tells of an overflow")]
+    #[expect(clippy::arithmetic_side_effects, reason = "constant operands: an overflow is a compile error")]
     const fn new(numerator: u64, denominator: u64, max: u64) -> Self {
         let twos = denominator.trailing_zeros();
         let odd = (denominator >> twos) as u128;
@@ -71,7 +72,7 @@ impl Ratio {
         let scaled = exact / odd + 1;
         assert!(scaled <= u64::MAX as u128);
         // The fractional part of the exact product is at most 1 − 1/odd, and the computed product exceeds the exact
-        // product by less than 1/odd. Both have the same integer part.
+        // product by less than 1/odd. So both have the same integer part.
         let excess = scaled * odd - exact;
         assert!((max >> twos) as u128 * excess < 1 << (64 + shift));
         Self { twos, scaled: scaled as u64, shift }
@@ -137,7 +138,7 @@ pub struct Preset {
 
 /// The maximum position, and the maximum preset value.
 pub const POSITION_MAX: u32 = STEPS - 1;
-// The low bits of a number are then its position within the turn.
+// The low bits of a number of steps are then the position within the turn.
 const _: () = assert!(STEPS.is_power_of_two());
 
 impl Preset {

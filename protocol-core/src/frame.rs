@@ -165,7 +165,7 @@ impl Frame {
         &self.data
     }
 
-    /// Returns the data bytes of a data frame with exactly eight.
+    /// Returns the data bytes of a data frame with exactly eight bytes; `None` for other frames.
     #[inline]
     #[must_use]
     pub const fn eight(&self) -> Option<&[u8; MAX_LEN]> {
@@ -261,7 +261,7 @@ impl core::str::FromStr for Frame {
     }
 }
 
-/// The text is not a frame in the notation of the manuals.
+/// The error for a text that is not a frame in the notation of the manuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ParseFrameError;
 

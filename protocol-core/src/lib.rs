@@ -6,10 +6,10 @@
 //! # Layers
 //!
 //! A module imports only modules below it. At the bottom, [`wire`] converts between bytes and messages. Above it are
-//! the product-independent services: [`canopen`], [`isobus`], and [`uds`], which both protocols use. Beside them stand
-//! the protocol-independent machines: [`actuator`] is the valve, [`encoder`] the angle sensor. [`device`] makes
-//! products of services and machines, behind the trait [`Device`](device::Device). At the top, [`pump`] moves frames
-//! between a CAN controller and a device.
+//! the product-independent services: [`canopen`], [`isobus`], and [`uds`], which both protocols use. Beside them are
+//! the protocol-independent models: [`actuator`] of the valve and [`encoder`] of the angle sensor. [`device`] combines
+//! services and models into products, which implement the trait [`Device`](device::Device). At the top, [`pump`] moves
+//! frames between a CAN controller and a device.
 //!
 //! ```text
 //! pump        moves frames between a CAN controller and a device
@@ -44,7 +44,7 @@
 //! assert_eq!(valve.next_frame(now).unwrap().to_string(), "5A0: 4B 17 10 00 00 00 00 00");
 //! ```
 //!
-//! The repository's `docs/behaviour.md` specifies the devices. "SPEC 4.2" in a comment is section 4.2 of this page.
+//! The repository's `docs/behaviour.md` specifies the devices. "SPEC 4.2" in a comment is section 4.2 of that page.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(

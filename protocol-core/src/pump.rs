@@ -22,7 +22,7 @@ where
 /// Passes the received frames and the time to the device, and the frames of the device to the controller.
 ///
 /// Returns an effect that the platform must carry out. The platform calls the pump when a frame was received or sent,
-/// and at [`Device::deadline`]. After every effect it calls the pump again, until that returns `None`.
+/// and at [`Device::deadline`]. After every effect it calls the pump again, until the pump returns `None`.
 ///
 /// A frame that the controller does not take returns to the device, which offers it again.
 pub fn pump<D, C>(device: &mut D, can: &mut C, now: Instant) -> Option<Effect>
@@ -32,7 +32,8 @@ where
 {
     receive(device, can, now);
     device.poll(now);
-    // The filters precede the answers, so that a client that has its answer can rely on them.
+    // The filters are set before answers are sent, so that a client that has received its answer can rely on the
+    // filters.
     if let Some(filters) = device.take_filters() {
         can.set_filters(&filters);
     }

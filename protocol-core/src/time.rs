@@ -18,8 +18,8 @@ pub const fn after(instant: Instant, duration: Duration) -> Instant {
 
 /// Returns `instant` plus the delay of a protocol or a product, at most a few minutes.
 ///
-/// The sum may wrap, because no clock comes near the overflow and a check would double the code. For durations that a
-/// user chooses, see [`after`].
+/// The addition is unchecked, because no clock comes near an overflow and a check would double the code. For durations
+/// that a user chooses, see [`after`].
 #[inline]
 #[must_use]
 pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
@@ -27,8 +27,8 @@ pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
 }
 
 /// Returns `now`, or `last` if `now` is earlier, so that the time of a device never runs backwards. A `now` of 2^63
-/// ticks or more also yields `last`: [`NEVER`] must not make stopped timers due, nor must the addition of a
-/// [delay](delayed) wrap.
+/// ticks or more also yields `last`. Otherwise [`NEVER`] would make stopped timers due, and the addition of a
+/// [delay](delayed) could wrap.
 #[inline]
 #[must_use]
 pub(crate) const fn latest(last: Instant, now: Instant) -> Instant {

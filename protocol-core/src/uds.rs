@@ -15,7 +15,7 @@ pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
 /// The maximum length of the data of an identifier: the rest of a single frame.
 pub const DATA_MAX: usize = 4;
 
-/// The data of the identifiers.
+/// The data behind the identifiers, which the product supplies.
 pub trait Identifiers {
     /// Returns the data of an identifier; `None` if the identifier does not exist.
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;
@@ -23,7 +23,7 @@ pub trait Identifiers {
     /// Returns whether the product permits a node ID or address.
     fn accepts_node_id(&self, node_id: u8) -> bool;
 
-    /// Returns whether the write of a node ID is in progress.
+    /// Returns whether a write of the node ID is in progress.
     fn is_busy(&self) -> bool;
 }
 

@@ -1,4 +1,4 @@
-//! The console on the virtual COM port of the ST-LINK, with a command per line.
+//! The console on the virtual COM port of the ST-LINK, with one command per line.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;

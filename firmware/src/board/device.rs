@@ -1,5 +1,5 @@
-//! The task of the device, with the highest priority of all tasks. It alone feeds the watchdog, and only while the
-//! memory answers its requests.
+//! The task of the device, with the highest priority of all tasks. No other task feeds the watchdog, and this task
+//! feeds it only while the memory answers its requests.
 
 use embassy_time::{Duration, Instant};
 use firmware::console::{Command, OTHER_KIND};
@@ -188,8 +188,9 @@ impl Board {
         }
     }
 
-    /// Requests the start as a new device from the memory; `settings` is `None` for an impossible device. Returns the
-    /// answer of a refusal. Otherwise the result of the memory becomes the answer.
+    /// Requests that the memory store `settings`, so that the next start is that of a new device; `None` is an
+    /// impossible device. Returns the answer to a refused command. Otherwise the answer follows with the result of the
+    /// memory.
     fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
         let Some(settings) = settings else {
             return Some(Answer::Refused("on ISOBUS a valve always has an address"));

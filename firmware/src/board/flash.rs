@@ -66,7 +66,7 @@ impl NorFlash for Sectors {
     }
 }
 
-/// Waits for a flash operation in thread mode. The processor sleeps until an interrupt, such as that of the flash.
+/// Waits for a flash operation in thread mode. The processor sleeps until an interrupt, such as the flash interrupt.
 fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
     let mut operation = pin!(operation);
     loop {
@@ -90,8 +90,8 @@ fn erase_by_words() {
 /// The disabled data cache. Dropping the value enables the cache, which is then empty.
 ///
 /// Cached data are outdated after an erase or a write (RM0090 3.6.4, RM0390 3.5.4). In a flash with two banks, a read
-/// of one bank during a write of the other can also corrupt the cache (ES0206). The driver has a workaround, but takes
-/// the STM32F429 for a part with one bank.
+/// of one bank during a write of the other can also corrupt the cache (ES0206). The driver has a workaround, but treats
+/// the STM32F429 as a part with one bank.
 struct Uncached;
 
 impl Uncached {

@@ -44,7 +44,7 @@ impl Lights {
         Self(Mutex::new(Cell::new(None)))
     }
 
-    /// Shows a state from the next step on.
+    /// Shows a state, beginning with the next step.
     pub(super) fn show(&self, led: Led) {
         critical_section::with(|cs| self.0.borrow(cs).set(Some(led)));
     }

@@ -1,4 +1,4 @@
-//! The link to the bus: joining and leaving, bit rates, and the bus-off of the plant.
+//! The link to the bus: joining and leaving, bit rates, and the bus-off that the plant demands.
 
 use embassy_time::{Duration, Instant};
 use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
@@ -53,7 +53,7 @@ impl Link {
         self.bit_rate
     }
 
-    /// Sets the bit rate, in force once the link has [settled](Self::settle). Pending frames are dropped.
+    /// Sets the bit rate, which takes effect once the link has [settled](Self::settle). Pending frames are dropped.
     pub(super) fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         if let State::Up = self.state {
@@ -98,10 +98,10 @@ impl Link {
     }
 
     /// Waits until a leaving controller has left the bus. The controller then joins again, unless the plant cuts the
-    /// link. Every use of the controller must follow this call. Returns whether the controller was leaving, because
-    /// time has then passed.
+    /// link. Every use of the controller must follow this call. Returns whether the controller was leaving; time has
+    /// then passed.
     ///
-    /// A controller cannot leave a bus that is held dominant. Each further call then polls it once.
+    /// A controller cannot leave a bus that is held dominant. Each further call then polls the controller once.
     pub(super) async fn settle(&mut self, wake_up: &mut WakeUp) -> bool {
         let Some(polls) = &mut self.leaving else { return false };
         while !self.can.has_left() {

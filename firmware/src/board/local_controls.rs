@@ -55,7 +55,7 @@ impl LocalControls {
         }
     }
 
-    /// Writes the status of the device as the answer to the last line, a value per line. Values that do not fit are
+    /// Writes the status of the device as the answer to the last line, one value per line. Values that do not fit are
     /// left out.
     pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
         let Some(Exchange { status, .. }) = &mut self.exchange else { return };

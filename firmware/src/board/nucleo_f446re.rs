@@ -62,7 +62,7 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     }
 }
 
-/// The LED LD2, which is green. A rhythm stands for each colour.
+/// The LED LD2, which is green. It shows each colour by a rhythm.
 pub(super) struct Leds(Output<'static>);
 
 /// The rhythm of two short flashes per second.

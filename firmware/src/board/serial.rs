@@ -99,7 +99,7 @@ pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     transfer.request_pause();
     while transfer.is_running() {}
     let left = transfer.get_remaining_transfers() as usize;
-    // Until the next transfer, the receiver holds one character.
+    // Until the next transfer, the receiver can hold one more character.
     drop(transfer);
     let count = BUFFER - left;
     (count, count > 0 && DAMAGED.swap(false, Ordering::Relaxed))
@@ -115,7 +115,7 @@ pub(super) struct Transmitter {
 }
 
 impl Transmitter {
-    /// Sends bytes. The call returns while the transmitter still holds the last two.
+    /// Sends bytes. The call returns while the transmitter still holds the last two bytes.
     pub(super) async fn send(&mut self, bytes: &[u8]) {
         let data = UART.dr().as_ptr().cast::<u8>();
         for chunk in bytes.chunks(BUFFER) {

@@ -24,7 +24,7 @@ pub(super) enum Request {
     Store(RecordKey, Record),
     /// Read all contents of the memory into this value.
     Read(&'static mut Contents),
-    /// Make the board another device at the next start.
+    /// Make the board a new device at the next start.
     Become(Settings),
 }
 
@@ -49,7 +49,7 @@ pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
 pub(super) struct Client {
     requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
-    /// The number of results that are still to come.
+    /// The number of outstanding results.
     awaited: u8,
     /// The time at which the next result is overdue.
     overdue: Instant,

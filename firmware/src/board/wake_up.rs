@@ -1,7 +1,7 @@
 //! The events and the timer that wake the task of the device.
 //!
-//! An `AtomicWaker` with `with_deadline` would do the same, but costs more from interrupt to sleep: 74 instructions on
-//! a frame for another node, 229 on an SDO upload.
+//! An `AtomicWaker` with `with_deadline` would do the same, but would cost more instructions from interrupt to sleep:
+//! 74 for a frame for another node, 229 for an SDO upload.
 
 use core::cell::Cell;
 use core::future::{Future as _, poll_fn};
@@ -25,7 +25,7 @@ pub(super) enum Event {
     Errors = 1 << 2,
     /// The memory has the result of a request.
     Memory = 1 << 3,
-    /// A line of the console or a press of the button has come.
+    /// A line of the console or a press of the button has arrived.
     Controls = 1 << 4,
     /// The LEDs need the present state.
     Leds = 1 << 5,
@@ -65,7 +65,7 @@ pub(super) struct WakeUp {
 }
 
 impl WakeUp {
-    /// Creates the wake-up. The calling task must be that of the device.
+    /// Creates the wake-up. The caller must be the task of the device.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
             let task = task_from_waker(context.waker());
@@ -76,8 +76,8 @@ impl WakeUp {
         Self { armed: Instant::MIN }
     }
 
-    /// Waits for an event, at most until `due`. It can return earlier without an event. `now` must be close to the
-    /// present time.
+    /// Waits for an event, at most until `due`. The function can return earlier without an event. `now` must be close
+    /// to the present time.
     pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Events {
         let mut waited = false;
         poll_fn(|context| {
@@ -92,7 +92,7 @@ impl WakeUp {
         .await
     }
 
-    /// Waits for a duration. The next [`wait`](Self::wait) returns the events of this time.
+    /// Waits for a duration. The next [`wait`](Self::wait) returns the events that arrive meanwhile.
     pub(super) async fn pause(&mut self, time: Duration) {
         let end = Instant::now() + time;
         poll_fn(|context| {

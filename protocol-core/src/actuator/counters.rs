@@ -25,7 +25,8 @@ impl Counters {
         self.0
     }
 
-    /// Returns the number of occurrences of a fault, the present one included (R: the manual says "previously").
+    /// Returns the number of occurrences of a fault, including the present occurrence (R: the manual says
+    /// "previously").
     #[must_use]
     pub fn get(&self, fault: Fault) -> u8 {
         self.0.get(fault.index()).copied().unwrap_or(0)

@@ -1,6 +1,6 @@
 //! The faults of the valve, and sets of them (SPEC 2).
 
-/// A fault of the valve. The number is its priority (SPEC 2, table of the monitors).
+/// A fault of the valve, numbered by priority (SPEC 2, table of the monitors).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Fault {

@@ -13,7 +13,7 @@ pub enum Color {
     Red,
 }
 
-/// The state of the LED. The platform does the flashing, at 1.5 Hz: 333 ms on, 333 ms off.
+/// The state of the LED. The platform flashes the LED at 1.5 Hz: 333 ms on, 333 ms off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Led {
     /// The colour.
@@ -22,7 +22,7 @@ pub struct Led {
     pub flashing: bool,
 }
 
-/// The state of the valve, as far as the LED indicates it.
+/// The part of the valve's state that the LED indicates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Condition {
     /// The active faults.

@@ -1,6 +1,6 @@
 //! The protocol-independent valve: set-point, spool, monitors, faults, power save and LED (SPEC 2).
 //!
-//! This module knows no CAN identifiers, object dictionaries or diagnostic codes. The protocols present the state of
+//! This module contains no CAN identifiers, object dictionaries or diagnostic codes. The protocols present the state of
 //! the [`Valve`].
 //!
 //! ```text
@@ -13,7 +13,7 @@
 //! fault        faults in order of priority      counters   occurrence counters of the faults
 //! register     active faults and their changes
 //! led          state of the LED
-//! valve        the valve, made of these
+//! valve        the valve, which combines them
 //! ```
 
 mod counters;

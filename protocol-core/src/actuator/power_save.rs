@@ -1,4 +1,4 @@
-//! Power save, which switches the solenoids of a blocked valve off (SPEC 2).
+//! Power save, which switches off the solenoids of a blocked valve (SPEC 2).
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
@@ -19,7 +19,7 @@ pub(super) enum PowerSave {
 }
 
 impl PowerSave {
-    /// Updates the state. `set_point` and `spool` say whether set-point and spool are neutral; `rests` is the time at
+    /// Updates the state. `set_point` and `spool` are true if set-point and spool are neutral; `rests` is the time at
     /// which the spool comes to rest. The delay begins once both are neutral (R).
     pub(super) fn update(&mut self, set_point: bool, spool: bool, rests: Instant, now: Instant) {
         let wait = |due: Instant| if due.max(rests) <= now { Self::On } else { Self::Waiting(due) };
@@ -34,7 +34,8 @@ impl PowerSave {
         };
     }
 
-    /// Records the time at which a returning spool reaches neutral. Only this state calls `back` to compute the time.
+    /// Records the time at which a returning spool reaches neutral. Other states do not call `back`, which computes the
+    /// time.
     pub(super) fn note_return(&mut self, back: impl FnOnce() -> Instant) {
         if let Self::Returning(expected) = self {
             *expected = back();

@@ -17,10 +17,11 @@ pub const SPRING_STROKE: Duration = Duration::from_millis(150);
 pub const SLOWNESS: i32 = 8;
 /// The time for a [`SpoolFault::Drifting`] spool to creep a full stroke (A).
 pub const DRIFT_STROKE: Duration = Duration::from_secs(8);
-/// The distance that a [`SpoolFault::Drifting`] spool creeps, in percent of the full stroke (A). Monitor 1 allows less.
+/// The distance that a [`SpoolFault::Drifting`] spool creeps, in percent of the full stroke (A). Monitor 1 allows a
+/// smaller deviation.
 pub const DRIFT_PERCENT: i32 = 20;
 /// The end position of a [`SpoolFault::NoFloat`] spool in float, in percent of the full stroke (A). The float band
-/// begins beyond it.
+/// begins beyond this position.
 pub const NO_FLOAT_PERCENT: i32 = 80;
 /// The tolerance of the neutral and float positions, in percent of the full stroke (A).
 pub const END_BAND_PERCENT: i32 = 5;
@@ -125,7 +126,7 @@ pub struct SpoolSense {
     pub fault: SpoolFault,
     /// The position to which the hand lever pushes the spool.
     pub lever: Option<Position>,
-    /// The position that a sensor has measured. It overrides the model. Boards without a sensor have none.
+    /// The position that a sensor has measured. It overrides the model. `None` without a sensor.
     pub measured: Option<Position>,
     /// The stroke times.
     pub times: SpoolTimes,
@@ -284,8 +285,8 @@ impl Spool {
 }
 
 impl Action {
-    /// Returns the path of a spool that is neither stuck nor held, from `here`. The solenoids move it to `offset`
-    /// beside their target.
+    /// Returns the path of a spool that is neither stuck nor held, from `here`. The solenoids move the spool to their
+    /// target plus `offset`.
     fn path(self, here: Travel, fault: SpoolFault, offset: Position, rates: Rates, now: Instant) -> Path {
         let (to, rate) = match self {
             Self::Release => (Travel::NEUTRAL, rates.springs),

@@ -1,8 +1,8 @@
 //! The travel of the spool over time: legs of constant velocity, in integers.
 //!
 //! The steps of travel are so fine that every rate is an integer number of steps per microsecond. The default stroke
-//! times give exact rates; the rates of other times are rounded. Travel itself is never rounded, so it does not depend
-//! on the number of its computations.
+//! times give exact rates; the rates of other times are rounded. Travel is never rounded, so the number of computations
+//! does not affect the result.
 
 use super::Position;
 use crate::time::{Duration, Instant, NEVER, delayed, since};
@@ -81,7 +81,8 @@ impl Band {
 pub(super) struct Rate(i32);
 
 impl Rate {
-    /// Returns the rate that covers the full stroke in a constant time. An assertion checks that it is an integer.
+    /// Returns the rate that covers the full stroke in a constant time. An assertion checks that the rate is an
+    /// integer.
     pub(super) const fn of_full_stroke(full_stroke: Duration) -> Self {
         let micros = full_stroke.as_micros();
         assert!(micros <= Travel::FULL as u64);
@@ -210,7 +211,8 @@ impl Path {
     }
 
     /// Returns the next time after `now` at which the velocity may change, [`NEVER`] once the spool is at rest. The
-    /// last microsecond of a leg may cover a shorter distance, so the velocity also changes at its beginning.
+    /// last microsecond of a leg may cover a shorter distance, so the velocity also changes at the beginning of that
+    /// microsecond.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         let ends = |leg: &Leg| {
             let last = Instant::from_ticks(leg.end.as_ticks().saturating_sub(1));

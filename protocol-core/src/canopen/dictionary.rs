@@ -29,7 +29,7 @@ pub enum DataType {
     Text(u8),
 }
 
-/// The access that SDO has to an object.
+/// The SDO access to an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Read only.
@@ -68,7 +68,7 @@ pub enum Initial<'a> {
     Fixed(Value<'a>),
     /// A number plus the node ID, `$NODEID+…` in an EDS.
     NodeIdPlus(u32),
-    /// No common value. A serial number differs in each device, and an error entry does not exist yet.
+    /// No common value: a serial number differs in each device, and a new device has no error entries.
     Individual,
 }
 
@@ -225,7 +225,7 @@ impl Entry {
         if self.is_text() { Value::Text(bytes) } else { Value::Number(number(bytes)) }
     }
 
-    /// Returns the access that SDO has.
+    /// Returns the SDO access.
     #[inline]
     #[must_use]
     pub const fn access(&self) -> Access {
@@ -299,7 +299,7 @@ impl<B: Copy> Row<B> {
         })
     }
 
-    /// Sets the minimum and maximum for the EDS. Only the code that serves the object enforces them. Without effect
+    /// Sets the minimum and maximum for the EDS. Only the code that serves the object enforces them. Has no effect
     /// unless the feature `names` is on.
     #[must_use]
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
@@ -313,7 +313,7 @@ impl<B: Copy> Row<B> {
     /// Makes "save" store the object, with this default.
     ///
     /// # Panics
-    /// A numeric default of a text panics; in a const this is a compile error.
+    /// Panics for a numeric default of a text; in a const this is a compile error.
     #[must_use]
     pub const fn stored(self, default: DefaultValue) -> Self {
         match default {
@@ -326,7 +326,7 @@ impl<B: Copy> Row<B> {
     /// Sets the number of the entry, such as the value of a constant.
     ///
     /// # Panics
-    /// A text panics; in a const this is a compile error.
+    /// Panics for a text; in a const this is a compile error.
     #[must_use]
     pub(super) const fn with(self, number: u32) -> Self {
         assert!(!self.entry.is_text(), "the number of a text is its length");
@@ -353,13 +353,14 @@ impl<B: Copy, const N: usize> Table<B, N> {
     /// Splits rows sorted by index and sub-index.
     ///
     /// # Panics
-    /// Rows that are not strictly ascending, and more than 255 rows, panic; in a const this is a compile error.
+    /// Panics for rows that are not strictly ascending, and for 0 or more than 255 rows; in a const this is a compile
+    /// error.
     #[must_use]
     #[allow(
         clippy::indexing_slicing,
         clippy::arithmetic_side_effects,
         clippy::panic,
-        reason = "runs in the compiler alone"
+        reason = "runs only in the compiler"
     )]
     pub const fn new(rows: [Row<B>; N]) -> Self {
         assert!(N <= u8::MAX as usize, "a position must fit a byte");

@@ -12,7 +12,7 @@ use crate::wire::sdo::AbortCode;
 /// The maximum number of errors in the history (SPEC 4.1).
 pub(crate) const HISTORY: usize = 8;
 
-/// The capacity of the queue (A). It holds the beginning and the end of every fault of a device.
+/// The capacity of the queue (A). It is enough for the beginning and the end of every fault of a device.
 const QUEUE: usize = 16;
 
 /// The error history, object 0x1003. It is volatile (A).
@@ -98,7 +98,7 @@ struct Waiting {
     entered: bool,
 }
 
-/// The unsent EMCYs in order. A full queue drops its oldest message, so that the newest message is always sent.
+/// The unsent EMCYs in order. A full queue drops its oldest message, so that the newest message is always queued.
 ///
 /// A message in the controller stays in the queue until it is known to be sent.
 #[derive(Clone, Debug)]
@@ -115,8 +115,8 @@ impl EmcyQueue {
         Self { messages: Vec::new(), taken: 0 }
     }
 
-    /// Appends a message. `entered` says whether the error history has an entry for it. Returns `false` if a full queue
-    /// has dropped its oldest message unsent.
+    /// Appends a message. `entered` is true if the error history has an entry for the error. Returns `false` if a full
+    /// queue has dropped its oldest message unsent.
     #[must_use]
     pub(crate) fn push(&mut self, message: Emcy, entered: bool) -> bool {
         let mut kept = true;
@@ -125,7 +125,7 @@ impl EmcyQueue {
             kept = self.taken > 0;
             self.taken = self.taken.saturating_sub(1);
         }
-        // There is room.
+        // Cannot fail, because there is room.
         let _ = self.messages.push(Waiting { message, entered });
         kept
     }
@@ -177,8 +177,8 @@ impl EmcyQueue {
     /// Removes the unsent messages of an error. The controller must not hold messages. Returns the number of their
     /// history entries.
     ///
-    /// The messages of an error are that of its beginning and that of its end. The latter is the first later message
-    /// with code 0000 whose error register lacks a bit of `register`. An end whose beginning is not in the queue stays.
+    /// An error has a message for its beginning and another for its end. The end is the first later message with code
+    /// 0000 whose error register lacks a bit of `register`. An end whose beginning is not in the queue stays.
     pub(crate) fn withdraw(&mut self, code: u16, register: u8) -> u8 {
         let mut entries: u8 = 0;
         let mut lasts = false;
@@ -197,7 +197,7 @@ impl EmcyQueue {
         self.taken = 0;
     }
 
-    /// Removes the messages of a controller that has sent all frames.
+    /// Removes the messages in the controller, which has sent all its frames.
     pub(crate) fn sent(&mut self) {
         if self.taken > 0 {
             self.drop_taken();
@@ -205,7 +205,8 @@ impl EmcyQueue {
     }
 
     fn drop_taken(&mut self) {
-        // There are at most three. A rotation instead of the loop would take 200 bytes more.
+        // The controller holds at most three messages. A rotation instead of the loop would cost 200 more bytes of
+        // code.
         for _ in 0..core::mem::take(&mut self.taken) {
             self.messages.remove(0);
         }

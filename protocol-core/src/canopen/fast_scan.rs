@@ -2,7 +2,7 @@
 
 use crate::wire::lss::{Address, FastScan, Part};
 
-/// The bit-check value that starts a scan. Every slave without a node ID answers it.
+/// The bit-check value of a request that starts a scan. Every slave without a node ID answers this request.
 const START_SCAN: u8 = 0x80;
 
 /// The progress of a scan: the part of the LSS address that the next request must compare.
@@ -19,7 +19,7 @@ impl ScanPosition {
         Self { part: 0 }
     }
 
-    /// Updates the position for a request. Returns whether the slave with this LSS address answers it.
+    /// Updates the position for a request. Returns whether the slave with this LSS address answers the request.
     pub(super) fn answers(&mut self, scan: FastScan, address: &Address) -> bool {
         if scan.bit_check == START_SCAN {
             self.part = 0;

@@ -91,7 +91,7 @@ impl HeartbeatProducer {
         if self.time == 0 {
             return NEVER;
         }
-        // The computation is in units, because 64-bit ticks would need a division of 1 KiB in a small image.
+        // The computation is in units, because 64-bit ticks would need a division routine of 1 KiB in a small image.
         let time = u32::from(self.time);
         let period = time.checked_next_multiple_of(self.rules.resolution).unwrap_or(time);
         delayed(instant, Duration::from_ticks(TICKS.saturating_mul(period).into()))

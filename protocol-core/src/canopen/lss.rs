@@ -25,8 +25,8 @@ pub(crate) enum State {
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// A device without a node ID boots with the pending node ID, once it is stored (CiA 305). Otherwise reset
-    /// communication puts the pending node ID in force.
+    /// A device without a node ID boots with the pending node ID once the memory holds this node ID (CiA 305).
+    /// Otherwise reset communication puts the pending node ID in force.
     Boot,
 }
 
@@ -157,12 +157,12 @@ pub(crate) struct Switch {
 #[derive(Clone, Debug)]
 pub(crate) struct LssSlave {
     state: State,
-    /// The number of numbers of switch state selective that match so far.
+    /// The count of matching numbers in the present sequence of switch state selective.
     matched: Part,
-    /// The number of bounds of identify remote slave that hold so far.
+    /// The count of bounds met in the present sequence of identify remote slave.
     bounds: u8,
     scan: ScanPosition,
-    /// The configuration that is not yet in force.
+    /// The configured values. A node ID is removed when it takes effect.
     pending: Configuration,
     /// The configuration that is not yet stored.
     unstored: Configuration,
@@ -254,8 +254,8 @@ impl LssSlave {
         self.unstored
     }
 
-    /// Records the configuration that the memory now holds. A pending value that another service has overwritten there
-    /// counts as unstored again.
+    /// Records the configuration that the memory now holds. A pending value that another service has overwritten in the
+    /// memory counts as unstored again.
     pub(crate) fn stored(&mut self, stored: Configuration) {
         let Self { pending, unstored, .. } = self;
         if let Some(stored) = stored.node_id {

@@ -1,8 +1,8 @@
 //! Product-independent CANopen services (CiA 301, CiA 305).
 //!
 //! A product supplies its object dictionary as a table, and serves its own objects. The services look objects up, check
-//! and transfer them, and handle COB-IDs, states, times and counts. They do not know the meaning of device-profile
-//! objects. The node combines the services.
+//! and transfer them, and handle COB-IDs, states, times and counts. They do not interpret device-profile objects. The
+//! node combines the services.
 
 pub mod dictionary;
 pub(crate) mod emcy;

@@ -53,7 +53,7 @@ impl ErrorBehaviour {
     }
 }
 
-/// The scope of a reset requested by an NMT master.
+/// The scope of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reset {
     /// Reset communication: the communication objects.

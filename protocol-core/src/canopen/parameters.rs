@@ -5,8 +5,8 @@ use heapless::VecView;
 
 use super::dictionary::{Entries, Entry, Group, Place, Value};
 
-/// Appends the values of a group's stored objects, which `value_of` reads. Its length precedes a text. Returns `None`
-/// if a value is missing or does not fit.
+/// Appends the values of a group's stored objects, which `value_of` reads. A text is preceded by its length. Returns
+/// `None` if a value is missing or does not fit.
 pub(crate) fn encode<'a>(
     entries: Entries,
     group: Group,
@@ -45,7 +45,7 @@ impl<'a> Stored<'a> {
         rest.is_empty().then_some(Self(payload))
     }
 
-    /// Reads the next value. `entry` must be that of the next stored object.
+    /// Reads the next value. `entry` must describe the next stored object.
     pub(crate) fn next_of(&mut self, entry: &Entry) -> Option<Value<'a>> {
         take(entry, &mut self.0)
     }

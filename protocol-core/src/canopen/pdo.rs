@@ -1,6 +1,6 @@
 //! The PDO: communication and mapping parameters, and the packing of objects into frames (CiA 301 7.2.2, 7.5.2.35–38).
 //!
-//! Switching the PDO on checks and resolves its mapping, so that a frame does not have to.
+//! The mapping is checked and resolved when the PDO is switched on, not for every frame.
 
 use core::ops::RangeInclusive;
 
@@ -24,7 +24,7 @@ const MAX_BITS: u8 = 64;
 /// A product's rules for the PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// The direction into which mapped objects must be mappable.
+    /// The direction of the PDOs, in which mapped objects must be mappable.
     pub(crate) direction: Mappable,
     /// The permitted transmission types.
     pub(crate) transmission_types: &'static [RangeInclusive<u8>],
@@ -38,12 +38,12 @@ pub(crate) struct Rules {
     pub(crate) entries_while_counted: bool,
     /// Whether the PDO has an inhibit time and an event timer.
     pub(crate) timers: bool,
-    /// Whether a TPDO carries the values of its due time. Otherwise it carries the values of its transmission.
+    /// True if a TPDO carries the values at its due time, false if it carries the values at its transmission.
     pub(crate) sampled_when_due: bool,
 }
 
 impl Rules {
-    /// The rules of a PDO that the product does not have.
+    /// The rules of a product without this PDO.
     pub(crate) const NONE: Self = Self {
         direction: Mappable::No,
         transmission_types: &[],

@@ -1,7 +1,7 @@
 //! The SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented uploads and downloads.
 //!
-//! The server knows only the entries of the dictionary. The caller reads and writes the objects, and reports the
-//! results to the server.
+//! The server uses only the entries of the dictionary. The caller reads and writes the objects, and reports the results
+//! to the server.
 
 use super::dictionary::{Access, Entries, Entry, Place, Value, number};
 use super::sdo_download::Download;
@@ -55,7 +55,7 @@ enum Transfer {
     Upload(Upload),
     /// The client sends segments.
     Download(Download),
-    /// The answer to a write is deferred until the device has ended the demanded action.
+    /// The answer to a write is deferred until the device has completed the demanded action.
     Waiting(Place, Bytes),
 }
 
@@ -67,7 +67,7 @@ impl SdoServer {
     }
 
     /// Handles a request.
-    // Inlining saves 62 instructions on an SDO, because the look-up then knows the length of the product's table.
+    // Inlining saves 62 instructions on an SDO, because the length of the product's table is then a constant.
     #[inline(always)]
     pub(crate) fn handle<'a>(&'a mut self, bytes: &'a Bytes, objects: Entries, now: Instant) -> Step<'a> {
         let request = Request::parse(bytes);
@@ -230,8 +230,8 @@ impl SdoServer {
         }
     }
 
-    /// Ends the transfer in progress. Returns the abort message with its object. A write with a deferred answer
-    /// continues, because the client has sent all data.
+    /// Ends the transfer in progress. Returns the abort message for the transferred object. A write with a deferred
+    /// answer continues, because the client has sent all data.
     fn break_off(&mut self, code: AbortCode) -> Bytes {
         let object = match &self.transfer {
             Transfer::Upload(upload) => upload.object(),

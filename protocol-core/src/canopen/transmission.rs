@@ -2,8 +2,8 @@
 
 use crate::time::{Duration, Instant, NEVER, delayed, since};
 
-/// The event-driven transmission type of the device profile. The device sends the TPDO at once after an RPDO (a valve),
-/// and at each end of the event timer (a sensor).
+/// The event-driven transmission type of the device profile. A valve sends the TPDO at once after an RPDO, a sensor at
+/// each end of the event timer.
 pub(crate) const EVENT_DRIVEN: u8 = 0xFF;
 
 /// The manufacturer-specific transmission type. A sensor sends the TPDO at each end of the event timer.
@@ -98,8 +98,9 @@ impl Transmission {
         self.restart_timer(now, sends);
     }
 
-    /// Restarts the event timer if the PDO `sends`: it first ends one period after `now`. Drops a transmission that
-    /// waits for the end of the inhibit time, but not the running inhibit time (A).
+    /// Restarts the event timer: its first period begins at `now`. Stops the timer unless the PDO `sends` and its type
+    /// uses the timer. Drops a transmission that waits for the end of the inhibit time, but not the running inhibit
+    /// time (A).
     pub(crate) fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;

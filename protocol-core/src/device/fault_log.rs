@@ -55,7 +55,7 @@ impl FaultLogClock {
         *self = Self::new();
     }
 
-    /// Records the end of a write, other than of a successful clearing. A failed write is repeated after
+    /// Records the end of a write that is not a successful clearing. A failed write is repeated after
     /// [`FAULT_LOG_INTERVAL`].
     pub fn ended(&mut self, stored: bool, now: Instant) {
         self.earliest = delayed(now, FAULT_LOG_INTERVAL);

@@ -57,7 +57,7 @@ impl Inputs {
         }
     }
 
-    /// Returns the inputs of a valve for a change; `None` for another product.
+    /// Returns the inputs of a valve as a mutable reference; `None` for another product.
     #[must_use]
     pub const fn valve_mut(&mut self) -> Option<&mut ValveInputs> {
         match &mut self.product {
@@ -75,7 +75,7 @@ impl Inputs {
         }
     }
 
-    /// Returns the shaft of an encoder for a change; `None` for another product.
+    /// Returns the shaft of an encoder as a mutable reference; `None` for another product.
     #[must_use]
     pub const fn shaft_mut(&mut self) -> Option<&mut Shaft> {
         match &mut self.product {
@@ -90,7 +90,7 @@ impl Inputs {
 pub enum Outputs {
     /// The solenoids and LED of a valve.
     Valve(ValveOutputs),
-    /// No outputs: an encoder has none.
+    /// An encoder, which has no outputs.
     Encoder,
 }
 

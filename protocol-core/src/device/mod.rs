@@ -41,7 +41,7 @@ pub enum Effect {
     Restart(Restart),
 }
 
-/// The scope of a restart (CiA 301, NMT). The wider scope is the greater one.
+/// The scope of a restart (CiA 301, NMT). A wider scope compares greater.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Restart {
     /// Reset communication: the communication objects restart.
@@ -74,7 +74,7 @@ pub enum StartCause {
 /// The time of a device never runs backwards. A `now` before the previous call counts as the time of the previous call.
 /// So does a `now` of 2^63 µs or more, which no clock reaches.
 pub trait Device {
-    /// Handles a received frame. Returns whether the device took it; any other frame has no effect.
+    /// Handles a received frame. Returns whether the device took the frame. A frame that is not taken has no effect.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
     /// Returns the receive filters once after a start, and once after every change. The filters pass every frame for
@@ -103,8 +103,8 @@ pub trait Device {
     /// Records that the controller has sent all its frames by `now`. Returns whether another frame can be sent now.
     fn all_sent(&mut self, now: Instant) -> bool;
 
-    /// Returns the next effect. Stores and bit rates do not wait for the bus. A restart requires `all_sent`, so that it
-    /// does not drop the answer to its own request.
+    /// Returns the next effect. Stores and bit rates do not wait for the bus. A restart requires `all_sent`, so that
+    /// the answer to the request for the restart is not dropped.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect>;
 
     /// Reports the result of [`Effect::Store`].
@@ -113,7 +113,7 @@ pub trait Device {
     /// Executes [`Effect::Restart`] with the present contents of the memory.
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant);
 
-    /// Requests all delayed writes at once, because the platform will be switched off.
+    /// Requests all delayed writes at once, before the platform is switched off.
     fn flush(&mut self, now: Instant);
 
     /// Returns the time at which [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) while only frames and

@@ -2,7 +2,7 @@
 
 use crate::memory::{Memory, RecordKey, open};
 
-/// A memory and the corrupt records that were found in it.
+/// A memory and its corrupt records found so far.
 pub struct Reading<'a> {
     memory: &'a dyn Memory,
     /// The bits of the corrupt records, by position.
@@ -19,7 +19,7 @@ impl<'a> Reading<'a> {
     }
 
     /// Decodes a record of this version. Returns `None` for a record that was never written or is corrupt.
-    /// [`is_corrupt`](Self::is_corrupt) then tells which.
+    /// [`is_corrupt`](Self::is_corrupt) distinguishes the two cases.
     pub fn record<T>(&mut self, key: RecordKey, version: u8, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         let decoded = decode(self.payload(key, version)?);
         if decoded.is_none() {

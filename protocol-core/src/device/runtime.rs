@@ -14,7 +14,7 @@ use crate::frame::Frame;
 use crate::memory::{self, Memory, RecordKey, StoreError};
 use crate::time::{Instant, NEVER, latest};
 
-/// The kinds of write of all devices: the records that a new memory lacks, and the fault log.
+/// The kinds of write that a device requests by itself: the records that a new memory lacks, and the fault log.
 const OWN_WRITES: [Write; 3] = [
     Write::new(RecordKey::Factory, Requester::Device),
     Write::new(RecordKey::LocalLayer, Requester::Device),
@@ -50,7 +50,7 @@ pub trait Application: Storing + Sized {
     /// Creates an application without power.
     fn new(setup: Self::Setup) -> Self;
 
-    /// Returns the service that handles a frame; `None` for most frames, after few instructions.
+    /// Returns the service that handles a frame; `None` for most frames, after a few instructions.
     fn service(&self, frame: &Frame) -> Option<Self::Service>;
 
     /// Handles a frame of a service.
@@ -91,11 +91,11 @@ pub trait Application: Storing + Sized {
     /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
 
-    /// Returns a new bit rate once.
+    /// Returns a new bit rate, once.
     fn take_bit_rate(&mut self) -> Option<BitRate>;
 
-    /// Starts with the contents of the memory, at power-up or for a restart. Unless the scope is communication, no
-    /// write is pending.
+    /// Starts with the contents of the memory, at power-up or for a restart. With [`Restart::Application`], no write is
+    /// pending.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base);
 
     /// Handles a reset of the processor by the watchdog or a panic.
@@ -158,8 +158,8 @@ impl Base {
         self.now = latest(self.now, now);
     }
 
-    /// Requests a restart. Until then [`Application::handle_restarting`] handles the frames, and the timers keep
-    /// running, the time guard included (A). Of two requests the wider scope wins.
+    /// Requests a restart. Until the restart, [`Application::handle_restarting`] handles the frames, and all timers
+    /// keep running, including the time guard (A). Of two requests the wider scope wins.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_begun = false;
@@ -237,12 +237,12 @@ impl Base {
     }
 }
 
-/// A device, made of an application and its [`Base`].
+/// A device: an application and its [`Base`].
 #[derive(Clone, Debug)]
 pub struct Runtime<A: Application> {
     application: A,
     base: Base,
-    /// The earlier of the deadlines of application and fault log.
+    /// The earlier deadline of application and fault log.
     deadline: Instant,
 }
 
@@ -302,7 +302,7 @@ impl<A: Application> Runtime<A> {
         self.finish();
     }
 
-    /// Advances the time to `now`, and handles the timers that are due then.
+    /// Advances the time to `now`, and handles the timers that are due.
     fn advance(&mut self, now: Instant) {
         self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {
@@ -331,7 +331,7 @@ impl<A: Application> Runtime<A> {
         }
     }
 
-    /// Returns whether the queue has room for this kind of write.
+    /// Returns whether the device declares this kind of write, for which the queue then has room.
     fn is_listed(write: Write) -> bool {
         OWN_WRITES.iter().chain(A::WRITES).any(|listed| listed.is_like(write))
     }

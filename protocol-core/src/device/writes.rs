@@ -4,8 +4,8 @@ use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The maximum number of kinds of write in a device. A valve on CANopen has as many;
-/// [`Runtime`](super::runtime::Runtime) refuses to compile for a device with more.
+/// The maximum number of kinds of write in a device, which a valve on CANopen reaches.
+/// [`Runtime`](super::runtime::Runtime) does not compile for a device with more.
 pub(super) const KINDS: usize = 10;
 
 /// The capacity of the queue: a waiting write of each kind, the write in progress, and a write [requested
@@ -53,7 +53,7 @@ impl Write {
         Self { value, ..self }
     }
 
-    /// Returns whether both writes are of the same kind, which is the same record and the same requester.
+    /// Returns whether both writes are of the same kind: with the same record and the same requester.
     pub(super) fn is_like(self, other: Self) -> bool {
         self.with(0) == other.with(0)
     }
@@ -83,12 +83,12 @@ impl Writes {
             let kept = if write.requester == Requester::Dm3 { waiting.value } else { 0 };
             waiting.value = kept | write.value;
         } else {
-            // There is room for every kind.
+            // Cannot fail, because there is room for every kind.
             let _ = self.queue.push(write);
         }
     }
 
-    /// Inserts a write before all others. It must be the second half of a write that has just ended.
+    /// Inserts a write before all others. The write must be the second half of a write that has just ended.
     pub fn request_first(&mut self, write: Write) {
         let _ = self.queue.insert(0, write);
     }

@@ -16,11 +16,11 @@ use crate::wire::name::{CommandedAddress, Name};
 /// The wait after the first claim. No other message is sent before its end.
 pub const CLAIM_WAIT: Duration = Duration::from_millis(250);
 
-/// The unit of the pseudo-random delay before a cannot-claim. All cannot-claims have the same identifier, so the delay
-/// keeps two of them from colliding.
+/// The unit of the pseudo-random delay before a cannot-claim. All cannot-claims have the same identifier, and the delay
+/// makes a collision of two of them unlikely.
 pub const CANNOT_CLAIM_STEP: Duration = Duration::from_micros(600);
 
-/// The minimum time between two objections to foreign use of the own address (ISO 11783-5).
+/// The minimum time between two objections to another controller's use of the address (ISO 11783-5).
 pub const OBJECTION_INTERVAL: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,8 +48,8 @@ pub struct AddressClaim {
 }
 
 impl AddressClaim {
-    /// Begins an address claim. The first claim is pending, and no other message may be sent before its
-    /// [transmission](Self::sent) and the wait.
+    /// Begins an address claim. The first claim is pending. No other message may be sent until the claim is
+    /// [sent](Self::sent) and the wait is over.
     #[must_use]
     pub const fn new(name: Name, address: Address) -> Self {
         Self { name, address, state: State::Begun, next_objection: Instant::MIN }
@@ -106,7 +106,7 @@ impl AddressClaim {
         self.name.claim(self.address().unwrap_or(Address::NULL))
     }
 
-    /// Handles a claim of `source` by another controller. A claim with the own NAME is ignored, because two identical
+    /// Handles a claim of `source` by another controller. A claim with the same NAME is ignored, because two identical
     /// controllers would claim forever.
     #[must_use]
     pub fn contend(&mut self, source: Address, name: Name, now: Instant) -> Outcome {
@@ -120,8 +120,9 @@ impl AddressClaim {
         Outcome::Lost
     }
 
-    /// Handles a frame of another controller, other than a claim, under the own address. The objection is a claim
-    /// without a DTC (R), at most one per [`OBJECTION_INTERVAL`]. Before the end of the wait there is no objection.
+    /// Handles another controller's frame, other than a claim, with this controller's address as its source. The
+    /// objection is a claim without a DTC (R), at most one per [`OBJECTION_INTERVAL`]. Before the end of the wait and
+    /// after the loss of the address there is no objection.
     #[must_use]
     pub fn object(&mut self, now: Instant) -> Outcome {
         if !self.may_send() || now < self.next_objection {

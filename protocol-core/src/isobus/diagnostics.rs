@@ -33,7 +33,7 @@ impl Dm1 {
     /// Sets the active trouble code. Every change makes DM1 pending, also a change of the occurrence count alone.
     ///
     /// `at` is the present time, or [`NEVER`] during bus-off. A code that is set and cleared at the same time is
-    /// reported only by a DM1 that is encoded at this time.
+    /// reported only by a DM1 that is encoded at that time.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The product defines the contents of its groups, and executes DM3. The services handle addresses, times and counts.
-//! They do not know the meaning of a fault or a command.
+//! They do not interpret faults or commands.
 
 pub mod address;
 pub mod diagnostics;
@@ -29,7 +29,7 @@ pub enum Outcome {
     Pending,
     /// The wait after the claim is over, and all messages may be sent.
     Claimed,
-    /// Another controller has taken the address. No frame may be sent with it.
+    /// Another controller has taken the address. No frame may be sent with this address.
     Lost,
     /// The service has abandoned the message.
     GivenUp,

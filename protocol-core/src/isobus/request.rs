@@ -17,7 +17,7 @@ pub struct Request {
     pub pgn: Pgn,
     /// The requesting controller.
     pub requester: Address,
-    /// Whether the request is addressed to this controller, not to all.
+    /// True for a request to this controller, false for a request to all.
     pub addressed: bool,
 }
 

@@ -141,8 +141,8 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
     }
 
-    /// Records that the frame in the controller was sent. The next frame is due [`PACKET_SPACING`] later, because
-    /// packets must keep their distance on a busy bus, too.
+    /// Records that the frame in the controller was sent. The next frame is due [`PACKET_SPACING`] later, because a
+    /// busy bus must not bring packets closer together.
     pub fn sent(&mut self, now: Instant) {
         let Some(sending) = self.sending.as_mut().filter(|sending| sending.in_controller) else { return };
         if sending.sequence == sending.announcement.packets {

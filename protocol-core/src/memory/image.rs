@@ -104,7 +104,8 @@ impl Memory for Image {
     }
 }
 
-/// The record is unreadable or fails its check. It counts as absent and raises the internal error.
+/// The error for a record that is unreadable or fails its check. The record counts as absent and raises the internal
+/// error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Corrupt;
 

@@ -1,7 +1,8 @@
 //! The records of a device in its non-volatile memory, and their encoding (SPEC 6).
 //!
-//! The core never accesses a flash. It demands the write of a record by an [`Effect`](crate::device::Effect) and
-//! receives the result. At a start it reads a [`Memory`]: an [`Image`] of all records, or the flash itself.
+//! The core never accesses a flash. Through an [`Effect`](crate::device::Effect), the core demands the write of a
+//! record, and receives the result. At a start, the core reads a [`Memory`]: an [`Image`] of all records, or the flash
+//! itself.
 
 mod image;
 mod record;

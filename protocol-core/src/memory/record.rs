@@ -1,7 +1,7 @@
 //! A record of the memory: its key, and its encoding with version, length and CRC.
 //!
-//! The log in the flash keeps each record complete, old or new, but a bit can flip (SPEC 6). The CRC detects this: a
-//! record that does not open counts as absent, and raises the internal error.
+//! The log in the flash keeps each record complete, old or new (SPEC 6). The CRC detects flipped bits. A record that
+//! does not open counts as absent, and raises the internal error.
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
@@ -25,13 +25,13 @@ pub enum RecordKey {
     Factory = 1,
     /// Node ID or address, and bit rate.
     LocalLayer = 2,
-    /// The parameters that "save" stores; of a sensor the communication parameters only.
+    /// The parameters that "save" stores; for a sensor, only the communication parameters.
     Parameters = 3,
     /// The restore flag. If it is set, the next start restores the defaults.
     RestoreFlag = 4,
     /// The occurrence counters, which imply the previously active faults.
     FaultLog = 5,
-    /// The application parameters that "save" stores, of a sensor only.
+    /// The application parameters that "save" stores in a sensor.
     Application = 6,
 }
 
@@ -47,7 +47,7 @@ impl RecordKey {
     }
 }
 
-/// The memory could not be written, or the payload does not fit a record.
+/// The error for a failed write of the memory, and for a payload that does not fit a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoreError;
 

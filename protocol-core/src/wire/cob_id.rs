@@ -87,7 +87,7 @@ pub struct CobId(u32);
 impl CobId {
     /// Bit 31: the communication object is off.
     pub const OFF: u32 = 1 << 31;
-    /// Bit 30: of a PDO, RTR is not allowed; of SYNC, the device is the producer.
+    /// Bit 30: for a PDO, RTR is not allowed; for SYNC, the device is the producer.
     pub const BIT_30: u32 = 1 << 30;
     /// Bit 29: the identifier has 29 bits.
     pub const EXTENDED: u32 = 1 << 29;

@@ -167,7 +167,7 @@ const BOTH_PAGES: u32 = 3 << 24;
 pub struct J1939Id(u32);
 
 impl J1939Id {
-    /// Creates the identifier of a message. A group in PDU2 format ignores the destination.
+    /// Creates the identifier of a message. The destination is ignored for a group in PDU2 format.
     #[inline]
     #[must_use]
     pub const fn new(priority: Priority, pgn: Pgn, destination: Address, source: Address) -> Self {
@@ -217,8 +217,8 @@ impl J1939Id {
         key(self.id())
     }
 
-    /// Returns whether J1939 uses the identifier. If both page bits are set, it belongs to another protocol (ISO
-    /// 11783-3).
+    /// Returns whether J1939 uses the identifier. An identifier with both page bits set belongs to another protocol
+    /// (ISO 11783-3).
     #[inline]
     #[must_use]
     pub const fn is_j1939(self) -> bool {

@@ -93,8 +93,8 @@ pub struct FastScan {
 }
 
 impl FastScan {
-    /// Returns whether a match of this request ends the scan: it compares all bits of the last part, and `next` differs
-    /// from this part.
+    /// Returns whether a match of this request ends the scan: the request compares all bits of the last part, and
+    /// `next` differs from this part.
     #[must_use]
     pub const fn is_last(&self) -> bool {
         self.bit_check == 0 && self.sub == 3 && self.next != 3

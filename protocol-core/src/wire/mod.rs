@@ -1,4 +1,4 @@
-//! Encoding and decoding of messages, one file each, by total functions without state.
+//! Encoding and decoding of messages, one file each. All functions are total and have no state.
 //!
 //! Parsers accept any bytes. They keep unknown codes as values, or return `None`.
 

@@ -51,9 +51,9 @@ pub enum State {
     Initialising,
     /// Pre-operational: all services but PDOs.
     PreOperational,
-    /// Operational: PDOs too.
+    /// Operational: all services, PDOs included.
     Operational,
-    /// Stopped: of the services of CiA 301, NMT and error control only.
+    /// Stopped: only NMT and error control, among the services of CiA 301.
     Stopped,
 }
 

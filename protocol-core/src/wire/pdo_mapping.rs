@@ -14,8 +14,8 @@ pub struct MappingEntry {
 impl MappingEntry {
     /// An unused entry, beyond the number of mapped objects (A).
     ///
-    /// CiA 301 does not define this value. Configuration tools clear all entries with it before they write new entries.
-    /// It is also the default of a HAT's entries 2 to 8.
+    /// CiA 301 does not define this value. Configuration tools clear all entries with this value before they write new
+    /// entries. It is also the default of entries 2 to 8 of a HAT.
     pub const UNUSED: Self = Self::parse(0);
 
     /// Decodes an entry from the value of its object.

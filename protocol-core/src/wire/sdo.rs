@@ -85,7 +85,7 @@ pub enum Request {
     DownloadExpedited {
         /// The object.
         object: Multiplexer,
-        /// The number of used bytes of `data`, 1–4; `None` if the request does not indicate it.
+        /// The number of used bytes of `data`, 1–4; `None` if the request indicates no size.
         size: Option<u8>,
         /// The four bytes, little-endian.
         data: u32,
@@ -94,15 +94,14 @@ pub enum Request {
     InitiateDownload {
         /// The object.
         object: Multiplexer,
-        /// The number of bytes to follow; `None` if the request does not indicate it.
+        /// The number of bytes to follow; `None` if the request indicates no size.
         size: Option<u32>,
     },
     /// The next segment of a download.
     DownloadSegment(Segment),
     /// The client aborts the transfer of an object with this code.
     Abort(Multiplexer, u32),
-    /// A block transfer, network indication or reserved command, with the bytes where other commands have their
-    /// multiplexer.
+    /// A block transfer, a network indication or a reserved command. The multiplexer is decoded as in other commands.
     Unknown(Multiplexer),
 }
 
@@ -233,7 +232,7 @@ impl AbortCode {
     pub const NOT_MAPPABLE: Self = Self(0x0604_0041);
     /// The mapped objects would exceed the PDO.
     pub const PDO_TOO_LONG: Self = Self(0x0604_0042);
-    /// Access failed because of a hardware error; for the simulated devices, of the non-volatile memory.
+    /// Access failed because of a hardware error. In these devices: the non-volatile memory failed.
     pub const HARDWARE: Self = Self(0x0606_0000);
     /// The length does not match.
     pub const LENGTH: Self = Self(0x0607_0010);
@@ -256,7 +255,7 @@ impl AbortCode {
     /// No data are available.
     pub const NO_DATA: Self = Self(0x0800_0024);
 
-    /// Returns the meaning of the code, for people.
+    /// Returns the meaning of the code as text.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {

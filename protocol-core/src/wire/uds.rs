@@ -3,7 +3,8 @@
 
 use crate::frame::{ExtendedId, Frame, Id, extended, key};
 
-/// A UDS address: three bits of net and eight bits of node. An identifier carries two, source and destination.
+/// A UDS address: three bits for the net and eight bits for the node. An identifier carries a source and a destination
+/// address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address(u16);
 
@@ -77,14 +78,14 @@ pub enum NegativeCode {
     ConditionsNotCorrect = 0x22,
     /// The identifier is unknown, or the value is out of range.
     RequestOutOfRange = 0x31,
-    /// The identifier is factory data.
+    /// The identifier refers to factory data, which cannot be written.
     SecurityAccessDenied = 0x33,
     /// Writing the memory failed.
     ProgrammingFailure = 0x72,
 }
 
 impl NegativeCode {
-    /// Returns the meaning of the code, for people.
+    /// Returns the meaning of the code as text.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {

@@ -16,7 +16,7 @@ const FILL: u8 = 0xFF;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// The valve is closed, and the spool in neutral.
+    /// The valve is closed, and its spool is in neutral.
     Blocked = 0,
     /// Flow from the extend port.
     Extend = 1,

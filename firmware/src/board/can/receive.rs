@@ -1,4 +1,4 @@
-//! The reception by interrupt into a queue (RM0090 32.7.3).
+//! The reception of frames by interrupt, into a queue (RM0090 32.7.3).
 
 use core::mem::MaybeUninit;
 use core::ptr::addr_of_mut;
@@ -31,13 +31,13 @@ struct Reception {
 
 static mut RECEPTION: MaybeUninit<Reception> = MaybeUninit::uninit();
 
-/// Hands the receive halves of the controller to the interrupts. Returns the consumer of their queue. It is called
-/// once, before the interrupts are enabled.
+/// Hands the receive halves of the controller to the interrupts. Returns the consumer of their queue. This function is
+/// called once, before the interrupts are enabled.
 pub(super) fn start(rx0: Rx0<Registers>, rx1: Rx1<Registers>) -> Consumer<'static, Frame> {
     // A queue holds one frame less than its length.
     static STORAGE: ConstStaticCell<Queue<Frame, { QUEUE + 1 }>> = ConstStaticCell::new(Queue::new());
     let (received, waiting) = STORAGE.take().split();
-    // SAFETY: no interrupt accesses it yet, and the storage is handed out once.
+    // SAFETY: no interrupt accesses the static yet, and the storage is handed out once.
     unsafe { addr_of_mut!(RECEPTION).write(MaybeUninit::new(Reception { rx0, rx1, received })) };
     waiting
 }

@@ -1,4 +1,4 @@
-//! The transmission: the most urgent frame first, and frames back to back (RM0090 32.7.1).
+//! The transmission of frames: the most urgent frame first, and frames back to back (RM0090 32.7.1).
 //!
 //! `bxcan` holds up to three frames. While frames are pending, it accepts only a more urgent frame. A fourth frame
 //! replaces the least urgent frame, which `bxcan` returns. The next frame in the order of arbitration is *staged* here;

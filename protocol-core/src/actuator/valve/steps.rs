@@ -1,4 +1,5 @@
-//! The timers and monitors of a valve. A step evaluates them at one time; a late call steps from deadline to deadline.
+//! The timers and monitors of a valve. A step evaluates all of them at one time. A late call steps from deadline to
+//! deadline.
 
 use super::super::fault::Fault;
 use super::super::monitor::{Reading, tolerance};
@@ -8,12 +9,12 @@ use super::super::travel::{Band, Travel};
 use super::{Drive, SpoolMonitors, Valve};
 use crate::time::{Instant, NEVER};
 
-/// The band that monitor 1 allows during a shutdown, on valves whose monitor runs then (A): the neutral band. A
-/// shutdown can end only in neutral, so a spool held outside it must raise a fault.
+/// The band of monitor 1 during a shutdown, for [`SpoolMonitors::ExceptHandAndStop`] (A): the neutral band. A shutdown
+/// can end only in neutral, so a spool held outside it must raise a fault.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// The maximum number of deadlines that a late call handles separately. Fewer can lie between two fault changes: each
-/// of solenoids and springs moves the spool once, and each movement crosses a band at most twice.
+/// The maximum number of deadlines that a late call handles separately. Fewer deadlines can lie between two fault
+/// changes: solenoids and springs each move the spool once, and each movement crosses a band at most twice.
 const CATCH_UP_STEPS: u32 = 16;
 
 impl Valve {
@@ -27,7 +28,7 @@ impl Valve {
     }
 
     /// Handles the timers due up to `now`, each at its due time where possible. Returns the time of the call, which is
-    /// never earlier than that of the previous call.
+    /// never earlier than the time of the previous call.
     #[inline]
     pub(super) fn catch_up(&mut self, now: Instant) -> Instant {
         self.now = self.now.max(now);

@@ -8,7 +8,7 @@
 //! pending    frames to send                      description  objects as an EDS describes them
 //! ```
 //!
-//! The node does not own the product. Calls that need the product take a reference.
+//! The node does not own the product. Functions that need the product take a reference to it.
 
 #[cfg(feature = "names")]
 mod description;
@@ -73,7 +73,7 @@ pub(crate) struct Node<P: Product> {
     bus_off: bool,
     /// The bit rate in force.
     bit_rate: BitRate,
-    /// Whether the platform must still take `bit_rate`.
+    /// Set until the platform has taken a new `bit_rate`.
     rate_is_new: bool,
     /// The node ID that takes effect at the restart which LSS has demanded.
     activated: Option<LssNodeId>,
@@ -228,7 +228,7 @@ impl<P: Product> Node<P> {
         self.bus_off = bus_off;
     }
 
-    /// Returns a new bit rate once.
+    /// Returns a new bit rate, once.
     #[inline]
     pub(crate) fn take_bit_rate(&mut self) -> Option<BitRate> {
         if !self.rate_is_new {
@@ -275,8 +275,8 @@ impl<P: Product> Node<P> {
         tells
     }
 
-    /// Removes the unsent EMCYs of an error, of its beginning and its end, and their history entries (A). `register`
-    /// holds the bits of the error in the error register.
+    /// Removes the unsent EMCYs that report the beginning and the end of an error, and their history entries (A).
+    /// `register` holds the bits of the error in the error register.
     pub(crate) fn withdraw_error(&mut self, code: u16, register: u8) {
         for _ in 0..self.pending.withdraw_emcys(code, register) {
             self.objects.history.withdraw(code);
@@ -289,7 +289,7 @@ impl<P: Product> Node<P> {
         self.pending.queue_answer(answer, mute);
     }
 
-    /// Answers the SDO client, if any, that waits for this task. The answer is an abort unless the task was `stored`.
+    /// Answers the SDO client, if any, that waits for this task. The answer is an abort unless `stored`.
     pub(crate) fn end_task(&mut self, task: P::Task, stored: bool) {
         let behind = self.sdo.waits_for().and_then(|place| P::DICTIONARY.behind(place.position));
         let is_awaited = matches!(behind, Some(Object::Signature(awaited)) if awaited == task);
@@ -376,13 +376,13 @@ impl<P: Product> Node<P> {
         self.pending.dropped()
     }
 
-    /// Returns new filters for the controller once.
+    /// Returns new filters for the controller, once.
     #[inline]
     pub(crate) fn take_filters(&mut self) -> Option<Filters> {
         self.listening.take_filters()
     }
 
-    /// Queues a TPDO that became due at `at`. Without effect while the node must not send.
+    /// Queues a TPDO that became due at `at`. Has no effect while the node must not send.
     #[inline]
     fn queue_tpdo(&mut self, product: &P, at: Instant) {
         if !self.is_mute() {

@@ -98,7 +98,8 @@ impl Communication {
         self.tpdo.start(&rules.tpdo, objects);
     }
 
-    /// Returns the default of a stored object. Returns `None` for a default that depends on a missing node ID.
+    /// Returns the default of an object that "save" stores. Returns `None` for a default that depends on a missing node
+    /// ID.
     pub(super) fn default<P: Product>(&self, place: Place, product: &P) -> Option<Value<'static>> {
         match place.entry.default()? {
             DefaultValue::Number(number) => Some(Value::Number(number)),
@@ -112,7 +113,7 @@ impl Communication {
         }
     }
 
-    /// Loads a stored value. The write has checked the value.
+    /// Loads a stored or default value. A stored value was checked when it was written.
     fn put<P: Product>(&mut self, scope: Reset, place: Place, value: Value<'_>, product: &mut P) {
         match P::DICTIONARY.behind(place.position) {
             Some(Object::Product(object)) if scope == Reset::Application => product.load(object, value),

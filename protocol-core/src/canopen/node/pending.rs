@@ -1,8 +1,8 @@
 //! The pending frames of a node.
 //!
-//! Answers and EMCYs keep their order, and the newest EMCY is always sent. Of several heartbeats or TPDOs only the
-//! latest is sent. A heartbeat is encoded when the controller can take a frame, with the NMT state of that moment. So
-//! is a TPDO, unless the product samples TPDOs when due.
+//! EMCYs, and answers with the same identifier, keep their order. Of several heartbeats or TPDOs only the latest is
+//! sent. A heartbeat is encoded with the NMT state at the time when the controller can take a frame. A TPDO is sampled
+//! at that time, too, unless the product samples TPDOs when due.
 
 use heapless::Vec;
 
@@ -28,7 +28,7 @@ enum BootUp {
     Pending,
     /// The controller holds the boot-up.
     Taken,
-    /// The boot-up is sent. A node without a node ID has none to send.
+    /// The boot-up is sent, or the node has no node ID.
     Done,
 }
 
@@ -160,14 +160,14 @@ impl Pending {
         self.tpdo.pending
     }
 
-    /// Queues an EMCY. `entered` says whether the history has an entry for it.
+    /// Queues an EMCY. `entered` is true if the history has an entry for the error.
     pub(super) fn queue_emcy(&mut self, message: Emcy, entered: bool) {
         if !self.emcys.push(message, entered) {
             self.count_dropped(1);
         }
     }
 
-    /// Queues an answer. A full queue or a `mute` node drops and counts the answer.
+    /// Queues an answer. If the queue is full or the node is `mute`, the answer is dropped and counted.
     pub(super) fn queue_answer(&mut self, answer: Frame, mute: bool) {
         if mute || !self.answers.push(answer) {
             self.count_dropped(1);
@@ -191,7 +191,7 @@ impl Pending {
         self.boot_up == BootUp::Done && self.emcys.is_empty()
     }
 
-    /// Handles bus-off, at which the controller drops its frames: drops heartbeat, TPDO and answers, and requeues
+    /// Handles bus-off, at which the controller drops its frames. Drops heartbeat, TPDO and answers, and requeues
     /// boot-up and EMCYs.
     pub(super) fn on_bus_off(&mut self) {
         self.heartbeat = Latest::NONE;
@@ -203,7 +203,8 @@ impl Pending {
         }
     }
 
-    /// Begins a time of silence, as bus-off does. The controller must also abort all its frames.
+    /// Begins a period of silence. Drops and requeues frames as at bus-off, and makes the controller abort all its
+    /// frames.
     pub(super) fn silence(&mut self) {
         self.on_bus_off();
         self.aborts.clear();
@@ -258,8 +259,8 @@ impl Pending {
         first.1
     }
 
-    /// Returns whether a TPDO with this key may be sent. While EMCYs are unsent, a more urgent TPDO waits, because the
-    /// controller could send it first.
+    /// Returns whether a TPDO with this key may be sent. While EMCYs are unsent, a TPDO must be less urgent, because
+    /// the controller could otherwise send it first.
     fn may_send_tpdo(&self, key: u32, emcys: Option<u32>) -> bool {
         self.emcys.is_empty() || emcys.is_none_or(|emcys| arbitration(key) > arbitration(emcys))
     }
@@ -288,7 +289,8 @@ impl Pending {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a pending frame may be sent now. A new bit rate that the platform has not taken forbids this.
+    /// Returns whether a pending frame may be sent now. No frame may be sent until the platform has taken a new bit
+    /// rate.
     // Inlining saves 17 instructions on RPDO → TPDO of the core alone, and 19 on an SDO.
     #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {

@@ -72,13 +72,13 @@ pub(crate) trait Product: Sized {
     /// Returns an abort code, and changes nothing, if the value or the state forbids the write.
     fn write(&mut self, object: Self::Object, value: Value<'_>, now: Instant) -> Result<(), AbortCode>;
 
-    /// Loads a stored or default value. The write has checked stored values.
+    /// Loads a stored or default value. A stored value was checked when it was written.
     fn load(&mut self, object: Self::Object, value: Value<'_>);
 
-    /// Returns the default of a stored object whose row has no number as default.
+    /// Returns the default of an object whose row leaves the default to the product.
     fn default(&self, object: Self::Object) -> Value<'static>;
 
-    /// Applies the values of an RPDO, in the order of the mapping. Invalid values are dropped.
+    /// Applies the values of an RPDO. `_values` has the order of the mapping. Invalid values are dropped.
     fn receive(&mut self, _values: impl Iterator<Item = (Self::Object, u32)>, _now: Instant) {}
 
     /// Handles NMT stop.

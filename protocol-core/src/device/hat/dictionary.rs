@@ -33,7 +33,7 @@ const VERSIONS: u32 = 0x0107_0302;
 /// The default COB-ID of the TPDO, which is off.
 const TPDO_OFF: u32 = cob_id::CobId::OFF | Function::Tpdo1 as u32;
 
-/// The own objects of the product.
+/// The product's own objects.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::device) enum HatObject {
     DeviceName,

@@ -64,7 +64,7 @@ impl Errors {
         Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
-    /// Encodes the EMCY for the end of an error. The error register shows the errors that last. (R) A valve reports
+    /// Encodes the EMCY for the end of an error. The error register shows the remaining errors. (R) A valve reports
     /// only the end of the last error.
     pub(super) fn end(self) -> Emcy {
         Emcy { code: NO_ERROR, register: self.register(), manufacturer: [0; 5] }

@@ -61,13 +61,13 @@ pub struct HatSensor {
     task_failed: bool,
     /// The bits of the damaged records, by position, and [`WHOLE_MEMORY`].
     damaged: u8,
-    /// The errors that the history holds since their last report.
+    /// The errors whose last report was entered into the history.
     entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
 }
 
-/// The bit of [`HatSensor::damaged`] for a memory that is damaged as a whole. It stays until the next start.
+/// The bit of [`HatSensor::damaged`] for a memory that is damaged as a whole. The bit stays set until the next start.
 const WHOLE_MEMORY: u8 = 1 << 7;
 const _: () = assert!(RecordKey::ALL.len() <= 7);
 
@@ -131,7 +131,7 @@ impl HatSensor {
     }
 
     /// Returns the stored node ID and bit rate, or those of a new memory. If the record is damaged and a new memory has
-    /// no node ID, returns the defaults of "load", because only a new sensor can lack a node ID.
+    /// no node ID, returns the defaults of "load", so that damage never removes the node ID.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
         let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
@@ -142,8 +142,8 @@ impl HatSensor {
     }
 }
 
-/// Returns the stored parameters of a group. An empty record, which "load" stores, stands for the defaults and returns
-/// `None`.
+/// Returns the stored parameters of a group. Returns `None` for an empty record, which "load" stores: the defaults
+/// apply.
 fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (Group, Option<Stored<'a>>) {
     let decode = |payload: &'a [u8]| match payload {
         [] => Some(None),
@@ -255,7 +255,7 @@ impl Application for HatSensor {
     }
 
     /// Starts with the contents of the memory. Both scopes load both groups of parameters; only reset application
-    /// applies the bit rate. Errors that last over reset communication are reported again, and entered into the history
+    /// applies the bit rate. Errors that outlast reset communication are reported again, and entered into the history
     /// if they have no entry.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
@@ -287,7 +287,7 @@ impl Application for HatSensor {
             }
         }
         let corrupt = RecordKey::ALL.into_iter().filter(|key| reading.is_corrupt(*key));
-        // The memory reports damage only once.
+        // The memory reports damage only once, so known damage is kept.
         let known = if scope == Restart::Communication { self.damaged & WHOLE_MEMORY } else { 0 };
         let whole = if reading.is_damaged() { WHOLE_MEMORY } else { known };
         self.set_damaged(corrupt.fold(whole, |damaged, key| damaged | storing::bit(key)), base);

@@ -1,4 +1,4 @@
-//! The values of the own objects of a sensor, and the rules of the sensors (SPEC 9).
+//! The values of a sensor's own objects, and the rules of the sensors (SPEC 9).
 
 use super::Kind;
 use super::dictionary::{DICTIONARY, HatObject, STARTS_ITSELF, Task, WAITS};
@@ -53,7 +53,7 @@ pub(in crate::device) const RULES: Rules = Rules {
     other_protocol: None,
 };
 
-/// The values of the own objects.
+/// The values of the sensor's own objects.
 #[derive(Clone, Debug)]
 pub(in crate::device) struct HatObjects {
     kind: Kind,
@@ -62,7 +62,7 @@ pub(in crate::device) struct HatObjects {
     pub(super) shaft: Shaft,
     /// The node ID and bit rate in force.
     pub(super) in_force: Layer,
-    /// The node ID and bit rate that were last written to 0x2001:2 and 0x2002:2.
+    /// The demanded node ID and bit rate, objects 0x2001:2 and 0x2002:2.
     pub(super) demanded: Layer,
     /// The values written to 0x2001:2 and 0x2002:2 since the last request of an LSS store. The end of this store does
     /// not overwrite them.
@@ -168,7 +168,7 @@ impl Product for HatObjects {
         }
     }
 
-    /// Is never called, because the rows hold all defaults.
+    /// Returns 0. The rows hold all defaults, so this function is never called.
     fn default(&self, _: HatObject) -> Value<'static> {
         Value::Number(0)
     }

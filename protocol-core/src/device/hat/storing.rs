@@ -25,7 +25,7 @@ pub(super) const fn bit(key: RecordKey) -> u8 {
     1 << key.position()
 }
 
-/// The bit in the value of a write that means "load", not "save".
+/// The bit in a write's value that distinguishes "load" from "save".
 const LOADS: u8 = 1 << 7;
 
 /// Returns the value of the writes of a task: the bits of its records, and [`LOADS`].
@@ -41,8 +41,8 @@ const fn value_of(task: Task) -> u8 {
 }
 
 impl HatSensor {
-    /// Begins a task for an SDO client. The task overwrites a queued write of the same record, because the earlier client
-    /// has stopped waiting.
+    /// Begins a task for an SDO client. The task overwrites a queued write of the same record, because the earlier
+    /// client no longer waits.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         self.task = Some(task);
         self.task_failed = false;
@@ -77,7 +77,7 @@ impl Storing for HatSensor {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Handles the result of a write. Only the client that waits for the write learns of a failure.
+    /// Handles the result of a write. A failure is reported only to the client that waits for the write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
             self.set_damaged(self.damaged & !bit(write.record), base);

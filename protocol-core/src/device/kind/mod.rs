@@ -31,7 +31,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// Returns the word of the protocol for the number of a device: node ID or address.
+    /// Returns the protocol's term for the number of a device: node ID or address.
     #[must_use]
     pub const fn id_name(self) -> &'static str {
         match self {
@@ -158,7 +158,7 @@ impl Kind {
     }
 }
 
-/// The setup of a device. Node ID, serial number and bit rate fill a new memory; an existing memory keeps its own.
+/// The setup of a device. Node ID, serial number and bit rate fill a new memory. An existing memory keeps its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup<K = Kind> {
     /// The product.
@@ -218,7 +218,7 @@ impl From<hat::Kind> for Kind {
     }
 }
 
-/// The setup of a device as delivered.
+/// Creates the setup of a device as delivered.
 impl<K: Into<Kind>> From<K> for Setup {
     fn from(kind: K) -> Self {
         Self::new(kind.into())

@@ -18,7 +18,7 @@ pub enum Injection {
     Temperature,
     /// A stuck valve spool.
     SpoolStuck,
-    /// Of an encoder: a measuring error.
+    /// A measuring error of an encoder.
     MeasuringError,
     /// An internal fault.
     Internal,

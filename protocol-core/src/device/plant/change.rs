@@ -15,20 +15,20 @@ use crate::time::Instant;
 /// outside the range of its [word](Self::word).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Of a valve: the supply voltage, in millivolts.
+    /// The supply voltage of a valve, in millivolts.
     SupplyMv(u32),
-    /// Of a valve: the temperature, in °C.
+    /// The temperature of a valve, in °C.
     TemperatureC(i16),
-    /// Of a valve: the fault of the spool.
+    /// The fault of a valve's spool.
     Spool(SpoolFault),
-    /// Of a valve: the position to which the hand lever pushes the spool; `None` for a released lever.
+    /// The position to which the hand lever pushes a valve's spool; `None` for a released lever.
     Lever(Option<i16>),
-    /// Of an encoder: the angle of the shaft, in 1/100 degree. A turning shaft continues from this angle.
+    /// The angle of an encoder's shaft, in 1/100 degree. A turning shaft continues from this angle.
     AngleCdeg(u32),
-    /// Of an encoder: the speed of the shaft, in turns per minute, positive clockwise. The shaft turns on from its
-    /// present angle, rounded down to 1/100 degree.
+    /// The speed of an encoder's shaft, in turns per minute; positive values are clockwise. The shaft continues from
+    /// its present angle, rounded down to 1/100 degree.
     SpeedRpm(i32),
-    /// Of an encoder: whether the sensor reports a measuring error.
+    /// Whether an encoder reports a measuring error.
     MeasuringError(bool),
     /// Whether an internal fault is injected.
     InternalFault(bool),
@@ -36,15 +36,15 @@ pub enum Change {
     MemoryFails(bool),
     /// Whether the CAN controller is held bus-off.
     BusOff(bool),
-    /// Of a valve in the simulator: the supply below which the valve is off, in millivolts; `None` for never.
+    /// The supply voltage below which a simulated valve is off, in millivolts; `None` for never.
     BrownOutMv(Option<u32>),
-    /// Of a valve in the simulator: whether the oil is as cold as the valve.
+    /// Whether the oil of a simulated valve is as cold as the valve.
     Oil(bool),
-    /// In the simulator: the time from power-up to the start of the program, in milliseconds.
+    /// The time from power-up to the start of the simulated program, in milliseconds.
     BootMs(u16),
-    /// In the simulator: the shortest and the longest delay of an answer, in milliseconds.
+    /// The minimum and maximum answer delay in the simulator, in milliseconds.
     AnswerMs(u16, u16),
-    /// In the simulator: the cycle of the program, in milliseconds; 0 for none.
+    /// The cycle time of the simulated program, in milliseconds; 0 for none.
     CycleMs(u16),
 }
 
@@ -152,7 +152,7 @@ impl Change {
     }
 
     /// Applies the change to the inputs of a device. Changes of memory, bus-off and words that only the simulator has
-    /// are without effect here, because the platform executes them.
+    /// are ignored, because the platform executes them.
     ///
     /// # Errors
     /// Returns [`Inapplicable`], and changes nothing, for a word of another product or a value out of range.

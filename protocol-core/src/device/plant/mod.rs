@@ -1,5 +1,5 @@
-//! The plant of a device: the influences on it from outside, in the words and units of the control interface and the
-//! consoles. A button can inject some of its faults.
+//! The plant of a device: its environment, in the words and units of the control interface and the consoles. A button
+//! can inject some faults.
 
 mod button;
 mod change;
@@ -13,7 +13,8 @@ use super::{Inputs, Kind, ProductInputs};
 use crate::actuator::{Position, ValveInputs};
 use crate::time::Instant;
 
-/// The plant of a device: all inputs but the error mode of the bus, which the controller reports.
+/// The plant of a device: its inputs, and the faults of memory and bus. The controller determines the error mode in the
+/// inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plant {
     /// The inputs of the device.

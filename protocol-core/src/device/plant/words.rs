@@ -10,11 +10,11 @@ use crate::encoder::TURN_CDEG;
 use crate::time::Instant;
 use crate::wire::decimal::decimal;
 
-/// The highest supply voltage that can be set, in millivolts (A). It lies far above every limit of a monitor.
+/// The highest supply voltage that can be set, in millivolts (A). It is far above all monitor limits.
 const SUPPLY_MAX_MV: i32 = 100_000;
-/// The lowest temperature that can be set, in °C (A). It lies far below every limit of a monitor.
+/// The lowest temperature that can be set, in °C (A). It is far below all monitor limits.
 const TEMPERATURE_MIN_C: i32 = -273;
-/// The highest temperature that can be set, in °C (A). It lies far above every limit of a monitor.
+/// The highest temperature that can be set, in °C (A). It is far above all monitor limits.
 const TEMPERATURE_MAX_C: i32 = 1000;
 
 /// The longest start delay and the longest answer delay that can be set, in milliseconds (A).
@@ -74,7 +74,7 @@ pub static WORDS: [Word; 15] = [
     Word {
         name: LEVER,
         values: Values::NumberOrOff { min: Position::MIN.raw() as i32, max: Position::MAX.raw() as i32 },
-        help: "position that the spool is pushed to by hand, 16384 is 100 %",
+        help: "position to which the hand lever pushes the spool; 16384 is 100 %",
         product: Some(Product::Valve),
         simulated: false,
     },
@@ -88,7 +88,7 @@ pub static WORDS: [Word; 15] = [
     Word {
         name: SPEED_RPM,
         values: Values::Number { min: i32::MIN, max: i32::MAX, unit: "turns a minute" },
-        help: "the shaft turns by itself, clockwise when positive",
+        help: "speed of the shaft; positive values are clockwise",
         product: Some(Product::Encoder),
         simulated: false,
     },
@@ -103,11 +103,11 @@ pub static WORDS: [Word; 15] = [
     Word {
         name: MEMORY,
         values: Values::Words(&[OK, WRITE_FAILS]),
-        help: "whether the memory can be written",
+        help: "result of memory writes",
         product: None,
         simulated: false,
     },
-    Word { name: BUS_OFF, values: SWITCH, help: "keeps the controller off the bus", product: None, simulated: false },
+    Word { name: BUS_OFF, values: SWITCH, help: "holds the controller bus-off", product: None, simulated: false },
     Word {
         name: BROWN_OUT_MV,
         values: Values::NumberOrOff { min: 1, max: SUPPLY_MAX_MV },
@@ -125,21 +125,21 @@ pub static WORDS: [Word; 15] = [
     Word {
         name: BOOT_MS,
         values: Values::Number { min: 0, max: DELAY_MAX_MS, unit: "ms" },
-        help: "time from power to the start of the program",
+        help: "time from power-up to the start of the program",
         product: None,
         simulated: true,
     },
     Word {
         name: ANSWER_MS,
         values: Values::NumberOrRange { min: 0, max: DELAY_MAX_MS, unit: "ms" },
-        help: "delay of answers",
+        help: "answer delay",
         product: None,
         simulated: true,
     },
     Word {
         name: CYCLE_MS,
         values: Values::Number { min: 0, max: CYCLE_MAX_MS, unit: "ms" },
-        help: "cycle of the program",
+        help: "cycle time of the program",
         product: None,
         simulated: true,
     },
@@ -253,7 +253,7 @@ impl Word {
         words.find_map(|change| Some(change.text()).filter(|(name, _)| *name == self.name)).map(|(_, value)| value)
     }
 
-    /// Writes a help line to `put` in parts: the word, its description from `column` on, and its values.
+    /// Writes a help line to `put` in parts: the word, its description at `column`, and its values.
     pub fn tell(&self, column: usize, put: &mut dyn FnMut(&str)) {
         put(self.name);
         (self.name.len()..column).for_each(|_| put(" "));
@@ -296,7 +296,7 @@ impl Values {
         }
     }
 
-    /// Writes the list of values to `put` in parts, because formatting would not fit the firmware.
+    /// Writes the list of values to `put` in parts, because formatting code would not fit into the firmware.
     fn tell(&self, put: &mut dyn FnMut(&str)) {
         if let Some((min, max)) = self.range() {
             tell_number(min, put);

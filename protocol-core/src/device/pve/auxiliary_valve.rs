@@ -78,7 +78,7 @@ impl AuxiliaryValve {
         self.apply(now);
     }
 
-    /// Blocks the valve with its solenoids off, because a restart is pending. Until then no command arrives.
+    /// Blocks the valve with its solenoids off, because a restart is pending. No command arrives before the restart.
     pub(super) fn switch_off(&mut self, now: Instant) {
         self.block(now);
         self.valve.drive(Drive::Off, now);
@@ -142,7 +142,7 @@ impl AuxiliaryValve {
     }
 
     /// Counts consecutive neutral commands while the spool is in neutral and no fault is active. The second command
-    /// ends the shutdown, and acts as block otherwise.
+    /// ends the shutdown and blocks the valve.
     fn recover(&mut self, now: Instant) {
         let Some(shutdown) = &mut self.shutdown else { return };
         let counts = self.valve.faults().is_empty() && self.command.is_neutral() && self.valve.in_neutral(now);

@@ -17,7 +17,7 @@ pub(super) struct DeviceControl {
     machine: StateMachine,
     mode: DeviceMode,
     control_word: u16,
-    /// The last accepted set-point, which objects read back.
+    /// The last accepted set-point, which the objects return.
     set_point: SetPoint,
     /// The set-point in force.
     in_force: SetPoint,
@@ -95,7 +95,7 @@ impl DeviceControl {
     }
 
     /// Returns the changes of faults. Each activation shuts the valve down, transition D8. (R) In one table of the
-    /// manual some faults do not.
+    /// manual, some faults do not shut it down.
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {

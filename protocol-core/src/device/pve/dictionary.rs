@@ -26,7 +26,7 @@ use ValveObject::{
     SerialNumber, SetPoint, SetPointPer127, SetPointPer1000, SoftwareVersion, StatusWord,
 };
 
-/// The own objects of the product.
+/// The product's own objects.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ValveObject {
     /// 0x100A
@@ -170,7 +170,7 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
         "Error: spool not at set-point or float not reached",
     )
     .within(0, COUNTER_MAX as i32),
-    // (R) The manual describes this as a spool position not reached; it is time guarding.
+    // (R) The manual describes a spool position not reached. Code and EDS name belong to time guarding.
     Row::ro(0x2023, 0, U8, Product(FaultCount(Fault::TimeGuarding)), "Error: set-point timeout")
         .within(0, COUNTER_MAX as i32),
     // (R) 0x2040 according to the EDS list; the object table prints 0x2024.

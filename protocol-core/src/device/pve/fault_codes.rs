@@ -13,7 +13,7 @@ pub struct FaultCodes {
     pub emcy: u16,
     /// The bits of the fault in the error register, 0x1001.
     pub register: u8,
-    /// The trouble code. (R) The table has it as the manual prints it: the three bytes on the bus in reverse order.
+    /// The trouble code. (R) The manual prints the three bytes on the bus in reverse order, and so does this table.
     pub dtc: Dtc,
     /// The lamp in DM1 and DM2.
     pub lamp: Lamp,

@@ -31,7 +31,7 @@ impl<'a> Found<'a> {
         if let Some(layer) = found.payload(RecordKey::LocalLayer, |payload| LocalLayer::decode(kind, payload)) {
             found.local_layer = layer;
         } else if found.reading.is_corrupt(RecordKey::LocalLayer) && setup.node_id.is_none() {
-            // The corrupt record held a node ID, because only a new valve can lack a node ID.
+            // Damage must not remove the node ID: only a new memory can lack a node ID.
             found.local_layer = LocalLayer::new(Setup::new(kind));
         }
         if let Some(log) = found.payload(RecordKey::FaultLog, FaultLog::decode) {
@@ -40,8 +40,8 @@ impl<'a> Found<'a> {
         found
     }
 
-    /// Decodes a record. Returns `None` for a record that was never written or is corrupt. [`Reading::is_corrupt`] then
-    /// tells which.
+    /// Decodes a record. Returns `None` for a record that was never written or is corrupt. [`Reading::is_corrupt`]
+    /// distinguishes the two cases.
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         self.reading.record(key, VERSION, decode)
     }

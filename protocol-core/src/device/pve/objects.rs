@@ -1,4 +1,4 @@
-//! The values of the own objects of a valve, and the rules of the CANopen valves (SPEC 4.1).
+//! The values of a valve's own objects, and the rules of the CANopen valves (SPEC 4.1).
 
 use heapless::Vec;
 
@@ -61,7 +61,7 @@ const RULES: Rules = Rules {
     },
     lss: lss::Rules {
         bit_rates: Kind::PveaCanopen.bit_rates(),
-        // (R) CiA 305 permits both in LSS waiting, too.
+        // (R) CiA 305 permits these two services in LSS waiting, too.
         non_configured_in: &[lss::State::Configuration],
         fast_scan_in: &[lss::State::Configuration],
         fast_scan_selects: false,
@@ -79,7 +79,7 @@ const RULES: Rules = Rules {
     }),
 };
 
-/// The rules that both PDOs have.
+/// The rules that both PDOs share.
 const PDO: pdo::Rules = pdo::Rules {
     direction: Mappable::No,
     transmission_types: &[],
@@ -93,7 +93,7 @@ const PDO: pdo::Rules = pdo::Rules {
     sampled_when_due: false,
 };
 
-/// The values of the own objects.
+/// The values of the valve's own objects.
 #[derive(Clone, Debug)]
 pub(super) struct ValveObjects {
     pub(super) kind: Kind,
@@ -135,7 +135,8 @@ impl ValveObjects {
         self.serial_text = decimal(factory.identity.serial);
     }
 
-    /// Decodes the value of an object as a command. An SDO refuses a value out of range; a PDO drops it.
+    /// Decodes the value of an object as a command. The SDO server refuses a value out of range. A PDO drops such a
+    /// value.
     #[inline]
     fn command(object: ValveObject, raw: u32) -> Result<Command, AbortCode> {
         let scaled = |scale: Scale, value: i16| match scale.to_position(value) {

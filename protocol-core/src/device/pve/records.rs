@@ -40,7 +40,7 @@ const SOFTWARE_VERSION: [u8; 4] = *b"1.32";
 const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 
 impl Factory {
-    /// The value before the first start.
+    /// The placeholder until a start reads the memory.
     pub(super) const UNREAD: Self = Self {
         identity: lss::Address { vendor: 0, product: 0, revision: 0, serial: 0 },
         function_instance: 0,
@@ -122,7 +122,7 @@ impl Factory {
     }
 }
 
-/// The node ID and the bit rate, which take effect at the next start. On ISOBUS the node ID is the address.
+/// The stored node ID and bit rate. On ISOBUS the node ID is the address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalLayer {
     /// The node ID or address; `None` only for a valve that was delivered without a node ID.
@@ -131,7 +131,7 @@ pub(super) struct LocalLayer {
 }
 
 impl LocalLayer {
-    /// The value before the first start.
+    /// The placeholder until a start reads the memory.
     pub(super) const UNREAD: Self = Self { node_id: None, bit_rate: BitRate::Kbit250 };
 
     /// Returns the local layer of a new memory.

@@ -5,7 +5,7 @@ use crate::controller::BusErrorMode;
 use crate::device::Inputs;
 use crate::time::Instant;
 
-/// The causes of faults that are inputs of the device but not of its valve. They last over a restart; the faults do
+/// The causes of faults that are inputs of the device but not of its valve. The causes outlast a restart; the faults do
 /// not.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Causes {

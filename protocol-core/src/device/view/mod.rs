@@ -1,6 +1,7 @@
 //! The view of a device for people and tools: plain data of one type for all products.
 //!
-//! [`Viewable`] is not part of [`Device`](super::Device), so that an image without a display does not contain it.
+//! [`Viewable`] is not part of [`Device`](super::Device), so that an image without a display does not contain the
+//! views.
 
 mod hat;
 
@@ -63,7 +64,7 @@ pub struct FaultView {
 
 /// A device that has a [`View`].
 pub trait Viewable {
-    /// Returns the view at `now`. An earlier time than that of the previous call to the device is not permitted.
+    /// Returns the view at `now`. `now` must not be earlier than the time of the previous call to the device.
     fn view(&self, now: Instant) -> View;
 
     /// Returns the [key](crate::frame::Frame::key) of TPDO 1 and its mapped objects. Returns `None` while the TPDO is

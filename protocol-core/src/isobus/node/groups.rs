@@ -14,13 +14,13 @@ pub enum Service {
     Command,
     /// A request to this node or to all.
     Request,
-    /// A claim of the own address.
+    /// A claim of the node's address.
     Claim,
     /// A frame of a broadcast of several packets.
     Broadcast,
     /// A frame of a transport connection with this node.
     Connection,
-    /// No service, but another node uses the own address as source.
+    /// No service: another node uses the node's address as its source address.
     Objection,
     /// The protocol of the product other than J1939.
     OtherProtocol,
@@ -37,13 +37,14 @@ pub(super) struct Groups {
     request: Group,
     connection: Group,
     other_protocol: Filter,
-    /// Whether the controller has these filters.
+    /// Set once the filters are handed to the controller.
     handed_out: bool,
 }
 
 const REQUEST_TO_ALL: Group = group(Pgn::REQUEST, Address::GLOBAL);
 
-/// The range of groups that holds TP.DT, TP.CM and address claimed, for any destination. Most frames lie outside.
+/// The range of groups that holds TP.DT, TP.CM and address claimed, for any destination. Most frames are outside this
+/// range.
 const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
     group(Pgn::TP_DATA, Address::new(0))..=group(Pgn::ADDRESS_CLAIMED, Address::GLOBAL);
 
@@ -78,11 +79,11 @@ impl Groups {
         self.command = NONE;
     }
 
-    /// Returns the service that handles a frame. A frame of any service can come from another node under the own
-    /// address.
+    /// Returns the service that handles a frame. Another node can use the node's address in a frame of any service.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
-        // The key of an 11-bit identifier has at most three bits in the group field, and so no known group.
+        // The key of an 11-bit identifier has at most three bits in the group field, and so matches no group of the
+        // node.
         let group: Group = frame.key() & GROUP;
         if group == self.command {
             return Some(Service::Command);
@@ -110,7 +111,7 @@ impl Groups {
         }
     }
 
-    /// Returns the service of a frame in any other group whose identifier ends in the own address.
+    /// Returns the service of a frame in any other group whose identifier ends in the node's address.
     #[inline]
     fn ends_in_own_address(&self, frame: &Frame) -> Option<Service> {
         if self.other_protocol.passes(frame) {
@@ -119,8 +120,8 @@ impl Groups {
         self.is_foreign_use(frame).then_some(Service::Objection)
     }
 
-    /// Returns whether another node uses the own address as source of a J1939 frame. Identifiers of other protocols,
-    /// such as UDS, have both page bits set and no source address there.
+    /// Returns whether another node uses the node's address as the source address of a J1939 frame. Identifiers of
+    /// other protocols, such as UDS, have both page bits set and no source address there.
     #[inline]
     pub(super) fn is_foreign_use(&self, frame: &Frame) -> bool {
         let id = J1939Id::from_raw(frame.key());
@@ -142,7 +143,7 @@ impl Groups {
         let to_all = |pgn: Pgn| group(pgn, Address::GLOBAL);
         let broadcasts = [to_all(Pgn::TP_CONNECTION), to_all(Pgn::TP_DATA)];
         let groups = [self.command, self.request, REQUEST_TO_ALL, self.connection].into_iter().chain(broadcasts);
-        // Claims of the own address and frames of the other protocol end in the own address, too.
+        // The identifiers of address claims and of the other protocol's frames end in the node's address, too.
         let under_own = of(self.own.get().into(), SOURCE);
         groups.map(|group| of(group, GROUP)).chain([under_own]).collect()
     }

@@ -7,8 +7,8 @@
 //! serve     handling of received frames
 //! ```
 //!
-//! When the controller can take a frame, the node encodes the most urgent pending message. A new message of a kind
-//! replaces an older message, which is aborted in the controller.
+//! When the controller can take a frame, the node encodes the most urgent pending message. A new message replaces an
+//! older message of its kind, which is aborted in the controller.
 
 mod groups;
 mod messages;
@@ -33,7 +33,7 @@ use crate::wire::dm::{self, Trouble};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::wire::name::{COMMANDED_ADDRESS_LEN, Name};
 
-/// The number of senders whose commanded addresses the node receives at the same time.
+/// The number of senders from which the node can receive a commanded address at the same time.
 const SENDERS: usize = 16;
 
 /// The groups that the node receives as broadcasts of several packets.
@@ -49,8 +49,8 @@ pub struct Rules {
     pub other_protocol: fn(Address) -> Filter,
     /// Returns the group of the cyclic report of a node with this address.
     pub report: fn(Address) -> Pgn,
-    /// The period of the report. The first report is sent at the end of the wait after the claim. Its identifier is
-    /// more urgent than that of all other messages of the node.
+    /// The period of the report. The first report is sent at the end of the wait after the claim. The report has the
+    /// most urgent identifier of all messages of the node.
     pub report_period: Duration,
 }
 
@@ -78,7 +78,7 @@ pub struct Node<const DM2: usize> {
     /// The messages that bus state and claim permit.
     permitted: MessageSet,
     pending: MessageSet,
-    /// The messages of which the controller may hold a frame.
+    /// The messages whose frames the controller may hold.
     in_controller: MessageSet,
     /// The filters of frames that the controller must no longer send.
     aborts: Vec<Filter, { Message::ALL.len() }>,
@@ -122,7 +122,7 @@ impl<const DM2: usize> Node<DM2> {
         self.permit();
     }
 
-    /// Returns the address, which the node has claimed or is claiming; `None` after its loss.
+    /// Returns the address that the node has claimed or is claiming; `None` after its loss.
     #[inline]
     #[must_use]
     pub const fn address(&self) -> Option<Address> {
@@ -163,7 +163,7 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Queues an answer. A full queue, and a node that may not send, drop and count the answer.
+    /// Queues an answer. If the queue is full or the node may not send, the answer is dropped and counted.
     pub fn answer(&mut self, frame: Frame) {
         if self.voice().is_none() || !self.answers.push(frame) {
             self.count_dropped(1);
@@ -251,7 +251,7 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns the trouble code that the last DM1 on the bus had. Returns `None` while a DM1 is unsent.
+    /// Returns the trouble code of the last DM1 on the bus. Returns `None` while a DM1 is unsent.
     #[must_use]
     pub fn reported(&self) -> Option<Trouble> {
         let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.pending.contains(Message::Dm1);
@@ -357,7 +357,7 @@ impl<const DM2: usize> Node<DM2> {
         self.in_controller.insert(message);
     }
 
-    /// Returns the source address of sent frames, the null address after the loss of the address.
+    /// Returns the source address of sent frames: after the loss of the address, the null address.
     #[inline]
     fn own(&self) -> Address {
         self.claim.address().unwrap_or(Address::NULL)
@@ -375,8 +375,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Returns the message that a frame from the controller carries. Returns `None` for an answer and, after the loss
-    /// of the address, for all frames but a cannot-claim.
+    /// Returns the message that a frame returned by the controller carries. Returns `None` for an answer and, after the
+    /// loss of the address, for all frames but a cannot-claim.
     fn message_of(&self, frame: &Frame) -> Option<Message> {
         Message::ALL.into_iter().find(|message| self.key_of(*message) == frame.key())
     }

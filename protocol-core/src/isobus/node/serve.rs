@@ -27,7 +27,7 @@ pub enum Indication {
     ClearPreviouslyActive(Request),
     /// A commanded address for the NAME of the node.
     CommandedAddress(Address),
-    /// The address is lost. From now on the node sends only cannot-claims; all frames in the controller are aborted.
+    /// The address is lost. From now on the node sends only cannot-claims. All frames in the controller are aborted.
     AddressLost,
 }
 
@@ -39,7 +39,8 @@ impl<const DM2: usize> Node<DM2> {
         self.groups.service(frame)
     }
 
-    /// Handles a frame of a service. Remote frames have no meaning on ISOBUS and are ignored.
+    /// Handles a frame of a service. The services ignore remote frames, and the product must ignore indicated remote
+    /// frames.
     #[inline]
     pub fn handle(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
         if service != Service::Claim && self.groups.is_foreign_use(frame) {
@@ -146,7 +147,7 @@ impl<const DM2: usize> Node<DM2> {
 
 /// The pending messages.
 impl<const DM2: usize> Node<DM2> {
-    /// Queues a message if the outcome of its service demands it.
+    /// Queues a message if its service has a frame to send.
     #[inline]
     pub(super) fn note(&mut self, outcome: Outcome, message: Message) {
         if outcome == Outcome::Pending {
@@ -200,7 +201,7 @@ impl<const DM2: usize> Node<DM2> {
     }
 
     /// Drops all answers, a running broadcast and all pending messages but DM1. Counts the answers and the broadcast.
-    /// Frames in the controller are no longer followed.
+    /// Frames in the controller are no longer tracked.
     pub(super) fn give_up_all(&mut self) {
         let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
         self.pending = MessageSet::EMPTY;

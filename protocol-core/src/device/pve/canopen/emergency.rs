@@ -14,7 +14,7 @@ impl CanopenValve {
         self.node.renew_tpdo();
         let changes = self.objects.control.take_changes(now);
         let after = self.objects.control.valve.faults();
-        // A fault that cleared at once is only in the register of its own EMCY.
+        // A fault that has already cleared appears only in the error register of its own EMCY.
         let mut active = after.difference(changes.activated);
         for fault in changes.activated {
             let count = self.objects.control.valve.counters().get(fault);

@@ -1,8 +1,8 @@
 //! The restore flag: the execution of a "load" at a start, and the "load" that a client demands (SPEC 4.5, 6).
 //!
 //! A start that finds the restore flag set executes a "load": the valve uses the defaults, stores them, and then clears
-//! the flag. A "save" in between stores its parameters instead of the defaults. It is answered only after the flag is
-//! cleared, because the next start would overwrite its parameters otherwise.
+//! the flag. A "save" in between stores its parameters instead of the defaults. The "save" is answered only after the
+//! flag is cleared, because otherwise the next start would overwrite the saved parameters.
 //!
 //! The "load" of a client sets the flag for the next start, and a later "save" leaves the flag set (R). Once the
 //! defaults or newer parameters are stored, a write that sets the flag also completes the executed "load".
@@ -23,7 +23,7 @@ pub(super) enum Executed {
     FlagUncleared,
 }
 
-/// The "load" that a client demands for the next start. A write of the flag sets it while there is a demand.
+/// The "load" that a client demands for the next start. While there is a demand, a write of the flag sets the flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Demanded {
     /// No demand, or a demand that could not be stored.
@@ -48,7 +48,7 @@ impl Load {
         Self { executed: Executed::Done, demanded: Demanded::No, retry_at: NEVER }
     }
 
-    /// Creates the state at a start. `executes` says whether the start executes a "load".
+    /// Creates the state at a start. `executes` is true if the start executes a "load".
     pub(super) const fn found(executes: bool) -> Self {
         let executed = if executes { Executed::DefaultsUnstored } else { Executed::Done };
         Self { executed, ..Self::new() }
@@ -75,7 +75,7 @@ impl Load {
         }
     }
 
-    /// Returns the flag to write: whether a client demands a "load".
+    /// Returns the flag to write, which is set if a client demands a "load".
     pub(super) fn flag(&self) -> bool {
         self.demanded != Demanded::No
     }
@@ -89,7 +89,7 @@ impl Load {
         if !stored {
             self.failed(now);
         } else if self.executed == Executed::FlagUncleared {
-            // Before the defaults are stored, only a client can have the flag written. Such a write sets the flag and
+            // Before the defaults are stored, only a client's "load" writes the flag. Such a write sets the flag and
             // does not complete the executed "load".
             self.executed = Executed::Done;
             self.retry_at = NEVER;
@@ -109,7 +109,7 @@ impl Load {
         self.retry_at
     }
 
-    /// Returns whether a retry is due. A busy memory postpones it.
+    /// Returns whether a retry is due. A busy memory postpones the retry.
     pub(super) fn retry(&mut self, now: Instant, busy: bool) -> bool {
         let due = now >= self.retry_at;
         if due {

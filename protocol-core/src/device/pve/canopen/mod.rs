@@ -190,7 +190,7 @@ impl Application for CanopenValve {
     }
 
     /// Starts with the contents of the memory (SPEC 4.3, 4.5, 6). Reset communication leads to FAULT_HOLD, keeps the
-    /// own objects of the product, and reports active faults again.
+    /// product's own objects, and reports active faults again.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
         let mut found = Found::read(&self.setup, memory);

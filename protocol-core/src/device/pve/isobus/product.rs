@@ -37,7 +37,7 @@ pub(super) fn name(factory: &Factory) -> Name {
         function_instance: factory.function_instance,
         ecu_instance: 0,
         manufacturer_code: MANUFACTURER,
-        // The NAME takes the low 21 bits.
+        // `Name::new` keeps the low 21 bits.
         identity_number: factory.identity.serial,
     })
 }

@@ -27,7 +27,7 @@ pub(super) struct Clearing {
 }
 
 impl IsobusValve {
-    /// Handles a DM3. Without previously active faults it is acknowledged at once.
+    /// Handles a DM3. A DM3 without previously active faults is acknowledged at once.
     pub(super) fn clear_previously_active(&mut self, request: Request, base: &mut Base) {
         let asked = self.auxiliary.previously_active_faults();
         if asked.is_empty() {
@@ -89,7 +89,7 @@ impl Storing for IsobusValve {
     }
 
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        // No timer runs while a restart is pending. A fault that is due must count before DM3 clears its counter.
+        // A fault that is due must count before DM3 clears its counter.
         self.auxiliary.valve.poll(base.now());
         self.apply_changes(base);
         let position = write.record.position() as u8;
