@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::verdict::Verdict;
 
-/// A cell: one fault, one seed, one instant.
+/// A cell: one fault with one seed at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Cell {
     /// The number of the row, from 0.
@@ -14,12 +14,11 @@ pub struct Cell {
     pub at: Instant,
 }
 
-/// The result of a cell: a line of a results file.
+/// The result of a cell.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CellResult {
-    /// The number of a grid cell: the number of the first cell of its row plus the index of its instant. `None` for a
-    /// cell of the refinement.
+    /// The number of a grid cell, counted through all rows from 0; `None` for a cell of the refinement.
     pub number: Option<u64>,
     /// The number of the row, from 0.
     pub row: usize,
@@ -29,13 +28,13 @@ pub struct CellResult {
     pub seed: u64,
     /// The instant of the fault, in microseconds of virtual time.
     pub at_us: u64,
-    /// Whether the cell belongs to the refinement of its row.
+    /// True for a cell of the refinement.
     pub refined: bool,
     /// The verdict.
     pub verdict: Verdict,
     /// The time from the fault to its detection, in microseconds.
     pub detected_us: Option<u64>,
-    /// The time from the fault to the safe state, in microseconds; 0 if the state held throughout.
+    /// The time from the fault to the safe state, in microseconds; 0 if the safe state held from the fault on.
     pub safe_us: Option<u64>,
     /// The number of frames that a communication fault affected; 1 for a plant or power fault that acted.
     pub struck: u64,
@@ -54,8 +53,8 @@ impl CellResult {
         Cell { row: self.row, at: Instant::from_micros(self.at_us) }
     }
 
-    /// Returns a key that orders cells by severity: by verdict, then by reaction time. A reaction that did not occur is
-    /// worse than any other.
+    /// Returns a key that orders cells by severity: by verdict, then by reaction time. A missing reaction is the worst,
+    /// except with the verdict [`NoEffect`](Verdict::NoEffect).
     #[must_use]
     pub fn severity(&self) -> (Verdict, bool, u64) {
         let reaction = self.reaction_us();

@@ -1,4 +1,4 @@
-//! Controllers in Rust.
+//! Controllers in Rust, either cloned with the simulation or started anew for each cell.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -9,24 +9,24 @@ use crate::scenario::Target;
 use crate::simulation::Simulation;
 use crate::world::Client;
 
-/// The name in traces of a controller in Rust.
+/// The name of a Rust controller in traces.
 pub const CONTROLLER: &str = "the controller";
 
 /// A controller in Rust, over [`embedded_can`].
 pub trait Controller {
-    /// Receives and sends frames. Called at instant 0, at the end of each frame for the controller, and at the instant
-    /// that the last call returned. Returns the instant of the next call without a frame: later than `now`, or
-    /// [`NEVER`]. Sent frames take part in the arbitration at `now`.
+    /// Receives and sends frames. Called at instant 0, at the end of each received frame, and at the instant that the
+    /// previous call returned. Returns the instant of the next call without a frame: later than `now`, or [`NEVER`].
+    /// Sent frames take part in the arbitration at `now`.
     ///
-    /// A panic ends the controller. A call that does not return cannot be interrupted.
+    /// A panic ends the controller. A call that never returns blocks the campaign.
     fn poll(&mut self, can: &mut Client, now: Instant) -> Instant;
 }
 
-/// Controllers that are cloned with their simulation: cells are forked.
+/// The master for controllers that can be cloned: cells are forked.
 #[derive(Clone, Copy, Debug)]
 pub struct Cloned<F>(pub(super) F);
 
-/// Controllers that cannot be cloned: each cell runs from the start.
+/// The master for controllers that cannot be cloned: each cell runs from the start.
 #[derive(Clone, Copy, Debug)]
 pub struct Fresh<F>(pub(super) F);
 
@@ -46,7 +46,7 @@ impl<C: Controller> Controlled<C> {
         Self { next: simulation.now(), simulation, client, controller: Some(controller) }
     }
 
-    /// Calls the controller, and hands its frames to the bus.
+    /// Calls the controller, and lets its frames take part in the arbitration.
     fn poll(&mut self) {
         let now = self.simulation.now();
         let Some(controller) = &mut self.controller else { return };

@@ -1,4 +1,4 @@
-//! The faults of a plan: one fault for each combination of the values of an entry.
+//! The faults of a plan: one for each combination of an entry's values.
 
 use std::fmt::Write as _;
 
@@ -19,7 +19,7 @@ use crate::state::{FaultRequest, Invalid, PlantChange, Power, digits};
 pub(super) struct PlanFault {
     /// The fault in words.
     pub(super) text: String,
-    /// The requirement that the fault belongs to.
+    /// The reference for the reports.
     pub(super) reference: Option<String>,
     pub(super) act: Act,
 }
@@ -29,14 +29,14 @@ pub(super) struct PlanFault {
 pub(super) enum Act {
     /// A change of the plant of the named device.
     Plant(String, PlantChange),
-    /// A change of the power of the named device, which is switched on again after the duration, if any.
+    /// A change of the named device's power. The power returns after the duration, if any.
     Power(String, Power, Option<Duration>),
     /// A communication fault.
     Message(Fault),
 }
 
-/// The faults of a valve itself: the causes of its monitors except time guarding (SPEC 3), the lever, the power and the
-/// processor. A drifting spool is omitted, because each movement ends the drift before the monitor detects the drift.
+/// The device faults of a valve: causes of all monitors except time guarding (SPEC 3), and lever, power and processor.
+/// A drifting spool is omitted, because each movement ends the drift before the monitor detects it.
 const ALL_OF_PVE: [&str; 13] = [
     "plant = { supply_mv = 8000 }",
     "plant = { supply_mv = 40000 }",
@@ -63,7 +63,7 @@ pub(super) fn count(entry: &Table) -> u64 {
     entry.iter().map(of).fold(1, u64::saturating_mul)
 }
 
-/// Returns one table for each combination of an entry's values, the last key varying fastest.
+/// Returns one table for each combination of an entry's values. The last key varies fastest.
 pub(super) fn combinations(entry: &Table) -> Vec<Table> {
     let mut all = vec![Table::new()];
     for (key, value) in entry {
@@ -82,8 +82,8 @@ pub(super) fn combinations(entry: &Table) -> Vec<Table> {
     all
 }
 
-/// Returns whether a list is one value of its key, as in scenarios: names of receivers, the limits of a delay, the
-/// points of a profile.
+/// Returns whether a list is a single value of its key: names of receivers, the limits of a delay, or the points of a
+/// profile.
 fn is_one_value(key: &str, items: &[Value]) -> bool {
     match key {
         "receivers" => items.iter().all(Value::is_str),
@@ -105,12 +105,13 @@ pub(super) fn all_of_pve(devices: &[NamedDevice]) -> Result<Vec<Table>, String> 
     });
     let entries: Vec<Table> = entries.collect();
     if entries.is_empty() {
-        return Err("'all-of-pve': the scenario has no valve; add one, or give the faults of its devices".to_owned());
+        return Err("'all-of-pve': the scenario has no valve; add a valve, or give faults as tables".to_owned());
     }
     Ok(entries)
 }
 
-/// The eight errors of IEC 61784-3, with `ID`, the changed data as `MASK` and the data with this change as `DATA`.
+/// The eight communication errors of IEC 61784-3. `ID` stands for the identifier, `MASK` for the changed bits, and
+/// `DATA` for the data with these changes.
 const ERRORS: [(&str, &str); 8] = [
     ("corruption", "corrupt = \"ID\"\ndata = { toggle = \"MASK\" }"),
     ("unintended repetition", "repeat = \"ID\"\ntimes = 5\nafter_ms = 5"),
@@ -170,7 +171,7 @@ impl PlanFault {
             }
             _ => {
                 let kinds = FaultRequest::kinds().collect::<Vec<_>>().join(", ");
-                return Err(format!("a fault needs one of plant, power, {kinds}"));
+                return Err(format!("a fault needs exactly one of plant, power, {kinds}"));
             }
         };
         let fault = Self { text, reference, act };
@@ -204,7 +205,7 @@ fn plant(device: &str, mut change: Table, rest: Table) -> Result<(String, Act), 
         return Err("empty change; give at least one key, as in { supply_mv = 8000 }".to_owned());
     }
     if change.contains_key("for_ms") && rest.contains_key("for_ms") {
-        return Err("for_ms is given twice".to_owned());
+        return Err("for_ms is given twice; give it once, inside or beside plant".to_owned());
     }
     change.extend(only_duration(rest)?);
     let text = change.iter().fold(format!("{device}:"), |mut text, (key, value)| {
@@ -233,7 +234,7 @@ fn switch(device: &str, change: Table, rest: Table) -> Result<(String, Act), Str
     Ok((format!("{device}: {word}{span}"), Act::Power(device.to_owned(), power, lasts)))
 }
 
-/// Refuses each key but the duration.
+/// Refuses each key except `for_ms`.
 fn only_duration(rest: Table) -> Result<Table, String> {
     match rest.keys().find(|key| *key != "for_ms") {
         Some(key) => Err(format!("{key} is a key of communication faults; accepted here: device, for_ms, reference")),

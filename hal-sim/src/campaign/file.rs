@@ -20,13 +20,13 @@ pub(super) struct PlanFile {
     /// The title of the campaign.
     #[serde(default)]
     pub(super) title: String,
-    /// The path of the scenario, relative to the plan. The steps of the scenario are the controller, or run beside
-    /// `controller`.
+    /// The path of the scenario, relative to the plan. The steps of the scenario are the controller. With `controller`,
+    /// the steps run only without a fault.
     pub(super) scenario: String,
     /// The seeds of the runs; 1 by default.
     #[serde(default)]
     pub(super) seeds: Option<Vec<u64>>,
-    /// The faults: ready sets and tables. A list as a value stands for each of its items.
+    /// The faults: ready sets and tables. A list as a value gives one fault for each item.
     #[schema(value_type = Vec<FaultEntry>)]
     pub(super) faults: Vec<toml::Value>,
     /// The instants of the faults.
@@ -37,19 +37,19 @@ pub(super) struct PlanFile {
     /// The safe state.
     #[serde(default)]
     pub(super) safe: Option<Safe>,
-    /// The observation time after the fault, in milliseconds; by default three times the larger `within_ms`.
+    /// The observation time after the fault, in milliseconds; three times the larger `within_ms` by default.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) observe_ms: Option<u32>,
-    /// The program of the controller, with its arguments; "{bus}" stands for the address of the bus.
+    /// The controller program and its arguments, in which "{bus}" stands for the URL of the bus.
     #[serde(default)]
     pub(super) controller: Option<Vec<String>>,
-    /// The speed of virtual time relative to wall time for `controller`; 1 by default.
+    /// The speed of virtual time relative to wall time; 1 by default. Only valid together with `controller`.
     #[serde(default)]
     pub(super) speed: Option<f64>,
 }
 
-/// Faults of a plan.
+/// An entry of `faults`.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
 #[schema(as = FaultEntry)]
@@ -65,9 +65,10 @@ enum FaultEntry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum ReadySet {
-    /// The faults of each valve itself.
+    /// The device faults of each valve: supply, temperature, spool, lever, internal fault, memory, bus-off, power and
+    /// watchdog reset.
     AllOfPve,
-    /// The eight errors of IEC 61784-3 on each identifier that is sent throughout the run without a fault.
+    /// The eight communication errors of IEC 61784-3, on each identifier sent throughout the run without a fault.
     Communication,
 }
 
@@ -82,7 +83,7 @@ struct FaultTable {
     power: Option<PowerChange>,
     /// The name of the device for plant or power; required with several devices on the bus.
     device: Option<String>,
-    /// The requirement that the fault belongs to, for the report.
+    /// A reference for the reports, such as a clause of ISO 13849-2.
     reference: Option<String>,
 }
 
@@ -96,16 +97,16 @@ pub(super) struct Instants {
     /// The last instant, in milliseconds of virtual time.
     #[schema(minimum = 0, maximum = 86400000)]
     pub(super) to_ms: u32,
-    /// The interval between two instants, in milliseconds.
+    /// The interval between consecutive instants, in milliseconds.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) step_ms: Option<u32>,
-    /// The end of each frame of the run without a fault, instead of `step_ms`.
+    /// Instants at the ends of frames, instead of `step_ms`.
     #[serde(default)]
     pub(super) at: Option<At>,
 }
 
-/// Instants that the run without a fault defines.
+/// Instants taken from the run without a fault.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 pub(super) enum At {
     /// The end of each frame.
@@ -120,37 +121,37 @@ pub(super) struct Detected {
     /// A frame of any sender, several frames in order, or a state of a device.
     #[serde(default)]
     pub(super) expect: Option<Expected>,
-    /// The identifier of a frame that has stopped, as in "220": no such frame was sent for `for_ms`.
+    /// The identifier of a frame, as in "220". The absence of this frame for `for_ms` is the proof.
     #[serde(default)]
     pub(super) stops: Option<Identifier>,
-    /// For stops: the time without the frame, in milliseconds.
+    /// The time without the frame, in milliseconds; required with `stops`.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) for_ms: Option<u32>,
-    /// The device of a state; required with several devices on the bus.
+    /// The name of the device for a state; required with several devices on the bus.
     #[serde(default)]
     pub(super) device: Option<String>,
-    /// The limit, in milliseconds after the fault.
+    /// The limit for the detection, in milliseconds after the fault.
     #[schema(minimum = 0, maximum = 86400000)]
     pub(super) within_ms: u32,
 }
 
-/// The safe state.
+/// The safe state of a device.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Safe {
-    /// A state of a device: any subset of its keys.
+    /// The state: any subset of the keys of a device state.
     #[schema(value_type = StateCondition)]
     pub(super) expect: toml::Table,
-    /// The device; required with several devices on the bus.
+    /// The name of the device; required with several devices on the bus.
     #[serde(default)]
     pub(super) device: Option<String>,
-    /// The time for which the state has to hold without interruption, in milliseconds; by default to the end of the
+    /// The time for which the state must hold without interruption, in milliseconds; by default until the end of the
     /// observation.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) for_ms: Option<u32>,
-    /// The limit for the beginning of the state, in milliseconds after the fault.
+    /// The limit for the start of the safe state, in milliseconds after the fault.
     #[schema(minimum = 0, maximum = 86400000)]
     pub(super) within_ms: u32,
 }
@@ -204,7 +205,7 @@ fn definitions() -> Map<String, Value> {
     if let Some(members) = definitions.get_mut("FaultTable").and_then(|table| table["properties"].as_object_mut()) {
         members.extend(message.into_iter().map(|(key, mut member)| {
             if key == "for_ms" {
-                let text = "The duration of the fault, in milliseconds; by default to the end of the observation.";
+                let text = "The duration of the fault, in milliseconds; by default until the end of the observation.";
                 member["description"] = text.into();
             }
             (key, member)
@@ -213,7 +214,7 @@ fn definitions() -> Map<String, Value> {
     definitions
 }
 
-/// Makes the schemas accept a list of values for each key of a fault and of its plant, except `plant` and `reference`.
+/// Makes the schemas accept a list of values for each key of faults and plant changes, except `plant` and `reference`.
 fn vary(definitions: &mut Map<String, Value>) {
     for name in ["FaultTable", "PlantChange"] {
         let Some(members) = definitions.get_mut(name).and_then(|table| table["properties"].as_object_mut()) else {

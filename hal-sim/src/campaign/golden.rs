@@ -1,4 +1,4 @@
-//! The golden run: the scenario without a fault, with which each cell is compared.
+//! The golden run: a run of the scenario without a fault, as the reference for cells.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ pub enum CampaignError {
         failures: String,
     },
     /// The proof of detection holds without a fault.
-    #[error("detected: the proof holds without a fault, at {} ms (seed {seed}): it proves nothing", at_us / 1000)]
+    #[error("detected: the proof holds without a fault, at {} ms (seed {seed}), and so proves nothing", at_us / 1000)]
     Detected {
         /// The seed of the run.
         seed: u64,
@@ -40,12 +40,12 @@ pub enum CampaignError {
         at_us: u64,
     },
     /// The controller ended before the end of the run.
-    #[error("the controller ended without a fault (seed {seed})")]
+    #[error("the controller ended early in the run without a fault (seed {seed})")]
     Hung {
         /// The seed of the run.
         seed: u64,
     },
-    /// The plan needs frames that the run does not have, or has too many cells.
+    /// The plan needs frames that the golden run lacks, or has too many cells.
     #[error("{0}")]
     Plan(String),
 }
@@ -58,7 +58,7 @@ pub(super) struct Golden {
     samples: Vec<Sample>,
     /// The instants of the faults.
     pub(super) instants: Vec<Instant>,
-    /// The identifiers that are sent within the observation of every instant, each with its last frame.
+    /// The identifiers that are sent in the observation of each instant, with the last frame of each.
     pub(super) identifiers: BTreeMap<(bool, u32), Frame>,
 }
 
@@ -66,11 +66,11 @@ pub(super) struct Golden {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sample {
     position: i16,
-    /// NMT state, device state machine, command, solenoids, power, and the active faults, as bits.
+    /// NMT state, device state machine, command, solenoids, power and active faults, as bits.
     state: u32,
 }
 
-/// The bits of a state that do not follow the set-point: all but command and solenoids.
+/// The bits of a state that are independent of the set-point: all but command and solenoids.
 const LASTING: u32 = !0xF2;
 
 impl Sample {
@@ -126,7 +126,7 @@ impl Golden {
         }
         let (instants, identifiers) = frames.finish(plan, end);
         if instants.is_empty() {
-            return Err(CampaignError::Plan("instants: no frame comes between from_ms and to_ms".to_owned()));
+            return Err(CampaignError::Plan("instants: no frame ends between from_ms and to_ms".to_owned()));
         }
         Ok(Self { seed, devices, samples, instants, identifiers })
     }
@@ -137,8 +137,8 @@ impl Golden {
         views.map(|view| Sample::of(view.as_ref()).state & LASTING).collect()
     }
 
-    /// Returns whether each device is as in the golden run, at a sample instant. A change may be up to
-    /// one sample earlier or later, because an additional frame on the bus delays other frames.
+    /// Returns whether each device matches the golden run at the current sample instant. A change may come up to one
+    /// sample early or late, because an additional frame on the bus delays other frames.
     pub(super) fn is_as(&self, simulation: &Simulation) -> bool {
         let number = (simulation.now().as_ticks() / SAMPLE.as_ticks()) as usize;
         let (count, all) = (self.devices.len(), self.samples.len() / self.devices.len().max(1));
@@ -163,11 +163,11 @@ struct Frames {
     identifiers: BTreeMap<(bool, u32), Seen>,
 }
 
-/// The frames with an identifier.
+/// The frames with one identifier.
 struct Seen {
     frame: Frame,
     last: Instant,
-    /// The longest time without a frame since the first instant of the faults.
+    /// The longest time without such a frame since the first instant of the faults.
     gap: Duration,
 }
 

@@ -7,12 +7,12 @@ use super::master::Subject;
 use crate::simulation::{Command, Executed, Reply, Simulation};
 use crate::state::{PlantState, Power};
 
-/// An injected fault, and whether it acted.
+/// An injected fault, with its effect so far.
 pub(super) struct Injection<'a> {
     fault: &'a PlanFault,
     /// The name of the communication fault.
     name: Option<String>,
-    /// The plant before the change.
+    /// The plant before the change, without the angle of a shaft.
     plant: Option<PlantState>,
     has_changed: bool,
     /// The instant at which the power returns.
@@ -56,7 +56,7 @@ impl<'a> Injection<'a> {
         self.name.as_deref().map(Into::into)
     }
 
-    /// Returns the next instant at which the fault needs a command.
+    /// Returns the instant at which [`poll`](Self::poll) switches the power on; [`NEVER`] if power stays as it is.
     pub(super) const fn due(&self) -> Instant {
         self.power_on
     }

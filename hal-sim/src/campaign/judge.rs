@@ -12,8 +12,8 @@ use super::verdict::Observed;
 use crate::scenario::runner::Watch as _;
 use crate::simulation::{Happened, Simulation};
 
-/// Injects the fault of a cell into a running simulation, and judges the reaction. The steps of the scenario are not
-/// executed.
+/// The judge of a cell. Injects the fault into a running simulation, and judges the reaction. The steps of the scenario
+/// are not executed.
 ///
 /// After each advance of the simulation, call [`event`](Self::event) for each event, then [`poll`](Self::poll). No
 /// advance may pass [`due`](Self::due).
@@ -23,7 +23,7 @@ pub struct Judge {
     is_exact: bool,
     oracles: Oracles<'static>,
     injection: Option<Injection<'static>>,
-    /// The states of the devices at the instant of the fault.
+    /// The states of the devices just before the fault.
     before: Vec<u32>,
     /// The instant of the last sample.
     sampled: Instant,
@@ -48,9 +48,9 @@ impl Plan {
 impl Judge {
     /// Creates the judge of a cell; `None` for an unknown row.
     ///
-    /// An *exact* controller acts at the same instants in each run. Its devices are compared with the golden run at
-    /// each sample. With any other controller, power, NMT state, device state machine and active faults are compared
-    /// with their values at the instant of the fault.
+    /// An *exact* controller acts at the same instants in each run. With an exact controller, the devices are compared
+    /// with the golden run at each sample. Otherwise power, NMT state, device state machine and active faults are
+    /// compared with their values just before the fault.
     #[must_use]
     pub fn new(
         campaign: &'static Campaign<'static>,
@@ -83,7 +83,7 @@ impl Judge {
         self.due
     }
 
-    /// Returns the instant by which the cell is decided.
+    /// Returns the end of the observation, when the cell is decided at the latest.
     #[must_use]
     pub fn end(&self) -> Instant {
         after(self.cell.at, self.campaign.plan().observe)
@@ -95,10 +95,10 @@ impl Judge {
         self.result.as_ref()
     }
 
-    /// Injects the fault at its instant, and then observes the devices.
+    /// Injects the fault once its instant is reached, and checks devices and oracles afterwards.
     pub fn poll(&mut self, simulation: &mut Simulation) {
         let now = simulation.now();
-        // The events of the instant come first.
+        // Events at the instant of the fault precede the fault.
         let is_early = now < self.cell.at || (now == self.cell.at && simulation.next() <= now);
         if self.result.is_some() || is_early {
             return;

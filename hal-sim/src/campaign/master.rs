@@ -1,11 +1,11 @@
-//! The controller of a campaign.
+//! The kinds of controllers that a campaign can test.
 
 use crate::scenario::Target;
 use crate::simulation::Simulation;
 
 /// A simulation with its controller.
 pub trait Subject: Target {
-    /// Returns whether the controller works.
+    /// Returns whether the controller is alive.
     fn is_alive(&self) -> bool;
 }
 
@@ -15,7 +15,7 @@ impl Subject for Simulation {
     }
 }
 
-/// The kind of controller of a campaign.
+/// A kind of controller: starts and clones the controllers of a campaign.
 pub trait Master {
     /// The simulation with the controller.
     type Target: Subject;
@@ -23,11 +23,11 @@ pub trait Master {
     /// Adds a new controller to a simulation.
     fn start(&self, simulation: Simulation) -> Self::Target;
 
-    /// Returns a clone that continues as the original would; `None` if the controller cannot be cloned.
+    /// Returns a clone that continues exactly as the original would; `None` if the controller cannot be cloned.
     fn fork(&self, target: &Self::Target) -> Option<Self::Target>;
 }
 
-/// The steps of the scenario as controller.
+/// The steps of the scenario as the controller.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scripted;
 

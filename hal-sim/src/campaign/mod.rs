@@ -1,13 +1,16 @@
-//! Campaigns inject each fault of a plan at each instant of a scenario, and give a verdict on each of these cells.
+//! Campaigns inject faults into runs of a scenario, and judge the reaction of the controller.
+//!
+//! A *cell* is one fault with one seed at one instant. A *row* has the cells of one fault with one seed. A *golden run*
+//! has no fault. The *oracles* of a plan are its proof of detection and its safe state.
 //!
 //! ```text
-//! file     the file format of a plan    plan     the checked plan
-//! fault    its faults                   oracle   its oracles
-//! master   the controller               controller  controllers in Rust
-//! golden   the runs without a fault     run      rows and cells, by forking
-//! rig      a run with its oracles       oracles  the oracles while a cell runs
-//! observe  a run with faults            injection  a fault in a run
-//! cell     cells and their results      verdict  verdicts
+//! file     the file format of a plan    plan        the checked plan
+//! fault    the faults of a plan         oracle      the oracles of a plan
+//! master   kinds of controllers         controller  controllers in Rust
+//! golden   golden runs                  run         rows and cells, by forking
+//! rig      a run with its oracles       oracles     the oracles during a run
+//! observe  the faults of a run          injection   the injection of one fault
+//! cell     cells and their results      verdict     verdicts
 //! judge    a cell whose controller is outside this library
 //! ```
 

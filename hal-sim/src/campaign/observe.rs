@@ -1,4 +1,4 @@
-//! A run from its first fault to its verdict.
+//! Injects the faults of a run, and observes the run from the first fault until the verdict is decided.
 
 use protocol_core::time::{Instant, NEVER, after};
 
@@ -21,10 +21,11 @@ pub(super) trait Spectator: Watch {
 
 impl Spectator for () {}
 
-/// Injects faults into a run that has arrived at the instant of the first, and observes the run until it is decided.
-/// The oracles look from the first instant on; their limits count from the last. An instant without a fault counts, too.
+/// Injects faults into a run that has reached the instant of the first fault, and observes the run until the verdict is
+/// decided. The oracles begin at the first instant; their limits count from the last one. An instant with no fault also
+/// counts.
 ///
-/// Returns the run, the observations, and the smallest number of frames that one of the faults affected.
+/// Returns the run, the observations, and the smallest [number of affected frames](Injection::struck) of all faults.
 pub(super) fn observe<'a, T: Subject>(
     plan: &Plan,
     golden: &Golden,

@@ -15,7 +15,7 @@ use crate::state::{Invalid, Pattern};
 #[derive(Debug)]
 pub(super) struct Oracle<T> {
     pub(super) what: T,
-    /// The limit, from the instant of the fault.
+    /// The longest accepted time from the fault.
     pub(super) within: Duration,
 }
 
@@ -30,15 +30,15 @@ pub(super) enum Proof {
     Stops(Id, Duration),
 }
 
-/// A state that has to hold without interruption.
+/// A state that must hold without interruption.
 #[derive(Debug)]
 pub(super) struct SafeState {
     pub(super) state: Wanted,
-    /// The time for which the state has to hold; with `None`, it has to hold to the end of the observation.
+    /// The time for which the state must hold; `None` until the end of the observation.
     pub(super) span: Option<Duration>,
 }
 
-/// The forms of `detected`.
+/// The accepted forms of `detected`, for messages.
 const FORMS: &str = "give expect = \"000#02..\", expect = { dsm = \"fault-hold\" }, or stops = \"220\" with for_ms";
 
 impl Detected {
@@ -64,12 +64,12 @@ impl Detected {
             (Some(Expected::Frames(list)), None) => Proof::Frames(frames(list)?),
             (Some(Expected::State(state)), None) => Proof::State(self::state(devices, name.as_deref(), state)?),
             (None, Some(stops)) => {
-                let span = for_ms.ok_or("for_ms is missing: the silence that proves that the frame has stopped")?;
+                let span = for_ms.ok_or("for_ms is missing; give the required time without the frame")?;
                 let extended = stops.needs_29_bits().then_some(true);
                 let id = stops.id(extended).map_err(|Invalid(reason)| format!("stops: {reason}"))?;
                 Proof::Stops(id, millis(span))
             }
-            (None, None) => return Err(format!("nothing to look for; {FORMS}")),
+            (None, None) => return Err(format!("expect and stops are both missing; {FORMS}")),
             (Some(_), Some(_)) => return Err(format!("expect and stops cannot be combined; {FORMS}")),
         };
         Ok(Oracle { what, within: millis(within_ms) })
@@ -91,7 +91,7 @@ impl Safe {
 /// Checks a state against the devices on the bus.
 fn state(devices: &[NamedDevice], name: Option<&str>, state: Table) -> Result<Wanted, String> {
     if state.contains_key("t_us") {
-        return Err("expect: t_us is an instant, not a state; remove it".to_owned());
+        return Err("expect: t_us is an instant, not a state; remove t_us".to_owned());
     }
     let device = device(devices, name, true)?;
     wanted(&device, state).map_err(within("expect"))

@@ -1,4 +1,4 @@
-//! The oracles of a plan while a cell runs.
+//! The oracles of a plan during a run.
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use crate::simulation::{Happened, Simulation};
 use crate::state::{DeviceState, Pattern};
 use crate::world::NodeId;
 
-/// The oracles of a run. Before the fault, they track only the frame of [`Proof::Stops`].
+/// The oracles of a run. Before the fault, only the frame of [`Proof::Stops`] is tracked.
 #[derive(Clone)]
 pub(super) struct Oracles<'a> {
     proof: Option<Seeker<'a>>,
     safe: Option<Safety<'a>>,
     fault: Option<Injected>,
-    /// The first sample at which a device differed from the golden run.
+    /// The instant at which the first effect of the fault on a device was found.
     effect: Option<Instant>,
     detected: Option<Instant>,
 }
@@ -30,9 +30,9 @@ pub(super) struct Oracles<'a> {
 struct Injected {
     /// The instant of the first fault.
     first: Instant,
-    /// The instant of the last fault, from which limits count.
+    /// The instant of the last fault, from which the limits count.
     last: Instant,
-    /// The names of the communication faults, whose frames prove nothing.
+    /// The names of the communication faults. Frames with these senders are no proof.
     names: Vec<Arc<str>>,
 }
 
@@ -41,7 +41,7 @@ enum Seeker<'a> {
     /// The expected frames, and the number of frames that have matched so far.
     Frames(&'a [Pattern], usize),
     State(Box<StateEye<'a>>),
-    /// The identifier of the frame, the required time without it, and the end of its last transmission.
+    /// The identifier of the frame, the required silence, and the end of the last such frame.
     Stops(Id, Duration, Option<Instant>),
 }
 
@@ -51,16 +51,16 @@ struct Safety<'a> {
     span: Option<Duration>,
     /// The instant since which the state has held without interruption.
     since: Option<Instant>,
-    /// The value of `since` when the state had held for `span`.
+    /// The value of `since` once the state has held for `span`.
     proved: Option<Instant>,
 }
 
-/// A state of a device, checked without an effect on the run.
+/// A check of a device state that does not affect the run.
 #[derive(Clone)]
 struct StateEye<'a> {
     wanted: &'a Wanted,
     device: (NodeId, Kind),
-    /// The last view, and whether the state held.
+    /// The last view, and the result of its check.
     last: Option<(Option<View>, bool)>,
 }
 
@@ -85,7 +85,7 @@ impl<'a> StateEye<'a> {
         holds
     }
 
-    /// Returns the next instant at which the state can begin to hold without an event; `limit` at the latest.
+    /// Returns the first instant at which movement alone can fulfil the condition; `limit` at the latest.
     fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
         let (node, kind) = self.device;
         if self.wanted.condition.position.is_none() {
@@ -103,8 +103,8 @@ impl<'a> StateEye<'a> {
 }
 
 impl Safety<'_> {
-    /// Returns the instant at which the state will have held for long enough, counted from the effect of the fault at
-    /// the earliest.
+    /// Returns the instant at which the state will have held for `span`. Time before the effect of the fault does not
+    /// count.
     fn end(&self, effect: Option<Instant>) -> Option<Instant> {
         Some(after(self.since?.max(effect?), self.span?))
     }
@@ -130,8 +130,8 @@ impl<'a> Oracles<'a> {
         self.fault.is_some()
     }
 
-    /// Begins to look for the proof and the safe state, at the instant of a fault. `name` is the name of a communication
-    /// fault. At a later fault, the limits begin to count anew.
+    /// Starts the search for the proof and the safe state at the instant of a fault. A later fault restarts the limits.
+    /// `name` is the name of a communication fault.
     pub(super) fn begin(&mut self, name: Option<Arc<str>>, simulation: &Simulation) {
         let now = simulation.now();
         let fault = self.fault.get_or_insert_with(|| Injected { first: now, last: now, names: Vec::new() });
@@ -140,18 +140,18 @@ impl<'a> Oracles<'a> {
         self.look(simulation);
     }
 
-    /// Notes that a device differs from the golden run. A safe state counts from now on, because the fault may not have
-    /// acted before.
+    /// Records an effect of the fault on a device. The time in the safe state counts from the first effect, because the
+    /// fault may not have acted before.
     pub(super) fn note_effect(&mut self, now: Instant) {
         self.effect.get_or_insert(now);
     }
 
-    /// Returns whether a device has differed from the golden run.
+    /// Returns whether an effect of the fault has been recorded.
     pub(super) const fn has_effect(&self) -> bool {
         self.effect.is_some()
     }
 
-    /// Checks the states at the current instant.
+    /// Checks the states and the silence of a stopped frame at the current instant.
     pub(super) fn look(&mut self, simulation: &Simulation) {
         let Some(fault) = &self.fault else { return };
         let now = simulation.now();
@@ -174,7 +174,7 @@ impl<'a> Oracles<'a> {
         }
     }
 
-    /// Returns the next instant at which an oracle has to look without an event; `limit` at the latest.
+    /// Returns the next instant at which a state must be checked without an event; `limit` at the latest.
     pub(super) fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
         let mut due = limit;
         if self.detected.is_none()
@@ -192,7 +192,7 @@ impl<'a> Oracles<'a> {
         }
     }
 
-    /// Returns whether no later observation changes the result.
+    /// Returns whether detection and safe state are decided.
     pub(super) fn are_decided(&self) -> bool {
         (self.proof.is_none() || self.detected.is_some())
             && self.safe.as_ref().is_none_or(|safety| safety.proved.is_some())
@@ -204,7 +204,8 @@ impl<'a> Oracles<'a> {
         self.detected.map(|at| since(at, fault.last))
     }
 
-    /// Returns the time from the last fault to the safe state, if any; 0 for an earlier state. Called at the end of the observation.
+    /// Returns the time from the last fault to the safe state, if any; 0 for an earlier state. Valid at the end of the
+    /// observation.
     pub(super) fn safe(&self) -> Option<Duration> {
         let (fault, safety) = (self.fault.as_ref()?, self.safe.as_ref()?);
         let begin = match safety.span {
@@ -244,10 +245,10 @@ impl Watch for Oracles<'_> {
     }
 }
 
-/// The interval between two samples of a run.
+/// The sampling interval of a run.
 pub(super) const SAMPLE: Duration = Duration::from_millis(10);
 
-/// Returns the first sample instant after an instant.
+/// Returns the first sample instant after `now`.
 pub(super) fn next_sample(now: Instant) -> Instant {
     let number = now.as_ticks() / SAMPLE.as_ticks() + 1;
     number.checked_mul(SAMPLE.as_ticks()).map_or(NEVER, Instant::from_ticks)

@@ -1,4 +1,4 @@
-//! A checked plan.
+//! The checked plan of a campaign.
 
 use std::num::NonZeroU32;
 
@@ -17,7 +17,7 @@ use crate::text::in_one_line;
 /// The maximum number of grid cells.
 pub const MAX_CELLS: u64 = 10_000_000;
 
-/// A checked plan: its scenario can run, its faults can be injected, its oracles can hold.
+/// A checked plan, whose faults and oracles suit the devices of its scenario.
 #[derive(Debug)]
 pub struct Plan {
     title: String,
@@ -33,11 +33,11 @@ pub struct Plan {
     pub(super) observe: Duration,
 }
 
-/// Faults of a plan.
+/// A checked entry of `faults`.
 #[derive(Debug)]
 pub(super) enum Entry {
     Own(Vec<PlanFault>),
-    /// The communication errors; the golden runs define their identifiers.
+    /// The communication errors, on identifiers from the golden runs.
     Communication,
 }
 
@@ -46,12 +46,12 @@ pub(super) enum Entry {
 pub(super) struct Grid {
     pub(super) from_ms: u32,
     pub(super) to_ms: u32,
-    /// The interval between two instants; `None` for the end of each frame.
+    /// The interval between consecutive instants; `None` for instants at the ends of frames.
     pub(super) step_ms: Option<NonZeroU32>,
 }
 
 impl Grid {
-    /// Returns the number of instants; `None` if the golden run defines it.
+    /// Returns the number of instants; `None` for instants at the ends of frames.
     pub(super) fn len(&self) -> Option<u64> {
         self.step_ms.map(|step| u64::from((self.to_ms - self.from_ms) / step) + 1)
     }
@@ -61,7 +61,7 @@ impl Grid {
 type Refused = (Vec<Place>, String);
 
 impl Plan {
-    /// Parses and checks a plan. `read` returns the text of the scenario at the path that the plan gives.
+    /// Parses and checks a plan. `read` returns the text of the scenario at the plan's path.
     ///
     /// # Errors
     /// [`ReadError`] with the line of the first error.
@@ -112,7 +112,7 @@ impl Plan {
         if observe < dwell || observe.as_ticks() == 0 {
             let key = if observe_ms.is_some() { "observe_ms" } else { "safe" };
             let reason = format!(
-                "the observation of {} ms ends before the limits: give observe_ms of at least {}",
+                "the observation of {} ms ends before the last limit; give observe_ms of at least {}",
                 observe.as_millis(),
                 dwell.as_millis().max(1)
             );
@@ -134,7 +134,7 @@ impl Plan {
         &self.path
     }
 
-    /// Returns the program of the controller, with its arguments; `None` if the scenario's steps are the controller.
+    /// Returns the controller program and its arguments; `None` if the plan has no program.
     #[must_use]
     pub fn controller(&self) -> Option<&[String]> {
         self.controller.as_deref()
@@ -155,7 +155,7 @@ impl Plan {
         }
     }
 
-    /// Returns the time for which a cell is observed after the fault.
+    /// Returns the observation time after the fault.
     #[must_use]
     pub const fn observe(&self) -> Duration {
         self.observe
@@ -167,14 +167,14 @@ impl Plan {
         &self.seeds
     }
 
-    /// Replaces the seeds by one seed.
+    /// Replaces the seeds with one seed.
     #[must_use]
     pub fn with_seed(self, seed: u64) -> Self {
         Self { seeds: vec![seed], ..self }
     }
 }
 
-/// Returns an error at a key of the plan.
+/// Returns a function that places a reason at a key of the plan.
 fn at(key: &'static str) -> impl Fn(String) -> Refused {
     move |reason| (vec![Place::Key(key.to_owned())], format!("{key}: {reason}"))
 }
@@ -192,7 +192,7 @@ fn grid(instants: &Instants) -> Result<Grid, String> {
     Ok(Grid { from_ms, to_ms, step_ms })
 }
 
-/// Checks the faults of a plan. `cells` is the number of cells of one fault.
+/// Checks the faults of a plan. `cells` is the minimum number of cells of one fault.
 fn entries(faults: Vec<Value>, scenario: &Scenario, cells: u64) -> Result<Vec<Entry>, Refused> {
     if faults.is_empty() {
         return Err(at("faults")("empty list; give at least one fault, as in [\"all-of-pve\"]".to_owned()));
@@ -229,11 +229,11 @@ pub(super) fn refuse_more(cells: u64) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "the plan has {cells} cells up to here, more than {MAX_CELLS}; give fewer faults, values, seeds or instants"
+        "the plan has at least {cells} cells, more than {MAX_CELLS}; give fewer faults, values, seeds or instants"
     ))
 }
 
-/// The word of a ready set.
+/// A table for the deserialisation of a ready set.
 #[derive(serde::Deserialize)]
 struct Word {
     word: ReadySet,

@@ -72,7 +72,7 @@ fn a_mistake_is_named_with_its_line_and_the_accepted_values() {
         ("{ loose = \"220\" }", "did you mean 'lose'?"),
         ("{ lose = \"220\", delay = \"220\" }", "a fault has one of"),
         ("{ power = { on = true }, device = \"valve\", for_ms = 5 }", "for_ms is only valid with { on = false }"),
-        ("{ reference = \"nothing\" }", "a fault needs one of plant, power, lose"),
+        ("{ reference = \"nothing\" }", "a fault needs exactly one of plant, power, lose"),
         ("\"all-of-pv\"", "did you mean 'all-of-pve'?"),
     ] {
         let (line, reason) = in_fault(fault);
@@ -83,7 +83,11 @@ fn a_mistake_is_named_with_its_line_and_the_accepted_values() {
         ("faults = [\"all-of-pve\"]\nseeds = []", 5, "seeds: empty list"),
         ("faults = [\"all-of-pve\"]\nseed = 1", 5, "did you mean 'seeds'?"),
         ("faults = [\"all-of-pve\"]\nobserve_ms = 99", 5, "observe_ms of at least 100"),
-        ("faults = [\"all-of-pve\"]\ndetected = { within_ms = 5 }", 5, "detected: nothing to look for; give expect"),
+        (
+            "faults = [\"all-of-pve\"]\ndetected = { within_ms = 5 }",
+            5,
+            "expect and stops are both missing; give expect",
+        ),
         ("faults = [\"all-of-pve\"]\ndetected = { stops = \"220\", within_ms = 5 }", 5, "for_ms is missing"),
         ("faults = [\"all-of-pve\"]\ndetected = { expect = \"22#\", within_ms = 5 }", 5, "invalid identifier"),
         (

@@ -1,4 +1,4 @@
-//! A run of a scenario with its simulation, its controller and the oracles.
+//! A run of a scenario with its target and the oracles of a plan.
 
 use protocol_core::time::{Instant, NEVER};
 
@@ -24,13 +24,13 @@ impl<'a, T: Subject> Rig<'a, T> {
         Self { run: Run::new(&plan.scenario, traced), target, oracles }
     }
 
-    /// Returns a clone that continues as the original would, if the controller can be cloned.
+    /// Returns a clone that continues exactly as the original would; `None` if the controller cannot be cloned.
     pub(super) fn fork<M: Master<Target = T>>(&self, master: &M) -> Option<Self> {
         let target = master.fork(&self.target)?;
         Some(Self { run: self.run.clone(), target, oracles: self.oracles.clone() })
     }
 
-    /// Advances to an instant, with an additional observer.
+    /// Advances to an instant with an additional observer.
     pub(super) fn pass(&mut self, until: Instant, also: &mut dyn Watch) {
         self.run.pass(&mut self.target, until, &mut Both(&mut self.oracles, also));
     }

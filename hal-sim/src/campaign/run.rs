@@ -1,4 +1,4 @@
-//! A campaign: its rows, the cells of each row by forking, and the refinement of each row.
+//! Runs the cells of a campaign, row by row, as forks of one run, and refines each row around its changes.
 
 use protocol_core::time::{Duration, Instant};
 
@@ -16,7 +16,7 @@ use crate::scenario::Target as _;
 /// The step of the refinement.
 const FINE: Duration = Duration::from_millis(1);
 
-/// A campaign whose golden runs have passed. Rows share nothing, so that they can run in parallel.
+/// A campaign whose golden runs have passed. Rows are independent and can run in parallel.
 #[derive(Debug)]
 pub struct Campaign<'a, M = Scripted> {
     plan: &'a Plan,
@@ -46,7 +46,7 @@ impl Row {
         &self.fault.text
     }
 
-    /// Returns the requirement that the fault belongs to.
+    /// Returns the fault's reference for the reports.
     #[must_use]
     pub fn reference(&self) -> Option<&str> {
         self.fault.reference.as_deref()
@@ -54,7 +54,7 @@ impl Row {
 }
 
 impl<'a> Campaign<'a> {
-    /// Runs the scenario of a plan without a fault, once for each seed. The steps of the scenario are the controller.
+    /// Creates a campaign after one golden run for each seed. The steps of the scenario are the controller.
     ///
     /// # Errors
     /// [`CampaignError`]
@@ -64,8 +64,8 @@ impl<'a> Campaign<'a> {
 }
 
 impl<'a, C: Controller + Clone, F: Fn() -> C> Campaign<'a, Cloned<F>> {
-    /// Runs the scenario of a plan without a fault, once for each seed, with a controller in Rust beside the steps.
-    /// `make` creates the controller of a run; cells clone this controller.
+    /// Creates a campaign after one golden run for each seed. `make` creates a controller, which acts in addition to
+    /// the steps of the scenario; cells clone this controller.
     ///
     /// # Errors
     /// [`CampaignError`]
@@ -75,7 +75,7 @@ impl<'a, C: Controller + Clone, F: Fn() -> C> Campaign<'a, Cloned<F>> {
 }
 
 impl<'a, C: Controller, F: Fn() -> C> Campaign<'a, Fresh<F>> {
-    /// Runs the scenario as [`with_controller`](Campaign::with_controller) does, with a controller that cannot be
+    /// Creates a campaign as [`with_controller`](Campaign::with_controller) does, for a controller that cannot be
     /// cloned: each cell runs from the start.
     ///
     /// # Errors
@@ -86,7 +86,7 @@ impl<'a, C: Controller, F: Fn() -> C> Campaign<'a, Fresh<F>> {
 }
 
 impl<'a, M: Master> Campaign<'a, M> {
-    /// Runs the scenario of a plan without a fault, once for each seed, with this kind of controller.
+    /// Creates a campaign after one golden run for each seed, with the controllers of `master`.
     ///
     /// # Errors
     /// [`CampaignError`]
@@ -130,7 +130,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         self.rows.last().map_or(0, |row| row.first + row.cells)
     }
 
-    /// Returns the grid cell with a number.
+    /// Returns the grid cell with this number.
     #[must_use]
     pub fn numbered(&self, number: u64) -> Option<Cell> {
         let place = self.rows.partition_point(|row| row.first <= number).checked_sub(1)?;
@@ -140,8 +140,8 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some(Cell { row: place, at })
     }
 
-    /// Runs a row and hands over each result: the grid cells in order, the cells that locate each change of the verdict
-    /// to 1 ms, and the worst interval in steps of 1 ms. An unknown row has no cells.
+    /// Runs a row and passes each result to `each`: the grid cells in order, the cells that locate each change of the
+    /// verdict to 1 ms, and at last the worst interval in steps of 1 ms. An unknown row has no cells.
     pub fn row(&self, row: usize, each: &mut dyn FnMut(CellResult)) {
         let Some(golden) = self.rows.get(row).and_then(|row| self.goldens.get(row.golden)) else { return };
         let mut base = self.base(row);
@@ -177,7 +177,8 @@ impl<'a, M: Master> Campaign<'a, M> {
         self.judge(rig, cell)
     }
 
-    /// Runs one cell and returns its explained trace, with notes at the fault and at the end. `None` for an unknown row.
+    /// Runs one cell, and returns its explained trace with notes at the fault and at the end. `None` for an unknown
+    /// row.
     #[must_use]
     pub fn trace(&self, cell: Cell) -> Option<String> {
         let row = self.rows.get(cell.row)?;
@@ -199,13 +200,13 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some(run.outcome(rig.target.simulation()).trace().to_owned())
     }
 
-    /// Returns the run of a row before its first event, from which cells are forked; `None` without forks.
+    /// Creates the run of a row from which cells are forked; `None` without forks.
     fn base(&self, row: usize) -> Option<Rig<'a, M::Target>> {
         let row = self.rows.get(row).filter(|_| self.forks)?;
         Some(Rig::new(self.plan, &self.master, row.seed, false))
     }
 
-    /// Returns a run that has arrived at an instant: a fork of `base`, which is advanced to that instant, or a new run.
+    /// Advances `base` to an instant and returns a fork. Without `base` or forks, returns a new run at that instant.
     fn rig_at(&self, base: &mut Option<Rig<'a, M::Target>>, row: usize, at: Instant) -> Option<Rig<'a, M::Target>> {
         if let Some(rig) = base {
             rig.pass(at, &mut ());
@@ -243,7 +244,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         }
     }
 
-    /// Runs the cells of an interval in steps of 1 ms, and skips the cells with a known result.
+    /// Runs the cells of an interval in steps of 1 ms, except those with a known result.
     fn scan(&self, row: usize, interval: &Interval, each: &mut dyn FnMut(CellResult)) {
         let mut base = self.base(row);
         let instants = (interval.left..interval.right).step_by(FINE.as_micros() as usize).skip(1);
@@ -255,7 +256,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         }
     }
 
-    /// Injects the fault of a cell into a run that has arrived at its instant. Returns the result.
+    /// Injects the fault of a cell into a run at the cell's instant, and returns the result.
     fn judge(&self, rig: Rig<'a, M::Target>, cell: Cell) -> Option<CellResult> {
         self.observe(rig, cell).map(|(_, result)| result)
     }
@@ -277,7 +278,7 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some((row, self.goldens.get(row.golden)?))
     }
 
-    /// Returns the result of a cell with these observations.
+    /// Returns the result of a cell from its observations.
     pub(super) fn result(
         &self,
         cell: Cell,
@@ -302,12 +303,12 @@ impl<'a, M: Master> Campaign<'a, M> {
     }
 }
 
-/// The interval between two cells of the grid.
+/// The interval between two neighbouring grid cells.
 struct Interval {
     left: u64,
     right: u64,
     severity: (Severity, Severity),
-    /// The instants of the cells inside that have been run, in microseconds.
+    /// The instants inside the interval that have a result, in microseconds.
     known: Vec<u64>,
 }
 
@@ -319,13 +320,13 @@ fn severity(left: &CellResult, right: &CellResult) -> (Severity, Severity) {
     (left.max(right), left.min(right))
 }
 
-/// Returns the communication errors on the identifiers that come throughout all golden runs.
+/// Returns the communication errors on the identifiers that are sent throughout all golden runs.
 fn errors(goldens: &[Golden]) -> Result<Vec<PlanFault>, CampaignError> {
     let frames = goldens.iter().take(1).flat_map(|golden| &golden.identifiers);
     let common = frames.filter(|(key, _)| goldens.iter().all(|golden| golden.identifiers.contains_key(key)));
     let faults: Vec<PlanFault> = common.flat_map(|(_, frame)| communication(frame)).collect();
     if faults.is_empty() {
-        let reason = "'communication': no identifier comes within the observation of every instant";
+        let reason = "'communication': no identifier is sent in each observation; give a longer observe_ms";
         return Err(CampaignError::Plan(reason.to_owned()));
     }
     Ok(faults)

@@ -1,4 +1,4 @@
-//! Verdicts on cells.
+//! Verdicts on cells, and the observations behind them.
 
 use protocol_core::time::Duration;
 use serde::{Deserialize, Serialize};
@@ -7,41 +7,41 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Every device was as in the golden run, and nothing was detected.
+    /// The fault had no effect on a device, and nothing was detected.
     NoEffect,
     /// Detected and safe, both within their limits.
     Safe,
     /// Detected and safe, at least one of them after its limit.
     Late,
-    /// Safe within its limit, but not detected.
+    /// Safe within the limit, but not detected.
     SafeUndetected,
     /// Detected, but not safe within the observation.
     NotSafe,
-    /// Not detected, and not safe within its limit.
+    /// Not detected, and not safe within the limit.
     Undetected,
-    /// The controller ended, panicked or did not answer.
+    /// The controller ended, panicked or failed before the verdict.
     Hung,
-    /// The fault did not act: the cell proves nothing.
+    /// The fault changed nothing, so the cell proves nothing.
     NotInjected,
 }
 
-/// The limits of the oracles; `None` for an oracle that the plan does not have.
+/// The limits of the oracles; `None` if the plan lacks the oracle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// The time from the fault to its detection.
+    /// The longest accepted time from the fault to its detection.
     pub detected: Option<Duration>,
-    /// The time from the fault to the safe state.
+    /// The longest accepted time from the fault to the safe state.
     pub safe: Option<Duration>,
 }
 
-/// The observations of a cell. Times count from the fault; `None` if the oracle did not hold within the observation.
+/// The observations of a cell. Times count from the fault; `None` if the oracle was not met within the observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observed {
-    /// Whether the fault acted.
+    /// True if the fault changed a plant, the power or a frame.
     pub was_injected: bool,
-    /// Whether the controller worked until the end.
+    /// True if the controller was alive at the end of the cell.
     pub is_alive: bool,
-    /// Whether a device differed from the golden run.
+    /// True if the fault had an effect on a device.
     pub had_effect: bool,
     /// The time to the detection.
     pub detected: Option<Duration>,
@@ -62,7 +62,7 @@ impl Verdict {
         Self::NotInjected,
     ];
 
-    /// Returns the verdict on a cell. An oracle that the plan does not have counts as fulfilled.
+    /// Returns the verdict on a cell. A missing oracle counts as fulfilled.
     #[must_use]
     pub fn of(observed: &Observed, limits: &Limits) -> Self {
         let Observed { was_injected, is_alive, had_effect, detected, safe } = *observed;
@@ -75,7 +75,7 @@ impl Verdict {
         if !had_effect && detected.is_none() {
             return Self::NoEffect;
         }
-        // Whether the oracle held, and whether in time.
+        // (fulfilled, fulfilled within the limit)
         let judged = |limit: Option<Duration>, held: Option<Duration>| match limit {
             None => (true, true),
             Some(limit) => (held.is_some(), held.is_some_and(|held| held <= limit)),
@@ -89,13 +89,13 @@ impl Verdict {
         }
     }
 
-    /// Returns whether the cell has passed: without an effect, or detected and safe within the limits.
+    /// Returns whether the verdict is a pass: [`NoEffect`](Self::NoEffect) or [`Safe`](Self::Safe).
     #[must_use]
     pub const fn passed(self) -> bool {
         matches!(self, Self::NoEffect | Self::Safe)
     }
 
-    /// Returns the word for the verdict in results.
+    /// Returns the verdict's word in results.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {

@@ -25,7 +25,8 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     #[schema(value_type = Vec<DeviceEntry>, required, example = json!(["pvea-canopen@0x20"]))]
     pub(super) devices: Vec<Spanned<toml::Value>>,
-    /// Shafts that follow a valve, each as in --link: VALVE=SENSOR[,rate=…][,min=…][,max=…].
+    /// Links by which the shaft of a sensor follows a valve, each as in --link:
+    /// VALVE=SENSOR[,rate=…][,min=…][,max=…].
     #[serde(default)]
     #[schema(value_type = Vec<String>)]
     pub(super) links: Vec<Spanned<String>>,
@@ -36,10 +37,10 @@ pub(super) struct ScenarioFile {
     /// Accepts devices with the same node ID, or the same address.
     #[serde(default)]
     pub(super) allow_clash: bool,
-    /// True: the steps must expect every frame of the devices, in order. By default, unexpected frames are accepted.
+    /// True if the steps must expect every frame of the devices, in order. By default, unexpected frames are accepted.
     #[serde(default)]
     pub(super) strict: bool,
-    /// Rules beside the steps.
+    /// Rules that act independently of the steps.
     #[serde(default)]
     #[schema(value_type = Vec<ReactionTable>)]
     pub(super) reactions: Vec<Spanned<ReactionTable>>,
@@ -57,7 +58,7 @@ pub(super) struct ScenarioFile {
 )]
 #[schema(as = Device)]
 pub(super) enum DeviceEntry {
-    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
+    /// A device as in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
     /// answer-ms, cycle-ms, brown-out-mv, noise, dead-band, oil, blank.
     Text(String),
     /// The same text, with requirements of the scenario.
@@ -69,10 +70,10 @@ pub(super) enum DeviceEntry {
 #[serde(deny_unknown_fields)]
 #[schema(as = DeviceTable)]
 pub(super) struct DeviceTable {
-    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
+    /// A device as in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
     /// answer-ms, cycle-ms, brown-out-mv, noise, dead-band, oil, blank.
     pub(super) device: String,
-    /// True, the default: the device has to run at the bit rate of the bus.
+    /// False if the bit rate of the device may differ from that of the bus; true by default.
     #[serde(default)]
     pub(super) heard: Option<bool>,
 }
@@ -98,7 +99,7 @@ pub(super) struct StepTable {
     /// The purpose of the step; shown when it fails.
     #[serde(default)]
     pub(super) note: Option<String>,
-    /// The step begins at this virtual time, in milliseconds since the devices were switched on.
+    /// The start of the step, in milliseconds of virtual time since the devices were switched on.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) at_ms: Option<u32>,
@@ -112,9 +113,9 @@ pub(super) struct StepTable {
     /// Sends a frame, as in "220#0F00 0020".
     #[serde(default)]
     pub(super) send: Option<String>,
-    /// Repeats the frame with this period; replaces an earlier cyclic frame with the same identifier. In a step
-    /// without send of a strict scenario, sets the period of the expected frame. The repetition lasts until a step
-    /// expects or stops that identifier.
+    /// The period of the frame of `send`, in milliseconds; replaces an earlier cyclic frame with the same identifier.
+    /// Without `send`, in a strict scenario: the period at which the expected frame must come again, until a step
+    /// expects or stops its identifier.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
@@ -131,15 +132,15 @@ pub(super) struct StepTable {
     #[serde(default)]
     #[schema(value_type = Option<PowerChange>)]
     pub(super) power: Option<toml::Table>,
-    /// Changes the bit rate of the bus and of the sender of the frames, as for a master that changes its rate.
+    /// Changes the bit rate of the bus, including that of the scenario's frame sender.
     #[serde(default)]
     #[schema(value_type = Option<BusChange>)]
     pub(super) bus: Option<toml::Table>,
-    /// Destroys the next attempts to send a frame, each by a bit error.
+    /// Destroys the next transmission attempts with bit errors.
     #[serde(default)]
     #[schema(value_type = Option<Disturb>)]
     pub(super) disturb: Option<toml::Table>,
-    /// Adds a communication fault. The scenario fails if it affects no frame.
+    /// Adds a communication fault. The scenario fails if the fault affects no frame.
     #[serde(default)]
     #[schema(value_type = Option<FaultRequest>)]
     pub(super) fault: Option<toml::Table>,
@@ -149,24 +150,24 @@ pub(super) struct StepTable {
     /// Expects a frame of a device, several frames in order, or a state of the device.
     #[serde(default)]
     pub(super) expect: Option<Expected>,
-    /// The expected frames may come in any order.
+    /// True if the expected frames may come in any order.
     #[serde(default)]
     pub(super) any_order: Option<bool>,
     /// The time limit of the expectation, in milliseconds; 1000 by default.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) within_ms: Option<u32>,
-    /// Forbids a frame of a device, several frames, or a state of the device from now on, during the next steps.
+    /// Forbids a frame of a device, several frames, or a state of the device during the following steps.
     #[serde(default)]
     pub(super) never: Option<Expected>,
-    /// The duration of never, in milliseconds; by default until the end of the scenario.
+    /// The duration of `never`, in milliseconds; by default until the end of the scenario.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) for_ms: Option<u32>,
 }
 
-/// A rule beside the steps: a trigger, `on` or `missing`, and an action, `send` or `stop`. By default, it acts
-/// once.
+/// A rule that acts independently of the steps. Its trigger is `on` or `missing`, its action `send` or `stop`. By
+/// default, the rule acts once.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Reaction)]
@@ -177,40 +178,41 @@ pub(super) struct ReactionTable {
     /// Acts when no such frame of a device has come for `for_ms`. The first such frame starts the supervision.
     #[serde(default)]
     pub(super) missing: Option<String>,
-    /// For missing: the time without the frame, in milliseconds.
+    /// The time without the frame, in milliseconds; required with `missing`.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) for_ms: Option<u32>,
     /// Sends a frame, as in "000#0220".
     #[serde(default)]
     pub(super) send: Option<String>,
-    /// Repeats the frame with this period; replaces an earlier cyclic frame with the same identifier.
+    /// The period of the frame of `send`, in milliseconds; replaces an earlier cyclic frame with the same identifier.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
-    /// Stops the cyclic frame with an identifier, as in "220", if it is active; or "all".
+    /// Stops an active cyclic frame by its identifier, as in "220", or all cyclic frames with "all".
     #[serde(default)]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub(super) stop: Option<Identifier>,
-    /// The rule ignores frames before this virtual time, in milliseconds; 0 by default.
+    /// The virtual time before which the rule ignores frames, in milliseconds; 0 by default.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) from_ms: Option<u32>,
-    /// True: the rule acts each time. By default, it acts once.
+    /// True if the rule acts each time. By default, the rule acts once.
     #[serde(default)]
     pub(super) again: bool,
 }
 
-/// The expected or forbidden frames or state.
+/// Expected or forbidden frames, or a state.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(untagged)]
 #[schema(as = Expected)]
 pub(crate) enum Expected {
-    /// A frame, as in "1A0#0F00 0020": ? is any hex digit, .. at the end any bytes, an identifier alone any data.
+    /// A frame, as in "1A0#0F00 0020". "?" matches any hex digit, ".." at the end any bytes, and an identifier alone
+    /// any data.
     Frame(String),
     /// Several frames.
     Frames(Vec<String>),
-    /// A state: any subset of its keys.
+    /// A state: any subset of the keys of a device state.
     #[schema(value_type = StateCondition)]
     State(toml::Table),
 }
@@ -233,8 +235,8 @@ pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     )
 }
 
-/// Parses a text and validates it by the named schema. `lists` are the keys of lists whose items have a line each; their
-/// index is left out of messages. `json` converts the text for the validation. Ignores a mismatch at an excused path.
+/// Parses a text and validates it against the named schema, except at excused paths. `json` converts the parsed table
+/// for the validation. Messages omit the index of an item of `lists`, because the line number locates the item.
 ///
 /// # Errors
 /// [`ReadError`] with the line of the error.
@@ -265,14 +267,13 @@ pub(crate) fn parse<T: for<'de> Deserialize<'de>>(
     }
 }
 
-/// Returns the line number of a member; 1 if the text has no part of its path.
+/// Returns the line number of a member; 1 if the text contains no part of the path.
 pub(crate) fn line_at(text: &str, path: &[Place]) -> usize {
     let place = DeTable::parse(text).ok().and_then(|table| place_of(table.get_ref(), path));
     place.map_or(1, |place| line_of(text, place))
 }
 
-/// Returns the text offset of a member. For a missing member, returns the offset of the deepest existing part of its
-/// path.
+/// Returns the text offset of a member, or of the deepest existing part of its path.
 fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
     let (first, mut rest) = path.split_first()?;
     let Place::Key(key) = first else { return None };

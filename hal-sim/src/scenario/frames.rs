@@ -14,7 +14,7 @@ pub(super) struct Frames<'a> {
     pub(super) any_order: bool,
     /// The number of the next event to check.
     pub(super) next: u64,
-    /// The number of the event after the last matching frame; `last` is the time of the last matching frame.
+    /// The number of the event after the last matching frame, whose time is `last`.
     pub(super) mark: u64,
     pub(super) last: Instant,
 }
@@ -56,8 +56,8 @@ impl Frames<'_> {
         fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
     }
 
-    /// Assigns a frame to a pattern in any order. A frame already assigned is moved to another pattern if necessary, so
-    /// that a general pattern never blocks a specific one.
+    /// Assigns a frame to any matching pattern. An assigned frame moves to another pattern if necessary, so that a
+    /// general pattern never blocks a specific one.
     fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
         for place in 0..self.wanted.len() {
             let (pattern, holder) = self.wanted[place];

@@ -1,4 +1,4 @@
-//! Running prohibitions (`never`).
+//! Active prohibitions (`never`) of frames or of a state.
 
 use protocol_core::time::{Instant, NEVER, after, since};
 
@@ -7,7 +7,7 @@ use super::step::{Never, Step, Wanted, What};
 use crate::simulation::{Command, Heard, History, Refusal, Reply, Ticket};
 use crate::state::Pattern;
 
-/// A running prohibition of a state or of frames.
+/// An active prohibition of frames or of a state.
 #[derive(Clone)]
 pub(super) struct Guard<'a> {
     pub(super) step: &'a Step,
@@ -20,14 +20,14 @@ pub(super) struct Guard<'a> {
 
 #[derive(Clone, Copy)]
 enum Guarded<'a> {
-    /// Forbidden frames, checked in the events from this number onwards.
+    /// Forbidden frames, and the number of the next event to check.
     Frames(&'a [Pattern], u64),
     State(&'a Wanted),
 }
 
 impl<'a> Guard<'a> {
-    /// Creates a prohibition that begins now. Returns it with the command whose ticket it needs. `next` is the number
-    /// of the next event.
+    /// Creates a prohibition that begins now, and the command that must provide its ticket. `next` is the number of the
+    /// next event.
     pub(super) fn new(step: &'a Step, never: &'a Never, now: Instant, next: u64) -> (Self, Command) {
         let until = never.span.map_or(NEVER, |span| after(now, span));
         let within = since(until, now);

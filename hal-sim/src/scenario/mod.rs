@@ -5,11 +5,11 @@
 //! step     its steps                        trial    the check that each step can be executed
 //! runner   executes a scenario              schema   the JSON schema for editors
 //! strict   each frame claimed by a step     report   failures as text
-//! frames   expected frames                  guard    running prohibitions
-//! reaction rules beside the steps           target   a simulation, possibly with an emulated board
+//! frames   expected frames                  guard    prohibitions (`never`)
+//! reaction rules (`reactions`)              target   a simulation, possibly with an emulated board
 //! ```
 //!
-//! Each scenario has its own world, so that many can run in parallel. Two runs with the same seed are byte-identical.
+//! Each run has its own simulation, so that runs can be parallel. Two runs with the same seed are byte-identical.
 
 pub(crate) mod file;
 mod frames;
@@ -37,7 +37,7 @@ pub use target::Target;
 use crate::simulation::Simulation;
 use crate::world::SUPPLY_JITTER;
 
-/// The name in traces of the client that sends a scenario's frames. No device can have this name.
+/// The name of a scenario's frame sender in traces. No device can have this name.
 pub const OWN: &str = "the master";
 
 /// The error of a scenario that cannot be read.
@@ -50,13 +50,13 @@ pub struct ReadError {
 }
 
 impl Scenario {
-    /// Runs the scenario in its own world.
+    /// Runs the scenario in a new simulation.
     #[must_use]
     pub fn run(&self, seed: u64) -> Outcome {
         runner::run(self, &mut self.powered(seed), false, &mut ())
     }
 
-    /// Runs the scenario in its own world and records a [trace](Outcome::trace).
+    /// Runs the scenario in a new simulation and records a [trace](Outcome::trace).
     #[must_use]
     pub fn run_traced(&self, seed: u64) -> Outcome {
         self.play(&mut self.powered(seed))

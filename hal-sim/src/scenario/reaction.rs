@@ -1,4 +1,4 @@
-//! Rules beside the steps (`reactions`): a master that answers frames and notices their absence.
+//! Rules (`reactions`) that act on a frame or its absence, independently of the steps.
 
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
@@ -13,9 +13,9 @@ use crate::world::EventKind;
 pub(super) struct Reaction {
     pub(super) trigger: Trigger,
     pub(super) act: Command,
-    /// The time from which the rule is live.
+    /// The time before which the rule ignores frames.
     pub(super) from: Duration,
-    /// Whether the rule acts each time. By default, it acts once.
+    /// True if the rule acts each time instead of once.
     pub(super) again: bool,
 }
 
@@ -32,7 +32,7 @@ pub(super) enum Trigger {
 #[derive(Clone)]
 pub(super) struct Reactions<'a> {
     rules: Vec<Rule<'a>>,
-    /// Whether a fault withholds the next frame from the master.
+    /// True if a fault hides the next frame from the master.
     is_lost: bool,
 }
 
@@ -41,7 +41,7 @@ struct Rule<'a> {
     reaction: &'a Reaction,
     /// The instant at which a frame has been missing for too long; [`NEVER`] before the first frame.
     due: Instant,
-    /// Whether the rule has to act now.
+    /// True if the rule must act now.
     acts: bool,
     is_spent: bool,
 }
@@ -52,13 +52,13 @@ impl<'a> Reactions<'a> {
         Self { rules: reactions.iter().map(rule).collect(), is_lost: false }
     }
 
-    /// Observes an event. A frame counts unless it is the master's own, or a fault loses it for the master.
+    /// Observes an event. Ignores frames from the master, and frames that a fault hides from the master.
     pub(super) fn observe(&mut self, happened: &Happened) {
         if self.rules.is_empty() {
             return;
         }
         match &happened.event.what {
-            // The event of this fault precedes the event of its frame.
+            // The event of a loss precedes the event of the lost frame.
             EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } => {
                 self.is_lost |= receivers.is_empty() || receivers.iter().any(|name| **name == *OWN);
             }
@@ -85,7 +85,7 @@ impl<'a> Reactions<'a> {
         }
     }
 
-    /// Returns the next instant at which a rule acts without an event.
+    /// Returns the next instant at which a rule acts on an absence.
     pub(super) fn due(&self) -> Instant {
         self.rules.iter().map(|rule| rule.due).min().unwrap_or(NEVER)
     }

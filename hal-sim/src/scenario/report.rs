@@ -39,7 +39,7 @@ pub(super) struct Failure {
     at: Instant,
     /// The trace lines of the last events before the failure.
     excerpt: Vec<String>,
-    /// Whether the failure is a device at a bit rate different from the bus. The bus errors then replace the excerpt.
+    /// True if a device is at a bit rate different from the bus. The bus errors then replace the excerpt.
     is_not_heard: bool,
 }
 
@@ -159,13 +159,13 @@ impl Failure {
         Self::undone(step, &name(command), &refusal.to_string())
     }
 
-    /// Creates the failure for a step that tested nothing. `what` is the step or a part of it.
+    /// Creates the failure for a step that could not be executed or tested nothing. `what` names the step or its part.
     pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Creates the failure for frames that were not received. `missing` are the unmatched `patterns`. `from` is the
-    /// number of the first event of the step, `mark` the number of the event after the last matching frame.
+    /// Creates the failure for missing frames. `missing` are the unmatched `patterns`. `from` is the number of the
+    /// first event of the step, `mark` the number of the event after the last matching frame.
     pub(super) fn frames(
         step: &Step,
         patterns: &[Pattern],

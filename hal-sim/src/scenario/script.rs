@@ -22,9 +22,8 @@ pub struct Scenario {
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
-    /// Whether every frame of a device must be claimed by a step.
+    /// True if a step must claim every frame of a device.
     pub(super) strict: bool,
-    /// The rules beside the steps.
     pub(super) reactions: Vec<Reaction>,
     pub(super) steps: Vec<Step>,
 }
@@ -33,7 +32,7 @@ pub struct Scenario {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) line: usize,
-    /// Whether the device must run at the bit rate of the bus.
+    /// True if the device must run at the bit rate of the bus.
     pub(super) heard: bool,
 }
 

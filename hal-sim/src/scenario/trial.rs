@@ -15,7 +15,7 @@ use crate::state::{
     self, BusChange, Disturb, FaultRequest, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition,
 };
 
-/// The trial run of the steps, which tracks the devices and the active cyclic frames.
+/// The trial run of the steps. Tracks devices, cyclic frames and faults.
 pub(super) struct Trial {
     simulation: Simulation,
     devices: Vec<NamedDevice>,
@@ -185,7 +185,7 @@ impl Trial {
             (None, Some(frame), Some(ms)) => {
                 Trigger::Missing(self.frame_to_come(&frame).map_err(within("missing"))?, millis(ms))
             }
-            (None, Some(_), None) => return Err("for_ms is missing: the time without the frame".to_owned()),
+            (None, Some(_), None) => return Err("for_ms is missing; give the time without the frame".to_owned()),
             (None, None, _) => return Err("no trigger; give on = \"0A0\", or missing = \"720\" with for_ms".to_owned()),
             (Some(_), Some(_), _) => return Err("on and missing cannot be in the same reaction".to_owned()),
         };
@@ -199,7 +199,7 @@ impl Trial {
         Ok(Reaction { trigger, act, from: millis(from_ms.unwrap_or(0)), again })
     }
 
-    /// Checks, after all steps, that the frame that a rule stops is sent cyclically at some time.
+    /// Checks that a step or rule sends the cyclic frame that a rule stops. Called after all steps.
     pub(super) fn check_stop(&self, reaction: &Reaction) -> Result<(), String> {
         match reaction.act {
             Command::Stop(Some(id)) if !self.ever_cyclic.contains(&id) => {
@@ -215,7 +215,7 @@ impl Trial {
         }
         let command = Command::Plant(device.name.clone(), file::table(change)?);
         self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
-        // Profiles must not cause the refusal of a later change, because they may have ended by then.
+        // A profile must not cause the refusal of a later change, because the profile may have ended by then.
         self.simulation.end_profiles();
         Ok(command)
     }
@@ -278,8 +278,8 @@ impl Trial {
     }
 }
 
-/// Returns the named device. Without a name, returns the only device on the bus. With several devices, returns the first
-/// device, or an error if `is_meant`: the user then has to give a name.
+/// Returns the named device, or without a name the only device on the bus. With several devices, a missing name is an
+/// error if `is_meant`; otherwise returns the first device.
 pub(crate) fn device(devices: &[NamedDevice], name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
     let names = || devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
     let found = match (name, devices) {
@@ -293,7 +293,7 @@ pub(crate) fn device(devices: &[NamedDevice], name: Option<&str>, is_meant: bool
     found.cloned().map_err(|reason| format!("device: {reason}; accepted: {}", names()))
 }
 
-/// Checks a state: the device can have it, and does not always have it.
+/// Checks that a state is possible on the device, and not always true.
 pub(crate) fn wanted(device: &NamedDevice, state: toml::Table) -> Result<Wanted, String> {
     if state.is_empty() {
         return Err("empty state; give at least one key, as in { dsm = \"active\" }".to_owned());

@@ -1,4 +1,4 @@
-//! A run of a scenario: its progress in virtual time, the observation of events, and its failures.
+//! A run of a scenario: progress in virtual time, observation of events, and failures.
 
 mod steps;
 
@@ -32,7 +32,7 @@ impl Watch for () {}
 #[derive(Clone)]
 pub(crate) struct Run<'a> {
     scenario: &'a Scenario,
-    /// The work after the wait in progress.
+    /// The work to do after the wait in progress.
     next: Next,
     wait: Option<Wait<'a>>,
     /// The check that each device frame is expected by a step; `None` unless the scenario is strict.
@@ -48,7 +48,7 @@ pub(crate) struct Run<'a> {
     guards: Vec<Guard<'a>>,
     reactions: Reactions<'a>,
     failures: Vec<Failure>,
-    /// Whether failures no longer count.
+    /// True if failures no longer count.
     is_forgiven: bool,
     /// The active communication faults by name, each with the step that added it.
     faults: Vec<(String, &'a Step)>,
@@ -73,7 +73,7 @@ enum Next {
 struct Wait<'a> {
     end: Instant,
     goal: Goal<'a>,
-    /// Whether the goal was reached; set when the wait has ended.
+    /// True if the goal was reached; valid once the wait has ended.
     is_reached: bool,
 }
 
@@ -135,10 +135,10 @@ impl<'a> Run<'a> {
     }
 }
 
-/// For runs into which a campaign injects faults.
+/// Methods for campaigns, which inject faults into runs.
 #[cfg(feature = "campaign")]
 impl Run<'_> {
-    /// Advances to `until`, beyond the end of the scenario if necessary: cyclic frames, rules and devices go on.
+    /// Advances to `until`, beyond the end of the scenario if necessary. Cyclic frames, rules and devices stay active.
     pub(crate) fn pass<T: Target>(&mut self, target: &mut T, until: Instant, watch: &mut dyn Watch) {
         if self.advance(target, until, watch) {
             self.wait = Some(Wait::until(until));
@@ -154,7 +154,7 @@ impl Run<'_> {
         }
     }
 
-    /// Ignores further failures while the steps continue: a fault from outside the scenario may cause such failures.
+    /// Ignores further failures, which an injected fault may cause. The steps continue.
     pub(crate) fn forgive(&mut self) {
         (self.claims, self.held_claims, self.is_forgiven) = (None, None, true);
     }
@@ -168,8 +168,8 @@ struct Runner<'r, 'a, B> {
 }
 
 impl<'a, B: Target> Runner<'_, 'a, B> {
-    /// Advances to the end of the wait, but no further than `until`: until its goal is reached, or a deviation from a
-    /// strict scenario is found. Processes all due events. Returns whether the wait has ended.
+    /// Advances until the wait ends: at its end, its goal, or a deviation from a strict scenario. Pauses at `until`.
+    /// Processes all due events. Returns whether the wait has ended.
     fn pass(&mut self, until: Instant) -> bool {
         let Some(end) = self.run.wait.as_ref().map(|wait| wait.end) else { return true };
         loop {
@@ -225,7 +225,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         }
         self.target.simulation_mut().poll();
         self.run.ended.extend(self.target.simulation_mut().take_completed());
-        // A prohibition proves nothing for a device at another bit rate, so such devices are detected at the end of
+        // A prohibition proves nothing for a device at a different bit rate, so such devices are detected at the end of
         // each prohibition.
         let now = self.target.simulation().now();
         if self.run.guards.iter().any(|guard| guard.until == now) {
@@ -236,8 +236,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         self.react(now);
     }
 
-    /// Executes the actions of the rules that are due. Their frames are sent beside the steps, which do not wait for
-    /// them.
+    /// Executes the actions of the rules that are due. The steps do not wait for the frames of these actions.
     fn react(&mut self, now: Instant) {
         for act in self.run.reactions.take_acts(now) {
             if let Ok(Executed::Pending(ticket)) = self.target.execute(act.clone()) {

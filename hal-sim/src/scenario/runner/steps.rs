@@ -1,4 +1,4 @@
-//! Executes the steps of a run in order: start, action, expectation and prohibition of each.
+//! Executes the steps of a run in order, each with its start, action, expectation and prohibition.
 
 use protocol_core::time::{Instant, NEVER, after};
 
@@ -36,7 +36,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         self.run.next = if self.refuse_states() { Next::Over } else { Next::Begin { step: 0 } };
     }
 
-    /// Waits for the start of a step, or after the last step for the end of the prohibitions. Fails a step whose start
+    /// Waits for the start of a step; after the last step, for the end of the prohibitions. Fails a step whose start
     /// time has passed.
     fn begin(&mut self, index: usize) {
         let scenario = self.run.scenario;
@@ -225,7 +225,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             let (_, step) = self.run.faults.swap_remove(place);
             let is_off = matches!(&step.act, Some(Command::Fault(fault)) if fault.probability == 0);
             if record.struck == 0 && !is_off {
-                let reason = "it affected no frame: nothing was tested";
+                let reason = "the fault affected no frame: nothing was tested";
                 self.fail(Failure::undone(step, &format!("fault {}", record.fault), reason));
             }
         }

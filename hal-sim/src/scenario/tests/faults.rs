@@ -36,7 +36,7 @@ fn a_delayed_frame_does_not_hold_back_the_next_one() {
 fn a_fault_that_affects_no_frame_fails() {
     let report = fails(r#"{ fault = { lose = "7FF" } }, { after_ms = 100 }"#, 1);
     assert!(report.contains("x.toml:4: fault lose 7FF: failed at "), "{report}");
-    assert!(report.contains("it affected no frame: nothing was tested"), "{report}");
+    assert!(report.contains("the fault affected no frame: nothing was tested"), "{report}");
     fails(r#"{ fault = { lose = "7FF" } }, { after_ms = 100, end = "lose-7FF" }"#, 1);
     // A fault with the same name replaces an expired fault.
     fails(

@@ -1,4 +1,4 @@
-//! Rules beside the steps.
+//! Rules that act independently of the steps.
 
 use super::*;
 
