@@ -3,7 +3,7 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const { manifest, limits, rows } = data;
 
-// From the best verdict to the worst: the letter in the data, the height of its bar in percent.
+// The verdicts from best to worst: letter in the data, word, height of the bar in percent.
 const VERDICTS = [
   ["n", "no-effect", 16], ["s", "safe", 28], ["l", "late", 52], ["d", "safe-undetected", 64],
   ["u", "not-safe", 80], ["x", "undetected", 100], ["h", "hung", 100], ["i", "not-injected", 100],
@@ -13,7 +13,7 @@ const BY_LETTER = Object.fromEntries(VERDICTS.map((verdict) => [verdict.letter, 
 const $ = (selector) => document.querySelector(selector);
 const ms = (us) => (us === null ? "none" : `${(us / 1000).toLocaleString("en", { maximumFractionDigits: 3 })} ms`);
 const count = (number, one, many = `${one}s`) => `${number.toLocaleString("en")} ${number === 1 ? one : many}`;
-/** Makes an element; text stays text. */
+/** Makes an element. Text children are never parsed as HTML. */
 function make(name, attributes = {}, ...children) {
   const element = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
@@ -28,12 +28,12 @@ function drawing(name, attributes = {}, ...children) {
 }
 const swatch = ({ word, high }) => make("span", { class: "swatch", style: `--tone: var(--${word}); --high: ${high}%` });
 const named = (verdict) => make("span", { class: "verdict" }, swatch(verdict), verdict.word);
-/** The next number of 1, 2, 2.5 and 5 with zeros that is as large. */
+/** The smallest of 1, 2, 2.5 and 5 times a power of ten that is not below a number. */
 function round(number) {
   const power = 10 ** Math.floor(Math.log10(number));
   return [1, 2, 2.5, 5, 10].map((n) => n * power).find((n) => n >= number);
 }
-/** Quotes a word for a shell where it needs to be. */
+/** Quotes a word for a shell if it needs quotes. */
 const quoted = (word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 /** The cells of a row, in the order of their instants. A grid cell has a number. */
@@ -149,7 +149,7 @@ for (const row of rows) {
   worst.addEventListener("click", () => choose(row, row.worst));
   row.line = make("div", { class: "row" }, make("span", { class: "name" }, row.label), row.strip, worst);
 }
-/** Draws the strip of a row: of the cells that share a pixel, the worst is seen. */
+/** Draws the strip of a row. Each pixel shows the worst of its cells. */
 function paint(row, tones) {
   const canvas = row.strip.firstChild;
   const ratio = Math.max(1, devicePixelRatio), width = Math.max(1, Math.round(row.strip.clientWidth * ratio)), height = Math.round(30 * ratio);
@@ -159,7 +159,7 @@ function paint(row, tones) {
   const worst = new Array(width).fill(null);
   const cells = row.cells.filter(isShown);
   cells.forEach((cell, index) => {
-    // A cell reaches to the middle between it and its neighbours.
+    // A cell extends halfway to each neighbour.
     const edge = (other, way) => (other ? (cell.at + other.at) / 2 : cell.at + way * Math.max(1000, span / 200));
     const place = (at) => ((at - first) / span) * (width - 1);
     const from = Math.max(0, Math.floor(place(edge(cells[index - 1], -1)))), to = Math.min(width, Math.max(from + 1, Math.floor(place(edge(cells[index + 1], 1)))));
@@ -212,7 +212,7 @@ function card(row) {
   const key = (name, tone) => make("span", {}, make("span", { class: "key", style: `background: var(--${tone})` }), `${name} (limit dashed)`);
   const article = make("article", { class: "sheet" }, make("h3", {}, row.label), make("p", {}, `${count(row.cells.length, "cell")}: ${counts.join(", ")}`));
   if (row.reference) article.append(make("p", { class: "soft" }, `Reference: ${row.reference}`));
-  article.append(plot(row), make("p", { class: "soft legend" }, ...(limits.detected_us === null ? [] : [key("detected", "detected")]), ...(limits.safe_us === null ? [] : [key("safe", "safe-line")]), make("span", {}, "× a reaction that did not come")));
+  article.append(plot(row), make("p", { class: "soft legend" }, ...(limits.detected_us === null ? [] : [key("detected", "detected")]), ...(limits.safe_us === null ? [] : [key("safe", "safe-line")]), make("span", {}, "× missing reaction")));
   const worst = make("p", { class: "worst" }, "Worst: ", named(row.worst.verdict), ` at ${ms(row.worst.at)}${reaction(row.worst).map(([term, value]) => `, ${term.toLowerCase()} ${value}`).join("")}`);
   article.append(worst, make("pre", { tabindex: "0", "aria-label": `Command of the worst cell of ${row.label}` }, commandOf(row.worst)));
   if (row.trace) article.append(make("details", {}, make("summary", {}, "Explained trace of the worst cell"), make("pre", { tabindex: "0", "aria-label": `Trace of the worst cell of ${row.label}` }, row.trace)));
@@ -262,7 +262,7 @@ addEventListener("afterprint", () => {
   repaint();
 });
 show();
-// An address names the cell that was chosen; otherwise the worst of all is.
+// The fragment of the URL chooses a cell; without a fragment, the worst cell is chosen.
 const [, number, at] = /^#cell=(\d+)@(\d+)$/.exec(location.hash) ?? [];
 const asked = rows.find((row) => String(row.row) === number);
 const worst = rows.reduce((a, b) => (b.worst.verdict.severity > a.worst.verdict.severity ? b : a));

@@ -66,11 +66,11 @@ pub(super) fn is_head(line: &str) -> bool {
 pub(super) struct Parser {
     /// The number base of identifiers, lengths and data.
     radix: u32,
-    /// Whether times are relative to the previous event instead of the start of the measurement.
+    /// True if times are relative to the previous event instead of the start of the measurement.
     relative: bool,
     /// The start of the measurement.
     origin: Timestamp,
-    /// Whether a block has set the origin. Later blocks of the same measurement do not change the origin.
+    /// True once a block has set the origin. Later blocks of the same measurement do not change the origin.
     is_begun: bool,
     /// The time of the previous event.
     last: Timestamp,

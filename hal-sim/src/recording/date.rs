@@ -1,5 +1,4 @@
-//! The date format of ASC, in UTC. Writes dates such as `Tue Nov 14 22:13:20.042 2023`, and also reads `10:13:20.042
-//! pm`.
+//! The date format of ASC, in UTC, as in `Tue Nov 14 22:13:20.042 2023`. The parser also accepts `10:13:20.042 pm`.
 
 use std::fmt;
 

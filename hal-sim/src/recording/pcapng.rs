@@ -22,7 +22,7 @@ const EXTENDED_FLAG: u32 = 0x8000_0000;
 const REMOTE_FLAG: u32 = 0x4000_0000;
 const FD_FLAG: u8 = 0x04;
 
-/// The number by which a section header shows its byte order.
+/// The byte-order magic of a section header.
 const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;
@@ -91,7 +91,7 @@ pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record, comment
     write_block(out, ENHANCED_PACKET, &body)
 }
 
-/// Writes comments that no packet follows: in a block of interface statistics, the last block of a capture.
+/// Writes the comments after the last packet, in a block of interface statistics at the end of the file.
 pub(super) fn write_end(out: &mut impl Write, at: Timestamp, comments: &[String]) -> io::Result<()> {
     let mut body = Vec::new();
     // The first interface, and the time.

@@ -22,7 +22,7 @@ pub struct Reader {
     /// The number of the last line or packet, from 1.
     number: u64,
     ended: bool,
-    /// Whether an entry has been read, which shows that the file is a recording.
+    /// True once the first entry, or the magic of pcapng, has shown that the file is a recording.
     is_known: bool,
     /// The unreadable lines before the first entry, and the first entry itself.
     held: VecDeque<Result<Logged, ReadError>>,
@@ -41,7 +41,7 @@ struct Text {
     /// The bus name of the last entry.
     bus: String,
     line: Vec<u8>,
-    /// Whether the current line exceeds the maximum length.
+    /// True if the current line exceeds the maximum length.
     is_too_long: bool,
 }
 
@@ -180,7 +180,7 @@ impl Reader {
     }
 }
 
-/// Returns whether a line is not from a recording at all, rather than a damaged line of a recording.
+/// Returns whether a line cannot come from a recording, not even from a damaged one.
 fn is_no_line(read: &Result<Logged, ReadError>) -> bool {
     matches!(read, Err(ReadError::NoEntry { reason: candump::NO_LINE, .. }))
 }

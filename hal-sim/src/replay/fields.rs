@@ -1,4 +1,4 @@
-//! The position fields of a frame: their places, defined by a mapping, an object or a message, and their encodings.
+//! The position fields of a frame, with their places and encodings. A PDO mapping, an object or a message defines them.
 
 use std::ops::RangeInclusive;
 
@@ -137,8 +137,8 @@ pub(super) const fn bits(frame: &Frame) -> u64 {
 }
 
 impl Fields {
-    /// Returns the position fields in a frame from a device of this kind. `tpdo` is the key and the mapping of its
-    /// TPDO.
+    /// Returns the position fields in a frame from a device of this kind. `tpdo` is the key and the mapping of the
+    /// device's TPDO.
     pub(super) fn of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingEntry])>) -> Self {
         let mut fields = Self::default();
         let mut places = fields.0.iter_mut();

@@ -14,9 +14,9 @@
 //! ```
 //!
 //! A log does not contain power-ups. Each simulated device is powered on so that its first frame (boot-up or address
-//! claim) ends at the same time as in the log, or, if the log does not contain that frame, some time before the log. A
-//! client sends the frames of other nodes so that they end at the logged times. Such a frame may lose an arbitration
-//! that it won in the log; it is then late by the length of one frame.
+//! claim) ends at the same time as in the log. A device without this frame in the log is powered on 1 s before the log.
+//! A client sends the frames of other nodes so that they end at the logged times. Such a frame may lose an arbitration
+//! that it won in the log, and is then late by the length of one frame.
 //!
 //! A log frame may not be recognised as a frame of a replayed device, for example a PDO with another COB-ID. The client
 //! then sends this frame, and later the simulated device sends its identifier too. The next round repeats the replay
@@ -75,7 +75,7 @@ pub struct ReplayOptions {
     pub links: Vec<NamedLink>,
     /// The time tolerance of a frame.
     pub tolerance: Duration,
-    /// Whether to skip all entries before the first boot-up or address claim of a device.
+    /// True to skip all entries before the first boot-up or address claim of a device.
     pub from_boot_up: bool,
 }
 

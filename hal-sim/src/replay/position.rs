@@ -24,9 +24,9 @@ pub(super) const GRID: Duration = Duration::from_millis(1);
 struct Sample {
     at: Instant,
     position: i32,
-    /// Whether the spool floats. The position objects then contain the value for float.
+    /// True if the spool floats. The position objects then contain the value for float.
     floats: bool,
-    /// Whether the position has moved continuously since the previous sample; otherwise it jumped.
+    /// True if the position moved continuously since the previous sample; false after a jump.
     moved: bool,
 }
 

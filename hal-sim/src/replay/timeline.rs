@@ -55,7 +55,7 @@ enum Search {
     /// The entry has been found.
     Found(FirstFrame),
     /// A claim of the device's address with another NAME has been found. This claim counts as the first frame unless
-    /// the device's own claim follows, because then a contender sent this claim. `spoke` is whether the address has
+    /// the device's own claim follows, because then a contender sent this claim. `spoke` is true if the address has
     /// since sent a frame other than a claim.
     Perhaps { claim: FirstFrame, spoke: bool },
     /// The first frame was sent before the log began, because the device has sent another frame.
@@ -199,7 +199,7 @@ fn is_like(first: &Frame, frame: &Frame) -> bool {
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }
 
-/// Determines the first frame of a device by simulating it alone on a bus at its own bit rate.
+/// Determines the first frame of a device by a simulation of the device alone, at its bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
     let rate = device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied())?;
     let mut world = World::new(rate, 0);

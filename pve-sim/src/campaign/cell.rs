@@ -1,4 +1,4 @@
-//! `campaign --cell`: one cell alone, with its explained trace.
+//! `campaign --cell` runs one cell alone, and `campaign --list` lists the cells.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use crate::control::Speed;
 pub struct CellOptions {
     /// The plan.
     pub plan: PathBuf,
-    /// The seed that replaces those of the plan.
+    /// The seed that replaces the seeds of the plan.
     pub seed: Option<u64>,
     /// The cell.
     pub which: Which,
@@ -124,7 +124,7 @@ struct Listed<'a> {
     at_us: u64,
 }
 
-/// Writes the cells of a plan to `out`, one JSON value a line. Errors of `out` are ignored.
+/// Writes the grid cells of a plan to `out`, one JSON value per line. Errors of `out` are ignored.
 ///
 /// # Errors
 /// [`CampaignError`]

@@ -6,7 +6,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// The number of tasks per thread that may begin ahead of the next result. Their results wait in memory.
+/// The number of tasks per thread that may begin ahead of the next result. Early results wait in memory.
 const AHEAD: usize = 4;
 /// The maximum time without a message before `meanwhile` is called.
 const PAUSE: Duration = Duration::from_millis(200);
@@ -19,7 +19,7 @@ pub(super) enum Message<R> {
     Interrupted,
 }
 
-/// The reason why not all results were taken.
+/// The reason for an early end.
 pub(super) enum Stopped<E> {
     /// A signal.
     Interrupted,
@@ -41,7 +41,7 @@ impl Turn {
         self.next.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the index of the next task. Waits while it is more than `ahead` tasks beyond the next result.
+    /// Returns the index of the next task. Waits while this task is more than `ahead` tasks beyond the next result.
     fn begin(&self, ahead: usize) -> usize {
         let mut next = self.lock();
         while next.0 > next.1 + ahead {
@@ -57,9 +57,9 @@ impl Turn {
     }
 }
 
-/// Runs tasks on `jobs` threads, and calls `take` with their results in order. Calls `meanwhile` after each message,
-/// and after each [`PAUSE`] without one. After an error or a signal the threads are not joined: they end with the
-/// process at the latest.
+/// Runs tasks on `jobs` threads, and calls `take` with the results in order. Calls `meanwhile` after each message, and
+/// after each [`PAUSE`] without a message. After an error or a signal, the threads are not joined; at the latest they
+/// end with the process.
 pub(super) fn in_order<T, R, E>(
     tasks: Vec<T>,
     jobs: usize,

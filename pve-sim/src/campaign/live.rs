@@ -1,5 +1,5 @@
-//! The cells whose controller is a program. Each cell has its own simulator at the speed of the plan. The program joins
-//! its bus, and the control interface gives the verdict.
+//! Cells whose controller is a program. Each cell has its own simulator process at the speed of the plan. The program
+//! joins the bus of this simulator, and the control interface returns the verdict.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader};
@@ -17,7 +17,7 @@ use crate::control::{Judged, JudgedCell};
 
 /// The time between two requests for the verdict.
 const PAUSE: Duration = Duration::from_millis(20);
-/// The wall-clock time beyond the duration of the cell that a simulator has for its verdict.
+/// The wall-clock time that a simulator may take for its verdict, beyond the duration of the cell.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// The number of lines kept, from the end of the trace.
 const KEPT: usize = 200;
@@ -52,7 +52,7 @@ impl Live {
         let mut program = Program::start(words, &simulator.bus).map_err(name)?;
         let began = Instant::now();
         let judged = loop {
-            // The end is read before the verdict, so that a verdict already given counts.
+            // The program's end is read before the verdict, so that an earlier verdict counts.
             let ended = program.ended();
             let cell = simulator.ask()?;
             if let Some(judged) = cell.result {

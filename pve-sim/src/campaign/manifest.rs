@@ -16,7 +16,7 @@ pub(super) struct Manifest {
     pub(super) format: u32,
     /// The version of pve-sim.
     pub(super) version: String,
-    /// The commit of pve-sim; `None` if the build does not know it.
+    /// The commit of pve-sim; `None` if unknown at build time.
     pub(super) commit: Option<String>,
     /// The plan as named on the command line.
     pub(super) plan: String,
@@ -26,7 +26,7 @@ pub(super) struct Manifest {
     pub(super) title: String,
     /// The seeds of the runs.
     pub(super) seeds: Vec<u64>,
-    /// The seed of `--seed`, which replaced those of the plan.
+    /// The seed of `--seed`, which replaced the seeds of the plan.
     pub(super) seed: Option<u64>,
     /// The part of `--shard`; `None` for all rows.
     pub(super) shard: Option<Shard>,
@@ -34,11 +34,11 @@ pub(super) struct Manifest {
     pub(super) rows: usize,
     /// The limits and the observation time of the plan.
     pub(super) limits: LimitsUs,
-    /// Whether cells were forked from the golden run; otherwise each ran from 0 ms.
+    /// True if cells were forked at the instant of the fault; otherwise each cell ran from 0 ms.
     pub(super) forked: bool,
-    /// The system, the processor architecture and the number of cores; for merged results, of each machine.
+    /// The system, the processor architecture and the number of cores of each machine.
     pub(super) machine: String,
-    /// The rows that none of the merged files has; `None` if no row is missing.
+    /// The rows missing from all merged files; `None` if no row is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) missing: Option<String>,
 }

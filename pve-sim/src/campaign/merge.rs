@@ -7,7 +7,7 @@ use super::manifest::Manifest;
 use super::results::{Reader, ResultsError, Row, Writer};
 use super::sink::{ReportError, Reports, report};
 
-/// The maximum number of missing rows that are named.
+/// The maximum number of missing rows in a message.
 const NAMED: usize = 20;
 
 /// The options of `campaign merge`.
@@ -35,7 +35,7 @@ pub fn merge(options: &MergeOptions, out: &mut dyn Write) -> Result<bool, Report
             None => manifest = Some(found.clone()),
             Some(first) if !first.is_of_campaign_of(found) => {
                 let reason = format!(
-                    "the plan, version, seed or --no-fork of these results differs from that of {}",
+                    "these results differ in plan, version, seed or --no-fork from {}",
                     options.files[0].display()
                 );
                 return Err(ResultsError::new(path, reason).into());
@@ -78,7 +78,7 @@ pub fn merge(options: &MergeOptions, out: &mut dyn Write) -> Result<bool, Report
     report(&manifest, &options.reports, next, out)
 }
 
-/// Returns the next row in the order of the numbers. A row in several files is returned once.
+/// Returns the next row by number. A row in several files is returned once.
 fn next(files: &mut [(Option<Row>, Reader)]) -> Result<Option<Row>, ResultsError> {
     let lowest = files.iter().filter_map(|(row, _)| Some(row.as_ref()?.head.row)).min();
     let mut found: Option<Row> = None;
@@ -90,14 +90,14 @@ fn next(files: &mut [(Option<Row>, Reader)]) -> Result<Option<Row>, ResultsError
         let row = std::mem::replace(row, following);
         if found.is_some() && found != row {
             let number = lowest.unwrap_or(0);
-            return Err(ResultsError::new(reader.path(), format!("row {number} differs from that of another file")));
+            return Err(ResultsError::new(reader.path(), format!("row {number} is different in another file")));
         }
         found = row;
     }
     Ok(found)
 }
 
-/// Returns a text that names the rows missing from all files; `None` if no row is missing.
+/// Describes the rows missing from all files; `None` if no row is missing.
 fn missing(has: &[bool]) -> Option<String> {
     let rows: Vec<String> = has.iter().enumerate().filter(|(_, has)| !**has).map(|(row, _)| row.to_string()).collect();
     let more = if rows.len() > NAMED { format!(" and {} more", rows.len() - NAMED) } else { String::new() };

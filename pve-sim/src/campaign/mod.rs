@@ -1,11 +1,11 @@
-//! Campaigns: the rows of a plan on all cores, their results in a file, and the reports.
+//! Runs campaigns on all cores, keeps the results in a file, and writes the reports.
 //!
 //! ```text
 //! run      runs the rows of a plan            results   results files, row by row
 //! cell     runs one cell alone                manifest  plan, version and machine of results
 //! merge    joins the results of shards        sink/     the reports: page, CSV, JSON, JUnit, summary
 //! cores    tasks on threads, in order         progress  the progress line
-//! plan     the plan and its golden run        live     a cell whose controller is a program
+//! plan     the plan and its golden runs       live      a cell whose controller is a program
 //! program  a controller program with its children
 //! ```
 
@@ -36,7 +36,7 @@ pub use sink::{ReportError, Reports};
 /// The reason why a campaign did not run to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
-    /// Wrong usage: the plan cannot be read, or has no such cell.
+    /// Wrong usage: an unreadable plan, or an unknown cell.
     #[error("{0}")]
     Refused(String),
     /// The run without a fault fails.
@@ -48,11 +48,11 @@ pub enum CampaignError {
     /// The results or reports cannot be written or read.
     #[error(transparent)]
     Report(#[from] ReportError),
-    /// A signal.
+    /// A signal ended the campaign.
     #[error("interrupted; the complete rows are in {}; the same command with --resume continues", .0.display())]
     Interrupted(PathBuf),
-    /// A defect of pve-sim.
-    #[error("a row panicked; the complete rows are in {}", .0.display())]
+    /// The simulation of a row panicked: a defect of pve-sim.
+    #[error("defect of pve-sim: a row panicked; the complete rows are in {}", .0.display())]
     Panicked(PathBuf),
 }
 

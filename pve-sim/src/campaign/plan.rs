@@ -1,4 +1,4 @@
-//! The plan of a campaign and its run without a fault.
+//! Prepares a campaign: reads the plan, and runs its scenario without a fault.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! A controller program: its start on a bus, its output, and its end with its children.
+//! Starts a controller program on a bus, collects its output, and ends it with its child processes.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader, Read};
@@ -12,7 +12,7 @@ const KEPT: usize = 50;
 /// The process IDs of the programs not yet ended by [`Program::end`] or a drop.
 static RUNNING: Mutex<Vec<u32>> = Mutex::new(Vec::new());
 
-/// A program that was started.
+/// A started controller program.
 #[derive(Debug)]
 pub(super) struct Program {
     child: Child,
@@ -67,14 +67,14 @@ impl Drop for Program {
     }
 }
 
-/// Ends all programs with their children, because this process ends.
+/// Ends all programs with their children. Called before this process ends.
 pub(super) fn end_all() {
     for pid in RUNNING.lock().unwrap_or_else(PoisonError::into_inner).iter() {
         kill_group(*pid);
     }
 }
 
-/// Reads a pipe on a new thread, so that it never fills up, and keeps its last lines.
+/// Reads a pipe on a new thread, so that the pipe never fills up. Keeps the last lines.
 fn read(pipe: impl Read + Send + 'static, said: Arc<Mutex<VecDeque<String>>>) -> JoinHandle<()> {
     thread::spawn(move || {
         let mut lines = BufReader::new(pipe).split(b'\n');

@@ -16,13 +16,13 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// `rows` is the number of rows to run.
+    /// Creates the progress of a run of `rows` rows.
     pub(super) fn new(rows: usize) -> Self {
         Self { is_shown: stderr().is_terminal(), began: Instant::now(), told: None, rows }
     }
 
-    /// Writes the progress line, if it is due. `cells` is the number of cells so far, `done` the number of complete
-    /// rows.
+    /// Writes the progress line at most once per [`PERIOD`]. `cells` is the number of cells so far, `done` the number
+    /// of complete rows.
     pub(super) fn tell(&mut self, cells: &AtomicU64, done: usize) {
         if self.is_shown && self.told.is_none_or(|told| told.elapsed() >= PERIOD) {
             self.told = Some(Instant::now());

@@ -30,9 +30,9 @@ pub(super) struct RowHead {
     pub(super) reference: Option<String>,
     /// The seed of the run.
     pub(super) seed: u64,
-    /// The number of cells that follow.
+    /// The number of cells of the row.
     pub(super) cells: usize,
-    /// The index of the worst cell among them.
+    /// The index of the worst cell.
     pub(super) worst: usize,
     /// The explained trace of the worst cell.
     pub(super) trace: String,
@@ -52,7 +52,7 @@ pub(super) struct Cell {
     pub(super) detected_us: Option<u64>,
     /// The time from the fault to the safe state.
     pub(super) safe_us: Option<u64>,
-    /// The number of frames that the fault affected.
+    /// The number of frames that a communication fault affected; 1 for any other fault that acted.
     pub(super) struck: u64,
 }
 
@@ -62,7 +62,7 @@ impl Cell {
         Self { number, at_us, verdict, detected_us, safe_us, struck }
     }
 
-    /// Returns the key of [`CellResult::severity`].
+    /// Returns the same key as [`CellResult::severity`].
     pub(super) fn severity(&self) -> (Verdict, bool, u64) {
         let reaction = self.detected_us.max(self.safe_us);
         (self.verdict, reaction.is_none() && self.verdict != Verdict::NoEffect, reaction.unwrap_or(0))
@@ -124,7 +124,7 @@ impl ResultsError {
     }
 }
 
-/// A results file that grows row by row.
+/// A writer that appends rows to a results file.
 #[derive(Debug)]
 pub(super) struct Writer {
     path: PathBuf,
@@ -132,14 +132,14 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    /// Creates the file. Replaces the results of an earlier campaign, but no other file with contents.
+    /// Creates a results file, or replaces an earlier one. Refuses to replace any other file with contents.
     pub(super) fn create(path: &Path, manifest: &Manifest) -> Result<Self, ResultsError> {
         let is_replaceable = match path.metadata() {
             Err(_) => true,
             Ok(meta) => !meta.is_file() || meta.len() == 0 || Reader::open(path).is_ok(),
         };
         if !is_replaceable {
-            return Err(ResultsError::new(path, "holds no results of a campaign, and is not replaced"));
+            return Err(ResultsError::new(path, "not a results file, so it is not replaced; use another --results"));
         }
         let file = File::create(path).map_err(|error| ResultsError::new(path, error))?;
         let mut writer = Self { path: path.to_owned(), file: BufWriter::new(file) };
@@ -147,14 +147,14 @@ impl Writer {
         Ok(writer)
     }
 
-    /// Opens the results of an interrupted campaign, to append rows after the last complete row. Returns the numbers of
+    /// Opens the results of an interrupted campaign for appending after the last complete row. Returns the numbers of
     /// the complete rows.
     pub(super) fn resume(path: &Path, manifest: &Manifest) -> Result<(Self, Vec<usize>), ResultsError> {
         let mut reader = Reader::open(path)?;
         let found = &reader.manifest;
         if !found.is_of_campaign_of(manifest) || found.shard != manifest.shard {
-            let reason = "the plan, version, seed, shard or --no-fork of these results differs; \
-                          without --resume they are replaced";
+            let reason = "these results differ in plan, version, seed, shard or --no-fork; \
+                          omit --resume to replace them";
             return Err(ResultsError::new(path, reason));
         }
         let mut rows = Vec::new();
@@ -168,7 +168,7 @@ impl Writer {
         Ok((Self { path: path.to_owned(), file: BufWriter::new(file) }, rows))
     }
 
-    /// Appends a row, and flushes it to the operating system.
+    /// Appends a row, and flushes the file to the operating system.
     pub(super) fn append(&mut self, row: &Row) -> Result<(), ResultsError> {
         let cells = row.cells.iter().map(|cell| Line::Cell(*cell));
         self.write([Line::Row(row.head.clone())].into_iter().chain(cells))
@@ -186,7 +186,7 @@ impl Writer {
     }
 }
 
-/// A results file that is read row by row.
+/// A reader of a results file, row by row.
 #[derive(Debug)]
 pub(super) struct Reader {
     path: PathBuf,
@@ -213,7 +213,7 @@ impl Reader {
                 let path = path.to_owned();
                 Ok(Self { path, file, manifest, line: 1, read, complete: read, text: String::new() })
             }
-            _ => Err(ResultsError::new(path, "not the results of a campaign, or in the format of another version")),
+            _ => Err(ResultsError::new(path, "not a results file in the format of this version")),
         }
     }
 

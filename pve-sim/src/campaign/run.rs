@@ -25,7 +25,7 @@ use crate::run::Signals;
 const TRACE: usize = 200;
 /// The maximum number of lines of a trace before the fault.
 const BEFORE: usize = 6;
-/// The beginning of the note in a trace at the instant of the fault.
+/// The beginning of the note that marks the fault in a trace.
 const FAULT: &str = "-- fault: ";
 
 /// The options of `campaign`.
@@ -33,15 +33,15 @@ const FAULT: &str = "-- fault: ";
 pub struct RunOptions {
     /// The plan.
     pub plan: PathBuf,
-    /// The seed that replaces those of the plan.
+    /// The seed that replaces the seeds of the plan.
     pub seed: Option<u64>,
     /// The number of rows that run at once; by default the number of processors.
     pub jobs: Option<usize>,
     /// The part of the rows to run; by default all.
     pub shard: Option<Shard>,
-    /// Whether the complete rows in the results file are kept.
+    /// True to keep the complete rows in the results file.
     pub resume: bool,
-    /// Whether cells are forked from the golden run; otherwise each cell runs from 0 ms.
+    /// True to fork cells at the instant of the fault; otherwise each cell runs from 0 ms.
     pub forked: bool,
     /// The results file.
     pub results: PathBuf,
@@ -69,7 +69,7 @@ pub fn run(options: &RunOptions, out: &mut dyn Write) -> Result<bool, CampaignEr
     Ok(report(&manifest, &options.reports, || reader.next_row(), out)?)
 }
 
-/// Runs rows, and appends them to the results file in their order.
+/// Runs rows on several threads, and appends them to the results file in order.
 fn run_rows(
     campaign: Campaign<'static>,
     live: Option<Live>,
@@ -123,7 +123,7 @@ fn run_row(campaign: &Campaign<'_>, row: usize, count: &AtomicU64) -> Row {
     of_row(campaign, row, cells, worst, trace)
 }
 
-/// Runs the grid of a row with a program as the controller.
+/// Runs the grid cells of a row with a program as the controller.
 fn run_row_live(campaign: &Campaign<'_>, live: &Live, row: usize, count: &AtomicU64) -> io::Result<Row> {
     let (first, length) = campaign.rows().get(row).map_or((0, 0), |row| (row.first, row.cells));
     let (mut cells, mut traces): (Vec<Cell>, Vec<String>) = (Vec::new(), Vec::new());
@@ -148,7 +148,7 @@ fn of_row(campaign: &Campaign<'_>, row: usize, cells: Vec<Cell>, worst: usize, t
     Row { head: RowHead { row, fault, reference, seed, cells: cells.len(), worst, trace }, cells }
 }
 
-/// Returns the index of the worst cell; of equally bad cells, the index of the first.
+/// Returns the index of the worst cell; of several, the first.
 fn worst(cells: &[Cell]) -> usize {
     let severity = |place: &usize| (cells[*place].severity(), std::cmp::Reverse(*place));
     (0..cells.len()).max_by_key(severity).unwrap_or(0)
@@ -164,7 +164,7 @@ fn shortened(trace: &str) -> String {
     format!("{}{}\n{}", left_out(from), lines[from..to].join("\n"), left_out(lines.len() - to)).trim_end().to_owned()
 }
 
-/// Sends a message when a signal asks the process to end.
+/// Sends [`Message::Interrupted`] when a signal requests the end of the process.
 fn report_signals<R: Send + 'static>(sender: Sender<Message<R>>) {
     let listen = move || -> io::Result<()> {
         let runtime = Builder::new_current_thread().enable_io().build()?;

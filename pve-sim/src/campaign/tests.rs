@@ -98,7 +98,7 @@ fn other_files_are_not_replaced_and_other_results_not_resumed() {
     ];
     for other in others {
         let error = Writer::resume(&path("results"), &other).expect_err("another campaign").to_string();
-        assert!(error.contains("the plan, version, seed, shard or --no-fork of these results differs"), "{error}");
+        assert!(error.contains("these results differ in plan, version, seed, shard or --no-fork"), "{error}");
     }
     assert!(Writer::resume(&path("results"), &Manifest { machine: "another".to_owned(), ..ours.clone() }).is_ok());
     fs::write(path("results"), fs::read_to_string(path("results")).expect("text").replace("struck", "struk"))
@@ -138,13 +138,11 @@ fn shards_merge_to_the_whole_and_missing_rows_are_named() {
     written(&files[1], &Manifest { plan_hash: String::new(), ..manifest(10) }, &[]);
     let (refused, _) = merged(&files);
     assert!(
-        refused
-            .expect_err("another plan")
-            .contains("the plan, version, seed or --no-fork of these results differs from that of")
+        refused.expect_err("another plan").contains("these results differ in plan, version, seed or --no-fork from ")
     );
     written(&files[1], &manifest(10), &[Row { head: RowHead { seed: 2, ..rows[4].head.clone() }, ..rows[4].clone() }]);
     let (refused, _) = merged(&files);
-    assert!(refused.expect_err("another row").contains("row 4 differs"));
+    assert!(refused.expect_err("another row").contains("row 4 is different in another file"));
 }
 
 /// Reports of a campaign; returns the files by their options.

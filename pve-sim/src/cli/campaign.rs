@@ -20,7 +20,7 @@ pub(super) struct CampaignArgs {
     #[arg(value_name = "PLAN.toml", value_hint = ValueHint::FilePath, required_unless_present = "schema")]
     plan: Option<PathBuf>,
 
-    /// Replace the seeds of the plan by one: 0–18446744073709551615
+    /// Replace the seeds of the plan with one seed: 0–18446744073709551615
     #[arg(long, value_name = "N", value_parser = seed)]
     seed: Option<u64>,
 
@@ -44,11 +44,11 @@ pub(super) struct CampaignArgs {
     #[arg(long, value_name = "CELL", conflicts_with_all = ["jobs", "shard", "resume", "no_fork", "results", "html", "csv", "json", "junit"])]
     cell: Option<Which>,
 
-    /// Print the cells, one JSON value a line, and run none
+    /// Print the cells of the grid, one JSON value per line, and run none
     #[arg(long, conflicts_with_all = ["cell", "jobs", "shard", "resume", "no_fork", "results", "html", "csv", "json", "junit"])]
     list: bool,
 
-    /// The results file, one JSON value a line [default: PLAN.results.jsonl, in the current folder]
+    /// The results file, one JSON value per line [default: PLAN.results.jsonl, in the current folder]
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     results: Option<PathBuf>,
 
@@ -84,11 +84,11 @@ struct MergeArgs {
 /// The files of the reports.
 #[derive(Args, Debug)]
 struct ReportArgs {
-    /// Write a page with matrix, reaction times and traces to FILE
+    /// Write an HTML page with the matrix, reaction times and traces to FILE
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Reports")]
     html: Option<PathBuf>,
 
-    /// Write a line for each cell to FILE
+    /// Write the results to FILE as CSV, a line for each cell
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Reports")]
     csv: Option<PathBuf>,
 
@@ -101,7 +101,7 @@ struct ReportArgs {
     junit: Option<PathBuf>,
 }
 
-/// Refuses to write reports or results over a plan, a scenario, an input, or each other.
+/// Refuses an output file that is a plan, a scenario, an input, or another output.
 fn check(reports: &Reports, results: Option<&Path>, inputs: &[PathBuf]) -> Result<(), UsageError> {
     let results = results.map(|path| ("--results", path));
     let outputs: Vec<(&str, &Path)> = reports.files().chain(results).collect();
@@ -110,8 +110,8 @@ fn check(reports: &Reports, results: Option<&Path>, inputs: &[PathBuf]) -> Resul
         let is_taken =
             inputs.iter().any(|input| input == path) || outputs[..place].iter().any(|(_, other)| other == path);
         if is_toml || is_taken {
-            let why = if is_toml { "a .toml file is a plan or a scenario" } else { "this file is named twice" };
-            return Err(UsageError(format!("{option} {}: {why}; use a file of its own", path.display())));
+            let why = if is_toml { "a .toml file is a plan or a scenario" } else { "this file is given twice" };
+            return Err(UsageError(format!("{option} {}: {why}; use a different file", path.display())));
         }
     }
     Ok(())

@@ -45,7 +45,7 @@ pub enum Request {
     Campaign(CampaignOptions),
     /// Run one cell of a campaign.
     Cell(CellOptions),
-    /// List the cells of a plan, with this seed instead of its own.
+    /// List the cells of a plan; a seed replaces the seeds of the plan.
     Cells(PathBuf, Option<u64>),
     /// Join the results of a campaign's shards.
     Merge(MergeOptions),
@@ -186,7 +186,7 @@ fn description(
     let kind = Kind::from_name(word);
     let text = kind.and_then(describe).map(Description);
     text.ok_or_else(|| match kind.and_then(has_other) {
-        Some(_) => format!("this kind has no {}: pve-sim {other} {word}", command.to_uppercase()),
+        Some(_) => format!("this kind has no {}; use pve-sim {other} {word}", command.to_uppercase()),
         None => format!("not a kind with {} {}", if command == "eds" { "an" } else { "a" }, command.to_uppercase()),
     })
 }

@@ -159,7 +159,7 @@ pub struct RunArgs {
     pub(super) cell: CellArgs,
 }
 
-/// A cell of a campaign, whose scenario has the devices.
+/// The cell of a campaign to judge. The scenario of the campaign defines the devices.
 #[derive(Args, Clone, Debug)]
 pub(super) struct CellArgs {
     /// Run the devices of a campaign's scenario, inject the fault of a cell and judge the controller: docs/campaigns.md
@@ -170,7 +170,7 @@ pub(super) struct CellArgs {
     #[arg(long, value_name = "CELL", hide = true, requires = "plan")]
     pub(super) cell: Option<Which>,
 
-    /// Replaces the seeds of the plan
+    /// Replace the seeds of the plan with one seed
     #[arg(long, value_name = "N", value_parser = seed, hide = true, requires = "plan")]
     pub(super) plan_seed: Option<u64>,
 }
@@ -230,7 +230,7 @@ pub(super) fn checked_links(devices: &[NamedDevice], links: Vec<NamedLink>) -> R
     Ok(links)
 }
 
-/// Checks the buses: a kernel interface needs wall time, and a shared bus must not be joined twice.
+/// Refuses a kernel interface without wall time, and a shared bus that is joined twice.
 fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate() {
         if bus.is_interface() && speed != Speed::Factor(1.0) {

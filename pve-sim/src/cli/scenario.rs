@@ -40,7 +40,7 @@ impl TryFrom<ScenarioArgs> for Request {
         if args.schema {
             return Ok(Self::Print(scenario::schema()));
         }
-        // `--junit` without its file would take a scenario as the file, and overwrite it.
+        // `--junit` without its file would take a scenario as its file, and overwrite the scenario.
         if let Some(path) = args.junit.as_ref().filter(|path| path.extension().is_some_and(|end| end == "toml")) {
             return Err(UsageError(format!(
                 "--junit {}: this is a scenario; use a file for the results, as in results.xml",

@@ -337,11 +337,11 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ),
         (
             "eds pvea-isobus",
-            "<pvea-canopen|pveo-canopen|hat1000|hat3000>': this kind has no EDS: pve-sim dbc pvea-isobus",
+            "<pvea-canopen|pveo-canopen|hat1000|hat3000>': this kind has no EDS; use pve-sim dbc pvea-isobus",
         ),
         ("eds pvea", "<pvea-canopen|pveo-canopen|hat1000|hat3000>': not a kind with an EDS"),
         ("eds", "<pvea-canopen|pveo-canopen|hat1000|hat3000>"),
-        ("dbc hat1000", "<pvea-isobus|pveo-isobus>': this kind has no DBC: pve-sim eds hat1000"),
+        ("dbc hat1000", "<pvea-isobus|pveo-isobus>': this kind has no DBC; use pve-sim eds hat1000"),
         ("dbc", "<pvea-isobus|pveo-isobus>"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
         ("use-case 7", "unknown use case; accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),

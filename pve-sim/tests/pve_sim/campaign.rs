@@ -173,7 +173,7 @@ fn a_full_disk_is_exit_1_with_one_line() {
     let (code, _, errors) = files.run(&["plan.toml", "--results", "notes"]);
     assert_eq!(
         (code, errors.as_str()),
-        (Some(1), "pve-sim: notes: holds no results of a campaign, and is not replaced\n")
+        (Some(1), "pve-sim: notes: not a results file, so it is not replaced; use another --results\n")
     );
     assert_eq!(files.read("notes"), "mine");
 }

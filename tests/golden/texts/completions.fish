@@ -38,7 +38,7 @@ never\t'Laid out on a terminal, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l plan -d 'Run the devices of a campaign\'s scenario, inject the fault of a cell and judge the controller: docs/campaigns.md' -r -F
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l cell -d 'The cell: its number, or ROW@MICROSECONDS' -r
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l plan-seed -d 'Replaces the seeds of the plan' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l plan-seed -d 'Replace the seeds of the plan with one seed' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l beacon -d 'Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-real-bus -d 'Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only simulated devices can lose frames'
@@ -76,7 +76,7 @@ never\t'Laid out on a terminal, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l plan -d 'Run the devices of a campaign\'s scenario, inject the fault of a cell and judge the controller: docs/campaigns.md' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l cell -d 'The cell: its number, or ROW@MICROSECONDS' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l plan-seed -d 'Replaces the seeds of the plan' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l plan-seed -d 'Replace the seeds of the plan with one seed' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l beacon -d 'Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-real-bus -d 'Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only simulated devices can lose frames'
@@ -92,24 +92,24 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l seed -d 'Th
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l verbose -d 'Print the trace of each scenario, with the notes of its steps'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l schema -d 'Print the format of a scenario as a JSON schema, for editors'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l seed -d 'Replace the seeds of the plan by one: 0–18446744073709551615' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l seed -d 'Replace the seeds of the plan with one seed: 0–18446744073709551615' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l jobs -d 'Run N faults at once [default: the number of processors]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l shard -d 'Run part K of N; `pve-sim campaign merge` joins the results' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l cell -d 'Run one cell alone and print its explained trace: its number, or ROW@MICROSECONDS' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l results -d 'The results file, one JSON value a line [default: PLAN.results.jsonl, in the current folder]' -r -F
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l html -d 'Write a page with matrix, reaction times and traces to FILE' -r -F
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l csv -d 'Write a line for each cell to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l results -d 'The results file, one JSON value per line [default: PLAN.results.jsonl, in the current folder]' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l html -d 'Write an HTML page with the matrix, reaction times and traces to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l csv -d 'Write the results to FILE as CSV, a line for each cell' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l json -d 'Write all results to FILE as one JSON document' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l junit -d 'Write the results to FILE as JUnit XML, a test case for each fault' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l resume -d 'Keep the complete rows in the results file, and run the others'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l no-fork -d 'Run each cell from 0 ms instead of from a copy of the run without a fault; the verdicts are the same'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l list -d 'Print the cells, one JSON value a line, and run none'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l list -d 'Print the cells of the grid, one JSON value per line, and run none'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l schema -d 'Print the format of a plan as a JSON schema, for editors'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -a "merge" -d 'Joins the results of shards, and reports them; exit 1 if a limit is broken or a row is missing'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l results -d 'Write the joined results to FILE' -r -F
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l html -d 'Write a page with matrix, reaction times and traces to FILE' -r -F
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l csv -d 'Write a line for each cell to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l html -d 'Write an HTML page with the matrix, reaction times and traces to FILE' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l csv -d 'Write the results to FILE as CSV, a line for each cell' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l json -d 'Write all results to FILE as one JSON document' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -l junit -d 'Write the results to FILE as JUnit XML, a test case for each fault' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -s h -l help -d 'Print help'

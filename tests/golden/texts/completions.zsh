@@ -29,7 +29,7 @@ never\:"Laid out on a terminal, without colour"))' \
 '(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '(--device --link --bit-rate --state --seed --allow-clash --no-http)--plan=[Run the devices of a campaign'\''s scenario, inject the fault of a cell and judge the controller\: docs/campaigns.md]:PLAN.toml:_files' \
 '--cell=[The cell\: its number, or ROW@MICROSECONDS]:CELL:_default' \
-'--plan-seed=[Replaces the seeds of the plan]:N:_default' \
+'--plan-seed=[Replace the seeds of the plan with one seed]:N:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them]' \
 '--allow-real-bus[Allow communication faults with --bus socketcan\:, where they can affect real devices; without this option, only simulated devices can lose frames]' \
@@ -67,7 +67,7 @@ never\:"Laid out on a terminal, without colour"))' \
 '(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '(--device --link --bit-rate --state --seed --allow-clash --no-http)--plan=[Run the devices of a campaign'\''s scenario, inject the fault of a cell and judge the controller\: docs/campaigns.md]:PLAN.toml:_files' \
 '--cell=[The cell\: its number, or ROW@MICROSECONDS]:CELL:_default' \
-'--plan-seed=[Replaces the seeds of the plan]:N:_default' \
+'--plan-seed=[Replace the seeds of the plan with one seed]:N:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them]' \
 '--allow-real-bus[Allow communication faults with --bus socketcan\:, where they can affect real devices; without this option, only simulated devices can lose frames]' \
@@ -100,18 +100,18 @@ _arguments "${_arguments_options[@]}" : \
 ;;
 (campaign)
 _arguments "${_arguments_options[@]}" : \
-'--seed=[Replace the seeds of the plan by one\: 0–18446744073709551615]:N:_default' \
+'--seed=[Replace the seeds of the plan with one seed\: 0–18446744073709551615]:N:_default' \
 '--jobs=[Run N faults at once \[default\: the number of processors\]]:N:_default' \
 '--shard=[Run part K of N; \`pve-sim campaign merge\` joins the results]:K/N:_default' \
 '(--jobs --shard --resume --no-fork --results --html --csv --json --junit)--cell=[Run one cell alone and print its explained trace\: its number, or ROW@MICROSECONDS]:CELL:_default' \
-'--results=[The results file, one JSON value a line \[default\: PLAN.results.jsonl, in the current folder\]]:FILE:_files' \
-'--html=[Write a page with matrix, reaction times and traces to FILE]:FILE:_files' \
-'--csv=[Write a line for each cell to FILE]:FILE:_files' \
+'--results=[The results file, one JSON value per line \[default\: PLAN.results.jsonl, in the current folder\]]:FILE:_files' \
+'--html=[Write an HTML page with the matrix, reaction times and traces to FILE]:FILE:_files' \
+'--csv=[Write the results to FILE as CSV, a line for each cell]:FILE:_files' \
 '--json=[Write all results to FILE as one JSON document]:FILE:_files' \
 '--junit=[Write the results to FILE as JUnit XML, a test case for each fault]:FILE:_files' \
 '--resume[Keep the complete rows in the results file, and run the others]' \
 '--no-fork[Run each cell from 0 ms instead of from a copy of the run without a fault; the verdicts are the same]' \
-'(--cell --jobs --shard --resume --no-fork --results --html --csv --json --junit)--list[Print the cells, one JSON value a line, and run none]' \
+'(--cell --jobs --shard --resume --no-fork --results --html --csv --json --junit)--list[Print the cells of the grid, one JSON value per line, and run none]' \
 '--schema[Print the format of a plan as a JSON schema, for editors]' \
 '-h[Print help]' \
 '--help[Print help]' \
@@ -129,8 +129,8 @@ _arguments "${_arguments_options[@]}" : \
             (merge)
 _arguments "${_arguments_options[@]}" : \
 '--results=[Write the joined results to FILE]:FILE:_files' \
-'--html=[Write a page with matrix, reaction times and traces to FILE]:FILE:_files' \
-'--csv=[Write a line for each cell to FILE]:FILE:_files' \
+'--html=[Write an HTML page with the matrix, reaction times and traces to FILE]:FILE:_files' \
+'--csv=[Write the results to FILE as CSV, a line for each cell]:FILE:_files' \
 '--json=[Write all results to FILE as one JSON document]:FILE:_files' \
 '--junit=[Write the results to FILE as JUnit XML, a test case for each fault]:FILE:_files' \
 '-h[Print help]' \

@@ -1,4 +1,4 @@
-//! Results as comma-separated values (RFC 4180): a line for each cell.
+//! Results as comma-separated values (RFC 4180), with one line for each cell.
 
 use std::io::{self, Write};
 
@@ -6,7 +6,7 @@ use super::Sink;
 use crate::campaign::manifest::Manifest;
 use crate::campaign::results::{Cell, Row};
 
-/// The columns, which docs/campaigns.md explains.
+/// The columns; docs/campaigns.md gives their meanings.
 const COLUMNS: &str = "row,cell,refined,fault,reference,seed,at_us,verdict,passed,detected_us,safe_us,reaction_us,struck,\
                        version,commit,plan,plan_hash,machine";
 

@@ -12,7 +12,7 @@ use crate::campaign::results::Row;
 /// The name of the test suite.
 const SUITE: &str = "pve-sim campaign";
 
-/// A JUnit file, written as a whole at the end. Its size depends on the number of rows, not of cells.
+/// A JUnit file, written as a whole at the end. The memory it needs depends on the number of rows, not of cells.
 pub(super) struct JUnit<W> {
     out: W,
     manifest: Manifest,

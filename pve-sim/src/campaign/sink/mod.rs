@@ -1,4 +1,4 @@
-//! The reports of a campaign. Each report takes the rows one by one, so that no report holds all cells.
+//! The reports of a campaign. Each report receives the rows one by one, so that no report holds all cells.
 
 mod csv;
 mod json;
@@ -16,9 +16,9 @@ use super::results::{ResultsError, Row};
 use summary::Summary;
 pub(super) use summary::reaction;
 
-/// A report that is given the rows one by one.
+/// A report that receives the rows one by one.
 pub(super) trait Sink {
-    /// Takes the next row.
+    /// Adds the next row.
     fn row(&mut self, row: &Row) -> io::Result<()>;
 
     /// Completes the report.
@@ -39,7 +39,7 @@ pub struct Reports {
 }
 
 impl Reports {
-    /// Returns the given options with their files.
+    /// Returns each option that was given, with its file.
     pub fn files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
         let files = [("--html", &self.html), ("--csv", &self.csv), ("--json", &self.json), ("--junit", &self.junit)];
         files.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?)))

@@ -1,4 +1,4 @@
-//! Results as one self-contained HTML page. Its layout, style and script are in `report/`.
+//! Results as one self-contained HTML page. The folder `report/` has the layout, style and script.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -16,7 +16,7 @@ const PAGE: &str = include_str!("../../../report/page.html");
 const STYLE: &str = include_str!("../../../report/page.css");
 const SCRIPT: &str = include_str!("../../../report/page.js");
 
-/// The space for all traces together, in bytes. It keeps a page of 10,000 cells below 1 MB.
+/// The space for all traces together, in bytes. This limit keeps a page of 10,000 cells below 1 MB.
 const TRACES: usize = 200_000;
 
 pub(super) struct Page<W> {
@@ -35,11 +35,11 @@ struct Data<'a> {
     seed: u64,
     /// The number of the first cell of the grid.
     first: u64,
-    /// The instants of an even grid: the first, the distance between two, and their number; `None` for an uneven grid.
+    /// The first instant of an even grid, the step, and the number of instants; `None` for an uneven grid.
     grid: Option<(u64, u64, usize)>,
     /// The instants of an uneven grid; empty for an even grid.
     at: Vec<u64>,
-    /// A letter for the verdict of each cell of the grid.
+    /// The letters of the verdicts of the grid cells.
     verdicts: String,
     detected: Vec<Option<u64>>,
     safe: Vec<Option<u64>>,
@@ -64,19 +64,19 @@ const fn letter(verdict: Verdict) -> char {
     }
 }
 
-/// Returns JSON without `<`, so that it cannot end its script element.
+/// Returns JSON without `<`, so that the JSON cannot end the script element around it.
 fn embedded(value: &impl Serialize) -> io::Result<String> {
     Ok(serde_json::to_string(value)?.replace('<', "\\u003c"))
 }
 
-/// Returns the first lines of a trace, as many as fit, and a note with the number of omitted lines, if any.
+/// Returns the first lines of a trace that fit, and a note with the number of omitted lines, if any.
 fn beginning(trace: &str, space: usize) -> Cow<'_, str> {
     if trace.len() <= space {
         return trace.into();
     }
     let end = trace[..trace.floor_char_boundary(space)].rfind('\n').unwrap_or(0);
     let (shown, hidden) = trace.split_at(end);
-    format!("{shown}\n… {} more lines: the command prints them", hidden.trim().lines().count()).into()
+    format!("{shown}\n… {} more lines; the command prints them", hidden.trim().lines().count()).into()
 }
 
 impl<W: Write> Page<W> {

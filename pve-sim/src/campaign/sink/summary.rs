@@ -52,7 +52,7 @@ impl<'a> Summary<'a> {
             writeln!(out, "{} of {} injected faults detected", self.detected, self.injected)?;
         }
         if self.not_injected > 0 {
-            writeln!(out, "{} faults were not injected: these cells prove nothing", self.not_injected)?;
+            writeln!(out, "{} cells prove nothing: their faults were not injected", self.not_injected)?;
         }
         if let Some(missing) = &self.manifest.missing {
             writeln!(out, "missing: {missing}")?;
@@ -60,7 +60,7 @@ impl<'a> Summary<'a> {
         writeln!(out, "{} passed, {} failed", self.cells - self.failed, self.failed)
     }
 
-    /// Returns whether there are cells, each passed, and no row is missing.
+    /// Returns whether the campaign passed: at least one cell, no failed cell, no missing row.
     pub(super) const fn passed(&self) -> bool {
         self.failed == 0 && self.cells > 0 && self.manifest.missing.is_none()
     }
@@ -71,14 +71,14 @@ pub(super) fn failed(row: &Row) -> usize {
     row.cells.iter().filter(|cell| !cell.verdict.passed()).count()
 }
 
-/// Returns the number of cells of a row, and the number with each verdict, the worst verdict first, in words.
+/// Describes the number of cells of a row, in total and by verdict, the worst verdict first.
 pub(super) fn counts(row: &Row) -> String {
     let counts = row.counts().into_iter().map(|(verdict, count)| format!("{count} {verdict}"));
     let cells = if row.cells.len() == 1 { "1 cell".to_owned() } else { format!("{} cells", row.cells.len()) };
     format!("{cells}: {}", counts.collect::<Vec<_>>().join(", "))
 }
 
-/// Returns the verdict and the instant of a cell, and the time of each oracle of the plan, in words.
+/// Describes the verdict, the instant and the reaction times of a cell.
 pub(in crate::campaign) fn reaction(cell: &Cell, limits: &LimitsUs) -> String {
     let after = |word: &str, time: Option<u64>| match time {
         Some(us) => format!(", {word} after {}", milliseconds(us)),
