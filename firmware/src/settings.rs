@@ -18,7 +18,7 @@ const SERIAL: u8 = 8;
 pub struct Settings {
     /// The kind of device.
     pub kind: Kind,
-    /// Whether a device with a new memory has no node ID. A device on ISOBUS has an address in any case.
+    /// Whether a device with a new memory has no node ID. A device on ISOBUS always has an address.
     pub blank: bool,
     /// Whether the memory still holds the records of the previous device, which must be removed.
     pub fresh: bool,

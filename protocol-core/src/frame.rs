@@ -150,7 +150,7 @@ impl Frame {
         self.len == 0
     }
 
-    /// Returns the data bytes. A remote frame has none.
+    /// Returns the data bytes. A remote frame has no data bytes.
     #[inline]
     #[must_use]
     pub fn data(&self) -> &[u8] {

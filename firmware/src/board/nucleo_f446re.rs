@@ -72,8 +72,8 @@ const FLICKER: u32 = 0b010101010_101010101;
 const _: () = assert!(STEPS == 18);
 
 impl Leds {
-    /// Shows an LED state in a step of its pattern: green as it is, yellow as a short flash every two seconds, flashing
-    /// red as pairs of short flashes, red as a flicker.
+    /// Shows an LED state in a step of its pattern: green unchanged, yellow as a short flash every two seconds,
+    /// flashing red as pairs of short flashes, red as a flicker.
     pub(super) fn show(&mut self, led: Led, step: u8) {
         let on = match led.color {
             Color::Green => is_on(led, step),

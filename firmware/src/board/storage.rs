@@ -95,7 +95,7 @@ pub(super) async fn run(
     requests: Receiver<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Sender<'static, CriticalSectionRawMutex, Done, REQUESTS>,
 ) -> ! {
-    // A static, because it is too large for the stack.
+    // A static, because the contents are too large for the stack.
     static CONTENTS: ConstStaticCell<Contents> = ConstStaticCell::new(Contents::empty());
     let contents = CONTENTS.take();
     let mut memory = Memory { sectors, buffer: [0; BUFFER] };
@@ -120,7 +120,7 @@ struct Memory {
 }
 
 impl Memory {
-    /// Reads all contents after power-up. The records of a previous device are removed first.
+    /// Reads all contents after power-up, and removes the records of a previous device. Returns the settings.
     fn start(&mut self, contents: &mut Contents) -> Settings {
         let stored = self.read(contents);
         let mut settings = Settings::at_start(stored);

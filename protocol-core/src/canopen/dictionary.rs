@@ -60,7 +60,7 @@ pub enum DefaultValue {
     Product,
 }
 
-/// The value of an object in a new device, for its EDS.
+/// The value of an object in a new device, for an EDS.
 #[cfg(feature = "names")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Initial<'a> {
@@ -412,8 +412,8 @@ impl Entries {
     /// Finds an object.
     ///
     /// # Errors
-    /// Returns [`AbortCode::NO_OBJECT`] if no object has the index, and [`AbortCode::NO_SUB`] if none of its objects
-    /// has the sub-index.
+    /// Returns [`AbortCode::NO_OBJECT`] if no object has the index, and [`AbortCode::NO_SUB`] if the index has no such
+    /// sub-index.
     pub fn find(self, object: Multiplexer) -> Result<Place, AbortCode> {
         let least = key(object) << 8;
         let position = self.0.partition_point(|entry| entry.packed < least);

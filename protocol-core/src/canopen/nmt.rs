@@ -8,7 +8,7 @@ use crate::wire::nmt::{Command, State};
 pub(crate) struct Rules {
     /// The valid values of 0x1F80.
     pub(crate) startup: &'static [u32],
-    /// The value of 0x1F80 with which the node starts by itself after boot-up.
+    /// The value of 0x1F80 with which the node enters operational by itself after boot-up.
     pub(crate) starts_itself: Option<u32>,
 }
 

@@ -51,8 +51,8 @@ impl<'a> Stored<'a> {
     }
 }
 
-/// Removes the value of `entry` from the front of `rest` and decodes it. Returns `None` if `rest` is too short, or a
-/// text too long for its object.
+/// Removes the value of `entry` from the front of `rest` and decodes it. Returns `None` if `rest` is too short, or if a
+/// text is too long for its object.
 fn take<'a>(entry: &Entry, rest: &mut &'a [u8]) -> Option<Value<'a>> {
     let mut size = entry.size();
     if entry.is_text() {

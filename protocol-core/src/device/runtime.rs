@@ -134,7 +134,7 @@ struct PendingRestart {
     handed_out: bool,
     /// Whether the restart has caused the write of the fault log that is in progress.
     log_begun: bool,
-    /// Whether the write of the fault log before the restart has failed. It is not repeated.
+    /// Set once the write of the fault log before the restart has failed. The failed write is not repeated.
     log_failed: bool,
 }
 

@@ -134,7 +134,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         })
     }
 
-    /// Takes back a frame that the controller returned. It is encoded again.
+    /// Takes back a frame that the controller returned. The frame is encoded again.
     pub const fn take_back(&mut self) {
         if let Some(sending) = &mut self.sending {
             sending.in_controller = false;
@@ -222,8 +222,8 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
         }
     }
 
-    /// Handles the announcement of a message. It ends the previous message of its sender, even if the receiver ignores
-    /// the new message.
+    /// Handles the announcement of a message. The announcement ends the previous message of its sender, even if the
+    /// receiver ignores the new message.
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
         if id.destination() != Address::GLOBAL {
@@ -271,8 +271,8 @@ impl<const SIZE: usize> Receiving<SIZE> {
         since(now, self.heard) > MAX_GAP
     }
 
-    /// Appends a packet. Returns whether it completes the message. Returns `None` for an invalid packet, which ends the
-    /// message.
+    /// Appends a packet. Returns whether the packet completes the message. Returns `None` for an invalid packet, which
+    /// ends the message.
     fn take(&mut self, packet: Option<Packet>, now: Instant) -> Option<bool> {
         let packet = packet.filter(|packet| packet.sequence == self.sequence && !self.is_late(now))?;
         let payload = &mut self.message.payload;

@@ -97,7 +97,7 @@ pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) 
 }
 
 /// Decodes the lamp and the trouble codes of a single frame or a transport protocol payload. Returns `None` for a
-/// payload without room for a trouble code.
+/// payload that is too short for a trouble code.
 pub fn parse(payload: &[u8]) -> Option<(Lamp, impl Iterator<Item = (Dtc, u8)>)> {
     let &[lamp, _, ref troubles @ ..] = payload else { return None };
     let (troubles, _) = troubles.as_chunks::<TROUBLE_LEN>();

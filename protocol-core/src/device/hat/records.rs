@@ -14,7 +14,7 @@ const VENDOR: u32 = 0xDA;
 /// The revision number (A).
 const REVISION: u32 = 0x0001_0007;
 
-/// Returns the identity of a sensor. Without a `serial` it has the default serial number.
+/// Returns the identity of a sensor. Without a `serial`, the sensor has the default serial number.
 pub(in crate::device) fn identity(kind: Kind, serial: Option<u32>) -> Address {
     let serial = serial.unwrap_or(kind.default_serial());
     Address { vendor: VENDOR, product: kind.product_code(), revision: REVISION, serial }

@@ -90,7 +90,7 @@ impl AuxiliaryValve {
         if !changes.activated.is_empty() {
             self.shutdown = Some(Shutdown { faults: self.in_shutdown().union(changes.activated), neutral: 0 });
             self.apply(now);
-            // The shutdown can clear a fault that has just activated, but activates none.
+            // The shutdown can clear a fault that has just activated, but activates no other fault.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);

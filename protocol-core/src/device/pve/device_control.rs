@@ -100,7 +100,7 @@ impl DeviceControl {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
             self.shut_down(now);
-            // The shutdown can clear a fault that has just activated, but activates none.
+            // The shutdown can clear a fault that has just activated, but activates no other fault.
             let more = self.valve.take_changes();
             changes.activated = changes.activated.union(more.activated);
             changes.cleared = changes.cleared.union(more.cleared);

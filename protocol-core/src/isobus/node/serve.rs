@@ -157,7 +157,7 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Queues a message. An older message in the controller is aborted.
     ///
-    /// During bus-off only DM1 is queued. It is encoded after recovery, with the state of that time.
+    /// During bus-off only DM1 is queued. DM1 is then encoded after recovery, with the state at that time.
     pub(super) fn queue(&mut self, message: Message) {
         if self.bus_off && message != Message::Dm1 {
             return;
@@ -171,7 +171,7 @@ impl<const DM2: usize> Node<DM2> {
     fn abort(&mut self, message: Message) {
         if self.in_controller.contains(message) {
             self.in_controller.remove(message);
-            // There is room for each kind of message.
+            // Cannot fail, because there is room for each kind of message.
             let _ = self.aborts.push(Filter::exactly(self.key_of(message)));
         }
     }

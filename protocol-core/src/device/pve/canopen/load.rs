@@ -54,8 +54,8 @@ impl Load {
         Self { executed, ..Self::new() }
     }
 
-    /// Returns whether the defaults replace the stored parameters, because an executed "load" has not stored them yet
-    /// (A).
+    /// Returns whether the defaults replace the stored parameters, because an executed "load" has not stored the
+    /// defaults yet (A).
     pub(super) fn replaces_stored(&self) -> bool {
         self.executed == Executed::DefaultsUnstored
     }
