@@ -14,7 +14,7 @@ HEARTBEAT, SDO_ANSWER, EMCY = 0x700 + NODE_ID, 0x580 + NODE_ID, 0x080 + NODE_ID
 #: The vendor of the identity, and the same with another bit.
 VENDOR, ANOTHER = 0x01000019, 0x01000018
 #: How long python-canopen waits for an answer unless it is told otherwise, seconds.
-USUAL = canopen.sdo.client.SdoClient.RESPONSE_TIMEOUT
+USUAL = 0.3
 #: Longer than that even when virtual time passes as fast as the wall clock.
 LATE_MS = 2000
 

@@ -15,6 +15,7 @@ import time
 import traceback
 import urllib.parse
 
+import canopen
 from waiting import PATIENCE, equal
 
 #: A quarter of the speed of the wall clock: another thread of this process may come a second late, too.
@@ -77,5 +78,7 @@ if __name__ == "__main__":
     script = sys.argv[1]
     del sys.argv[0]
     sys.path.insert(0, str(pathlib.Path(script).resolve().parent))
+    # examples keep the patience of python-canopen, 0.3 s of the wall clock, which a busy machine exceeds
+    canopen.sdo.client.SdoClient.RESPONSE_TIMEOUT = PATIENCE
     with wound(os.environ["CLOCK"]):
         runpy.run_path(script, run_name="__main__")
