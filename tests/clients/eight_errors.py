@@ -50,7 +50,7 @@ def corruption(valve, control):
     with control.fault(corrupt="1A0", data={"toggle": "00 00 00 20"}, count=1):
         valve.expect_status(ACTIVE, 0x2000)
         equal("position", valve.node.tpdo[1][0x6301].raw, 0x2000)
-    return "takes a value with another bit, of an SDO answer and of a TPDO; raises an error for an answer of another object"
+    return "accepts a value with a changed bit, in an SDO answer and in a TPDO; raises an error for an answer about a different object"
 
 
 def repetition(valve, control):
@@ -72,7 +72,7 @@ def repetition(valve, control):
             valve.heard.expect(SDO_ANSWER, lambda data: True)
     # the copy waits where the next answer comes
     equal("status word", valve.node.sdo[0x6041].raw, ACTIVE)
-    return "calls back for each copy of a TPDO; drops the copy of an SDO answer with the next request"
+    return "calls back for each copy of a TPDO; drops the copy of an SDO answer at the next request"
 
 
 def sequence(valve, control):
@@ -87,7 +87,7 @@ def sequence(valve, control):
         valve.expect_status(HOLD)
     equal("status word of the TPDO", status(valve), HOLD)
     equal("status word", valve.node.sdo[0x6041].raw, ACTIVE)
-    return "keeps the older TPDO, which came last: HOLD of a valve that is ACTIVE"
+    return "keeps the older TPDO, which came last: HOLD, from a valve in ACTIVE"
 
 
 def loss(valve, control):
@@ -97,7 +97,7 @@ def loss(valve, control):
     with control.fault(lose="1A0"):
         equal("time of a TPDO", valve.node.tpdo[1].wait_for_reception(timeout=USUAL), None)
         equal("status word of the TPDO", status(valve), ACTIVE)
-    return f"an SDO request fails after {USUAL} s, without another attempt; without TPDOs the last one stays, as if it were new"
+    return f"an SDO request fails after {USUAL} s without a retry; without TPDOs, the last TPDO remains as if it were new"
 
 
 def delay(valve, control):
@@ -108,7 +108,7 @@ def delay(valve, control):
         valve.expect_status(HOLD)
         equal("status word of the first request", valve.node.sdo[0x6041].raw, ACTIVE)
     equal("status word", valve.node.sdo[0x6041].raw, HOLD)
-    return "the request fails; the late answer is taken for that of the next request: ACTIVE of a valve in HOLD"
+    return "the request fails; the late answer is taken for the answer to the next request: ACTIVE, from a valve in HOLD"
 
 
 def insertion(valve, control):
@@ -121,7 +121,7 @@ def insertion(valve, control):
     equal("NMT state", valve.node.nmt.state, "STOPPED")
     equal("EMCYs", valve.node.emcy.active, [])
     unanswered(valve, 0x6041)
-    return "learns from the heartbeat alone that a stranger has stopped the valve"
+    return "detects only by the heartbeat that a stranger has stopped the valve"
 
 
 def masquerade(valve, control):
@@ -138,7 +138,7 @@ def masquerade(valve, control):
     valve.heard.forget()
     control.power("boom", True)
     valve.expect_boot(valve.node)
-    return "takes the heartbeat of a stranger for that of a valve without power"
+    return "takes a stranger's heartbeat for the heartbeat of a valve without power"
 
 
 def addressing(valve, control):
@@ -153,7 +153,7 @@ def addressing(valve, control):
     equal("active EMCYs", [hex(emcy.code) for emcy in valve.node.emcy.active], ["0x8003"])
     equal("status word of arm", arm.tpdo[1][0x6041].raw, ACTIVE)
     valve.node.rpdo[1].stop()
-    return "does not notice; its EMCY consumer has the time guarding of the one valve, its TPDO the movement of the other"
+    return "does not notice; its EMCY consumer gets the time guarding of one valve, and its TPDO the movement of the other valve"
 
 
 ERRORS = {

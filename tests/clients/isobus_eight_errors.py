@@ -62,7 +62,7 @@ def corruption(tractor, ear, control):
         data = ear.expect(AVEF.frame_id, lambda data: AVEF.decode(data)["State"] == "retract").data
         take(tractor.received, lambda message: message == (AVEF_GROUP, VALVE, bytes(data)))
     equal("command", control.call("GET", "/devices/boom")["command"], "extend")
-    return "tells its subscriber the AVEF with other bits: retract of a valve that extends"
+    return "passes the AVEF with changed bits to its subscriber: retract, from a valve that extends"
 
 
 def repetition(tractor, ear, control):
@@ -74,7 +74,7 @@ def repetition(tractor, ear, control):
         first, copy, _ = (bytes(ear.expect(PACKET).data) for _ in range(3))
     equal("copy", copy, first)
     equal("DM2", told, (first[1:] + copy[1:])[:10])
-    return "takes the copy of a packet for the next one, and tells its subscriber a DM2 that the valve has not sent"
+    return "takes the copy of a packet for the next packet, and passes a DM2 to its subscriber that the valve has not sent"
 
 
 def sequence(tractor, ear, control):
@@ -85,7 +85,7 @@ def sequence(tractor, ear, control):
         told = tractor.expect(DM2)
         first, second = packets(ear)
     equal("DM2", told, (second + first)[:10])
-    return "does not look at the number of a packet, and tells its subscriber a DM2 whose parts are exchanged"
+    return "ignores the number of a packet, and passes a DM2 with exchanged parts to its subscriber"
 
 
 def loss(tractor, ear, control):
@@ -96,7 +96,7 @@ def loss(tractor, ear, control):
         equal("number of the packet that came", ear.expect(PACKET).data[0], 2)
     equal("messages", messages(tractor, DM2), [])
     whole(tractor, ear)
-    return "never tells of a message with a lost packet; the next request is answered"
+    return "never reports a message with a lost packet; the next request is answered"
 
 
 def delay(tractor, ear, control):
@@ -106,7 +106,7 @@ def delay(tractor, ear, control):
         packets(ear)
     equal("messages", messages(tractor, DM2), [])
     whole(tractor, ear)
-    return f"gives the transfer up after {USUAL_T1} s without a word; late packets are ignored"
+    return f"abandons the transfer after {USUAL_T1} s without an error; ignores late packets"
 
 
 @contextlib.contextmanager
@@ -130,7 +130,7 @@ def masquerade(tractor, ear, control):
         ear.expect_flow("extend", extend=50)
         for _ in range(2):
             ear.expect(AVEF.frame_id, stranger)
-    return "tells its subscriber the AVEFs of both, and nobody the address claim by which the valve protests"
+    return "passes the AVEFs of both senders to its subscriber, but reports the address claim of the valve to nobody"
 
 
 def addressing(tractor, ear, control):
@@ -140,7 +140,7 @@ def addressing(tractor, ear, control):
         ear.expect(ARM_AVEF, lambda data: data[2] & 0x0F == 1)
         code = tractor.expect(DM1)
         equal("DM1", code.hex()[:8], "04ffe98f")
-    return "does not notice; its subscriber gets the DM1 of the one valve and the AVEF of the other"
+    return "does not notice; its subscriber gets the DM1 of one valve and the AVEF of the other valve"
 
 
 def insertion(tractor, ear, control):
@@ -154,7 +154,7 @@ def insertion(tractor, ear, control):
         equal("error", str(error), "Could not send message unless address claiming has finished")
     else:
         raise AssertionError("an AVC was sent without an address")
-    return "gives its address up for a stranger's claim with a lower NAME; an error is raised for all that it is to send"
+    return "gives up its address after a stranger's claim with a lower NAME; raises an error for each later transmission"
 
 
 #: Insertion is the last one, because the tractor loses its address.

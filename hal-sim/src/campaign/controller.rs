@@ -1,4 +1,4 @@
-//! Controllers in Rust, either cloned with the simulation or started anew for each cell.
+//! Controllers in Rust, either cloned with the simulation or created for each cell.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

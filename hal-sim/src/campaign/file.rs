@@ -57,7 +57,7 @@ pub(super) struct PlanFile {
 enum FaultEntry {
     /// A ready set.
     Ready(ReadySet),
-    /// One fault, or one fault for each combination of the values in lists.
+    /// One fault. With lists as values, one fault for each combination of their items.
     Own(FaultTable),
 }
 

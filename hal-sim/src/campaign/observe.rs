@@ -22,8 +22,7 @@ pub(super) trait Spectator: Watch {
 impl Spectator for () {}
 
 /// Injects faults into a run that has reached the instant of the first fault, and observes the run until the verdict is
-/// decided. The oracles begin at the first instant; their limits count from the last one. An instant with no fault also
-/// counts.
+/// decided. The oracles begin at the first instant, and their limits count from the last instant, even without a fault.
 ///
 /// Returns the run, the observations, and the smallest [number of affected frames](Injection::struck) of all faults.
 pub(super) fn observe<'a, T: Subject>(

@@ -32,7 +32,7 @@ struct Injected {
     first: Instant,
     /// The instant of the last fault, from which the limits count.
     last: Instant,
-    /// The names of the communication faults. Frames with these senders are no proof.
+    /// The names of the communication faults. Frames from these senders are no proof.
     names: Vec<Arc<str>>,
 }
 

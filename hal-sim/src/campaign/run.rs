@@ -1,4 +1,4 @@
-//! Runs the cells of a campaign, row by row, as forks of one run, and refines each row around its changes.
+//! Runs the cells of each row as forks of one run, and refines the row around verdict changes and the worst cell.
 
 use protocol_core::time::{Duration, Instant};
 

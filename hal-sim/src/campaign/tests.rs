@@ -60,9 +60,9 @@ fn what_the_master_notices_is_safe_in_time() {
     let slow = CAREFUL.replace("{ on = \"0A0\", from_ms = 50,", "{ missing = \"1A0#0F..\", for_ms = 110,");
     assert!(verdicts(INTERNAL, &slow).iter().all(|verdict| matches!(verdict, Verdict::Late | Verdict::Safe)));
     assert!(verdicts(INTERNAL, &slow).contains(&Verdict::Late));
-    // Nobody notices that set-points are corrupted, and the valve follows them.
+    // Corrupted set-points are not detected, and the valve follows them.
     assert_eq!(verdicts("{ corrupt = \"220\", data = { toggle = \"000000 10\" } }", CAREFUL), [Verdict::Undetected; 6]);
-    // One lost set-point leaves the spool where it is.
+    // One lost set-point has no effect on the spool.
     assert_eq!(verdicts("{ lose = \"220\", count = 1 }", CAREFUL), [Verdict::NoEffect; 6]);
 }
 
@@ -83,7 +83,7 @@ fn a_fault_that_does_not_act_is_no_success() {
 
 #[test]
 fn a_state_that_holds_only_for_a_moment_is_not_safe() {
-    // The master moves the spool from one side to the other all the time: it passes neutral.
+    // The master moves the spool from side to side, so the spool passes neutral.
     let steps: String = (1..6)
         .map(|step| {
             format!("{{ at_ms = {}, send = \"220#0F00 00{}\", every_ms = 50 }},\n", step * 200, ["20", "E0"][step % 2])
@@ -156,7 +156,7 @@ fn a_change_of_the_verdict_is_found_to_one_millisecond() {
     let change = results.windows(2).find(|pair| pair[0].verdict != pair[1].verdict).expect("a change");
     assert_eq!(change[1].at_us - change[0].at_us, 1000, "{change:?}");
     assert!((348_000..=350_000).contains(&change[1].at_us), "{change:?}");
-    // Every millisecond of the worst interval, once: the first of those in which nobody listens.
+    // Every millisecond of the worst interval, once: the first interval without a listening master.
     let refined: Vec<u64> = results.iter().filter(|cell| cell.refined).map(|cell| cell.at_us).collect();
     let worst = (301_000..320_000).step_by(1000);
     assert!(worst.into_iter().all(|at| refined.iter().filter(|known| **known == at).count() == 1), "{refined:?}");
@@ -184,7 +184,7 @@ fn the_communication_errors_are_those_of_the_cyclic_identifiers() {
     let plan = plan("\"communication\"", GRID, CAREFUL);
     let campaign = campaign(&plan);
     let references: Vec<&str> = campaign.rows().iter().filter_map(Row::reference).collect();
-    // The set-point and its answer; boot-up, EMCY and NMT come at the start alone.
+    // The set-point and its answer; boot-up, EMCY and NMT frames occur only at the start.
     assert_eq!(references.len(), 16, "{references:?}");
     assert_eq!(references.iter().filter(|text| **text == "IEC 61784-3: loss").count(), 2);
     let first = campaign.rows()[0].fault();

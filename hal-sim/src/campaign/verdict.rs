@@ -11,7 +11,7 @@ pub enum Verdict {
     NoEffect,
     /// Detected and safe, both within their limits.
     Safe,
-    /// Detected and safe, at least one of them after its limit.
+    /// Detected and safe, but at least one limit is exceeded.
     Late,
     /// Safe within the limit, but not detected.
     SafeUndetected,

@@ -31,9 +31,9 @@ pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeli
         || keys.contains(&frame.key())
 }
 
-/// Returns whether an address claim belongs to a replayed device. Its NAME must be that of the simulated device, or
-/// that of the device's first claim in the log. If the log does not contain the first claim, any NAME of the same
-/// product is accepted at the device's address.
+/// Returns whether an address claim belongs to a replayed device. The claim must have the NAME of the simulated device,
+/// or of the device's first claim in the log. If the log does not contain the first claim, any NAME of the same product
+/// is accepted at the device's address.
 fn is_own_claim(frame: &Frame, nodes: &[Node], timeline: &Timeline) -> bool {
     let name_of = |frame: &Frame| frame.eight().map(|bytes| Name::from_bytes(*bytes));
     let Some(name) = name_of(frame) else { return false };

@@ -18,9 +18,9 @@
 //! A client sends the frames of other nodes so that they end at the logged times. Such a frame may lose an arbitration
 //! that it won in the log, and is then late by the length of one frame.
 //!
-//! A log frame may not be recognised as a frame of a replayed device, for example a PDO with another COB-ID. The client
-//! then sends this frame, and later the simulated device sends its identifier too. The next round repeats the replay
-//! with this identifier attributed to the devices.
+//! A log frame of a replayed device may remain unrecognised, for example a PDO with a changed COB-ID. The client then
+//! sends this frame, and later the simulated device sends the same identifier. The next round repeats the replay with
+//! this identifier attributed to the devices.
 
 mod attribution;
 mod fields;

@@ -1,8 +1,8 @@
 //! The position tolerance: a frame may hold any position that the simulated device passes within the time tolerance.
 //!
 //! The mapping or the message of a frame defines its position fields. A log frame matches the frame of the simulated
-//! device if all other bits are equal, and if there is one passed position for which all position fields have their
-//! logged values. A device at rest has a single position, so its frames must be equal.
+//! device if all other bits are equal, and if the logged values of all position fields belong to one passed position. A
+//! device at rest has a single position, so its frames must be equal.
 
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;

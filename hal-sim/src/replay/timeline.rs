@@ -35,7 +35,7 @@ pub(super) struct PowerUp {
     pub(super) at: Instant,
     /// The first frame of the simulated device; `None` for a blank device, which sends no frame without a request.
     pub(super) frame: Option<Frame>,
-    /// The first frame of the device in the log: equal to `frame`, or with the same identifier and other data.
+    /// The first frame of the device in the log: equal to `frame`, or with the same identifier and different data.
     pub(super) logged: Option<Frame>,
     /// The number of the log entry that contains `logged`.
     number: Option<u64>,
@@ -58,7 +58,7 @@ enum Search {
     /// the device's own claim follows, because then a contender sent this claim. `spoke` is true if the address has
     /// since sent a frame other than a claim.
     Perhaps { claim: FirstFrame, spoke: bool },
-    /// The first frame was sent before the log began, because the device has sent another frame.
+    /// The log begins after the first frame, because a later frame of the device has been found.
     Before,
 }
 

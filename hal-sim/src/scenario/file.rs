@@ -34,7 +34,7 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     #[schema(value_type = Option<BitsPerSecond>)]
     pub(super) bit_rate: Option<Spanned<u32>>,
-    /// Accepts devices with the same node ID, or the same address.
+    /// True to accept devices with the same node ID or address.
     #[serde(default)]
     pub(super) allow_clash: bool,
     /// True if the steps must expect every frame of the devices, in order. By default, unexpected frames are accepted.
@@ -91,7 +91,8 @@ impl DeviceEntry {
     }
 }
 
-/// A step: its start time, at most one action and at most one expectation. A step begins when the previous one ends.
+/// A step: a start time, at most one action and at most one expectation. By default, a step begins when the previous
+/// step ends.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Step)]
@@ -103,7 +104,7 @@ pub(super) struct StepTable {
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) at_ms: Option<u32>,
-    /// The delay of the step after the end of the previous one, in milliseconds.
+    /// The delay of the step after the end of the previous step, in milliseconds.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) after_ms: Option<u32>,

@@ -373,7 +373,7 @@ fn one_frame(text: &str) -> Result<Frame, String> {
     frame.ok_or_else(|| format!("send: '{text}' is not a single frame; give all digits, as in \"220#0F00 0020\""))
 }
 
-/// Returns the refusal to stop a cyclic frame that is not among the known ones.
+/// Returns the refusal to stop an unknown cyclic frame.
 fn no_cyclic(which: &str, known: &[Id]) -> String {
     let known = known.iter().map(|id| format!("\"{}\"", state::digits(*id))).chain(["\"all\"".to_owned()]);
     format!("stop: there is no cyclic frame {which}; accepted: {}", known.collect::<Vec<_>>().join(", "))

@@ -82,7 +82,7 @@ pub(super) fn hash(plan: &str, scenario: &str) -> String {
     format!("{:016x}", digest.finalize())
 }
 
-/// One of several equal parts of a campaign. Part K of N has the rows whose number modulo N is K − 1.
+/// A part of a campaign. Part K of N has the rows whose number modulo N is K − 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Shard {

@@ -204,7 +204,7 @@ impl Reader {
     pub(super) fn open(path: &Path) -> Result<Self, ResultsError> {
         let file = File::open(path).map_err(|error| ResultsError::new(path, error))?;
         let mut file = BufReader::new(file);
-        // A file of another kind may be one endless line.
+        // Any other file may be one endless line.
         let mut text = Vec::new();
         let first = io::Read::take(&mut file, 1 << 20).read_until(b'\n', &mut text);
         let read = first.map_err(|error| ResultsError::new(path, error))? as u64;

@@ -1,4 +1,4 @@
-//! Results files and reports, from made-up rows.
+//! Results files and reports of invented rows.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ fn manifest(rows: usize) -> Manifest {
     }
 }
 
-/// Returns a row of this many cells and one of the refinement, the last of which is late.
+/// Returns a row of this many grid cells and a last cell of the refinement, which is late.
 fn row(row: usize, cells: usize) -> Row {
     let cell = |place: usize| Cell {
         number: (place < cells).then_some((row * cells + place) as u64),

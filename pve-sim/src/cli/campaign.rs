@@ -40,7 +40,7 @@ pub(super) struct CampaignArgs {
     #[arg(long)]
     no_fork: bool,
 
-    /// Run one cell alone and print its explained trace: its number, or ROW@MICROSECONDS
+    /// Run one cell alone, given by its number or ROW@MICROSECONDS, and print its explained trace
     #[arg(long, value_name = "CELL", conflicts_with_all = ["jobs", "shard", "resume", "no_fork", "results", "html", "csv", "json", "junit"])]
     cell: Option<Which>,
 

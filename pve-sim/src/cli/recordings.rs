@@ -34,7 +34,7 @@ pub(super) struct ReplayArgs {
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: PathBuf,
 
-    /// A simulated device in place of one in the recording, as for run; repeatable
+    /// A simulated device that replaces a recorded device, as for run; repeatable
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", required = true)]
     device: Vec<DeviceSpec>,
 

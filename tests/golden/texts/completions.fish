@@ -95,7 +95,7 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -s h -l help -
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l seed -d 'Replace the seeds of the plan with one seed: 0–18446744073709551615' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l jobs -d 'Run N faults at once [default: the number of processors]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l shard -d 'Run part K of N; `pve-sim campaign merge` joins the results' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l cell -d 'Run one cell alone and print its explained trace: its number, or ROW@MICROSECONDS' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l cell -d 'Run one cell alone, given by its number or ROW@MICROSECONDS, and print its explained trace' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l results -d 'The results file, one JSON value per line [default: PLAN.results.jsonl, in the current folder]' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l html -d 'Write an HTML page with the matrix, reaction times and traces to FILE' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l csv -d 'Write the results to FILE as CSV, a line for each cell' -r -F
@@ -115,7 +115,7 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_see
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and __fish_seen_subcommand_from merge" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -l device -d 'A device on the bus, as for run; repeatable. Without this option, devices are recognised by their frames' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -s h -l help -d 'Print help'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l device -d 'A simulated device in place of one in the recording, as for run; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l device -d 'A simulated device that replaces a recorded device, as for run; repeatable' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l link -d 'Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l tolerance-ms -d 'The tolerance of frame times, in milliseconds; a position may differ by the movement in that time' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l from-boot-up -d 'Begin with the first boot-up or address claim of a device; earlier frames are ignored'

@@ -103,7 +103,7 @@ _arguments "${_arguments_options[@]}" : \
 '--seed=[Replace the seeds of the plan with one seed\: 0–18446744073709551615]:N:_default' \
 '--jobs=[Run N faults at once \[default\: the number of processors\]]:N:_default' \
 '--shard=[Run part K of N; \`pve-sim campaign merge\` joins the results]:K/N:_default' \
-'(--jobs --shard --resume --no-fork --results --html --csv --json --junit)--cell=[Run one cell alone and print its explained trace\: its number, or ROW@MICROSECONDS]:CELL:_default' \
+'(--jobs --shard --resume --no-fork --results --html --csv --json --junit)--cell=[Run one cell alone, given by its number or ROW@MICROSECONDS, and print its explained trace]:CELL:_default' \
 '--results=[The results file, one JSON value per line \[default\: PLAN.results.jsonl, in the current folder\]]:FILE:_files' \
 '--html=[Write an HTML page with the matrix, reaction times and traces to FILE]:FILE:_files' \
 '--csv=[Write the results to FILE as CSV, a line for each cell]:FILE:_files' \
@@ -152,7 +152,7 @@ _arguments "${_arguments_options[@]}" : \
 ;;
 (replay)
 _arguments "${_arguments_options[@]}" : \
-'*--device=[A simulated device in place of one in the recording, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
+'*--device=[A simulated device that replaces a recorded device, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
 '*--link=[Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
 '--tolerance-ms=[The tolerance of frame times, in milliseconds; a position may differ by the movement in that time]:N:_default' \
 '--from-boot-up[Begin with the first boot-up or address claim of a device; earlier frames are ignored]' \

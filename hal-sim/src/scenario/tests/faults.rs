@@ -103,7 +103,7 @@ fn a_fault_without_an_effect_fails() {
     );
 }
 
-/// Faults that are over leave their place to others; their names can still be ended.
+/// New faults may replace expired faults; the names of expired faults can still be ended.
 #[test]
 fn any_number_of_faults_one_after_the_other() {
     let faults = (0..70).map(|number| {
@@ -115,7 +115,7 @@ fn any_number_of_faults_one_after_the_other() {
     passes(&format!(r#"{}{{ end = "lose-345" }}"#, faults.collect::<String>()));
 }
 
-/// Added again at the instant of its end, an inserting fault goes on with its controller.
+/// An inserting fault that is added again at the instant of its end keeps its controller.
 #[test]
 fn an_inserting_fault_is_added_again() {
     passes(

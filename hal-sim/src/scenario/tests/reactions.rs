@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Runs the steps of one valve beside rules.
+/// Runs the steps of one valve with rules.
 fn outcome(reactions: &str, steps: &str) -> Outcome {
     let text = format!("devices = [\"pvea-canopen@0x20\"]\nreactions = [\n{reactions}\n]\nsteps = [\n{steps}\n]");
     Scenario::parse(&text).unwrap_or_else(|error| panic!("{error:?}")).run(1)
@@ -51,7 +51,7 @@ fn a_frame_that_stays_away_is_noticed() {
     let stop = rule.replace(r#"send = "000#0220""#, r#"stop = "220""#);
     let guarded = r#"{ expect = { faults = ["time-guarding"] }, within_ms = 600 }"#;
     passes(&stop, &format!("{}, {lost}, {guarded}", active()));
-    // It is not missing before it has come for the first time, or before the rule is live.
+    // A frame is not missing before its first arrival, or before `from_ms`.
     passes(rule, r#"{ never = { nmt = "stopped" } }, { at_ms = 2000 }"#);
     let late = rule.replace("for_ms", "from_ms = 1100, for_ms");
     passes(&late, &format!("{}, {lost}, {{ never = {{ nmt = \"stopped\" }} }}, {{ at_ms = 1500 }}", active()));
@@ -65,7 +65,7 @@ fn a_lost_frame_and_the_masters_own_are_not_heard() {
     assert!(!outcome(rule, &active()).is_success());
     let own = r#"{ on = "220", send = "000#0220" }"#;
     passes(own, &format!("{}, {never}", active()));
-    // A frame that a fault inserts is for the master a frame of a device.
+    // For the master, an inserted frame is a frame of a device.
     let inserted = r#"{ fault = { insert = "220#0F00 0000" }, expect = { nmt = "stopped" } }"#;
     passes(own, &format!("{}, {inserted}", active()));
 }
