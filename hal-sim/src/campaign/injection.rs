@@ -56,7 +56,7 @@ impl<'a> Injection<'a> {
         self.name.as_deref().map(Into::into)
     }
 
-    /// Returns the instant at which [`poll`](Self::poll) switches the power on; [`NEVER`] if power stays as it is.
+    /// Returns the instant at which [`poll`](Self::poll) must switch the power on; [`NEVER`] if no switch is pending.
     pub(super) const fn due(&self) -> Instant {
         self.power_on
     }

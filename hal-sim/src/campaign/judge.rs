@@ -83,7 +83,7 @@ impl Judge {
         self.due
     }
 
-    /// Returns the end of the observation, when the cell is decided at the latest.
+    /// Returns the end of the observation: the latest instant at which the cell is decided.
     #[must_use]
     pub fn end(&self) -> Instant {
         after(self.cell.at, self.campaign.plan().observe)

@@ -37,7 +37,7 @@ pub struct Limits {
 /// The observations of a cell. Times count from the fault; `None` if the oracle was not met within the observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observed {
-    /// True if the fault changed a plant, the power or a frame.
+    /// True if the fault acted on a device or a frame.
     pub was_injected: bool,
     /// True if the controller was alive at the end of the cell.
     pub is_alive: bool,

@@ -24,7 +24,7 @@ pub(super) struct CampaignArgs {
     #[arg(long, value_name = "N", value_parser = seed)]
     seed: Option<u64>,
 
-    /// Run N faults at once [default: the number of processors]
+    /// Run N rows at once [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
 

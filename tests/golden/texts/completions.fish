@@ -93,7 +93,7 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l verbose -d 
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l schema -d 'Print the format of a scenario as a JSON schema, for editors'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l seed -d 'Replace the seeds of the plan with one seed: 0–18446744073709551615' -r
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l jobs -d 'Run N faults at once [default: the number of processors]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l jobs -d 'Run N rows at once [default: the number of processors]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l shard -d 'Run part K of N; `pve-sim campaign merge` joins the results' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l cell -d 'Run one cell alone, given by its number or ROW@MICROSECONDS, and print its explained trace' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l results -d 'The results file, one JSON value per line [default: PLAN.results.jsonl, in the current folder]' -r -F

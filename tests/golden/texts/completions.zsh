@@ -101,7 +101,7 @@ _arguments "${_arguments_options[@]}" : \
 (campaign)
 _arguments "${_arguments_options[@]}" : \
 '--seed=[Replace the seeds of the plan with one seed\: 0–18446744073709551615]:N:_default' \
-'--jobs=[Run N faults at once \[default\: the number of processors\]]:N:_default' \
+'--jobs=[Run N rows at once \[default\: the number of processors\]]:N:_default' \
 '--shard=[Run part K of N; \`pve-sim campaign merge\` joins the results]:K/N:_default' \
 '(--jobs --shard --resume --no-fork --results --html --csv --json --junit)--cell=[Run one cell alone, given by its number or ROW@MICROSECONDS, and print its explained trace]:CELL:_default' \
 '--results=[The results file, one JSON value per line \[default\: PLAN.results.jsonl, in the current folder\]]:FILE:_files' \
