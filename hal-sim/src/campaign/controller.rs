@@ -38,12 +38,14 @@ pub struct Controlled<C> {
     controller: Option<C>,
     /// The instant of the next call without a frame.
     next: Instant,
+    /// The number of received frames that the last call left. They cause no further call.
+    left: usize,
 }
 
 impl<C: Controller> Controlled<C> {
     fn new(mut simulation: Simulation, controller: C) -> Self {
         let client = simulation.world_mut().client(CONTROLLER);
-        Self { next: simulation.now(), simulation, client, controller: Some(controller) }
+        Self { next: simulation.now(), simulation, client, controller: Some(controller), left: 0 }
     }
 
     /// Calls the controller, and lets its frames take part in the arbitration.
@@ -54,6 +56,7 @@ impl<C: Controller> Controlled<C> {
             Ok(next) => self.next = next.max(after(now, Duration::from_ticks(1))),
             Err(_) => (self.controller, self.next) = (None, NEVER),
         }
+        self.left = self.client.received();
         self.simulation.world_mut().run_until(now);
     }
 }
@@ -69,7 +72,7 @@ impl<C: Controller> Target for Controlled<C> {
 
     fn go(&mut self, end: Instant) -> bool {
         let has_arrived = self.simulation.go(end.min(self.next));
-        if self.controller.is_none() || (self.simulation.now() < self.next && !self.client.has_received()) {
+        if self.controller.is_none() || (self.simulation.now() < self.next && self.client.received() <= self.left) {
             return has_arrived;
         }
         self.poll();
@@ -93,7 +96,7 @@ impl<C: Controller + Clone, F: Fn() -> C> Master for Cloned<F> {
     fn fork(&self, target: &Controlled<C>) -> Option<Controlled<C>> {
         let mut simulation = target.simulation.clone();
         let client = simulation.world_mut().take_client(CONTROLLER)?;
-        Some(Controlled { simulation, client, controller: target.controller.clone(), next: target.next })
+        Some(Controlled { simulation, client, controller: target.controller.clone(), ..*target })
     }
 }
 

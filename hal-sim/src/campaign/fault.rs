@@ -63,6 +63,15 @@ pub(super) fn count(entry: &Table) -> u64 {
     entry.iter().map(of).fold(1, u64::saturating_mul)
 }
 
+/// Returns a key whose list is empty and stands for no value.
+pub(super) fn without_value(entry: &Table) -> Option<&str> {
+    entry.iter().find_map(|(key, value)| match value {
+        Value::Table(table) => without_value(table),
+        Value::Array(items) if items.is_empty() && !is_one_value(key, items) => Some(key),
+        _ => None,
+    })
+}
+
 /// Returns one table for each combination of an entry's values. The last key varies fastest.
 pub(super) fn combinations(entry: &Table) -> Vec<Table> {
     let mut all = vec![Table::new()];
@@ -122,6 +131,9 @@ const ERRORS: [(&str, &str); 8] = [
     ("masquerade", "masquerade = \"ID#DATA\"\nevery_ms = 20"),
     ("addressing", "corrupt = \"ID\"\nidentifier = { toggle = \"1\" }"),
 ];
+
+/// The number of communication errors on the identifier of a frame without data.
+pub(super) const LEAST_ERRORS: u64 = ERRORS.len() as u64 - 1;
 
 /// The bit of the last data byte that a communication error changes.
 const CHANGED_BIT: u8 = 0x40;

@@ -13,6 +13,7 @@ use super::rig::Rig;
 use crate::scenario::Target as _;
 use crate::scenario::runner::Watch;
 use crate::simulation::{Happened, Simulation};
+use crate::state::digits;
 use crate::world::NodeId;
 
 /// The largest difference between two positions that count as equal: 2 % of the stroke of a valve, or of
@@ -107,15 +108,22 @@ impl Golden {
                 rig.pass(from, &mut frames);
                 rig.oracles.begin(None, rig.target.simulation());
             }
-            rig.pass(now, &mut frames);
-            rig.oracles.look(rig.target.simulation());
+            loop {
+                // As in a cell, a position between two samples counts.
+                let at = if rig.oracles.have_begun() { rig.oracles.due(rig.target.simulation(), now) } else { now };
+                rig.pass(at, &mut frames);
+                rig.oracles.look(rig.target.simulation());
+                if at >= now || rig.oracles.detected().is_some() {
+                    break;
+                }
+            }
             samples.extend(devices.iter().map(|node| Sample::of(rig.target.simulation().world().peek(*node).as_ref())));
             if let Some(detected) = rig.oracles.detected() {
                 return Err(CampaignError::Detected { seed, at_us: after(from, detected).as_micros() });
             }
             now = next_sample(now);
         }
-        let is_alive = rig.target.is_alive();
+        let (is_alive, unknown) = (rig.target.is_alive(), rig.oracles.unknown());
         let outcome = rig.finish();
         if !is_alive {
             return Err(CampaignError::Hung { seed });
@@ -123,6 +131,10 @@ impl Golden {
         if !outcome.is_success() {
             let failures = outcome.failures(plan.scenario());
             return Err(CampaignError::Fails { seed, failures: failures.trim_end().to_owned() });
+        }
+        if let Some(id) = unknown {
+            let reason = format!("detected: no frame {} comes without a fault, so its end proves nothing", digits(id));
+            return Err(CampaignError::Plan(reason));
         }
         let (instants, identifiers) = frames.finish(plan, end);
         if instants.is_empty() {

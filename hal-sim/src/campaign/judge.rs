@@ -130,7 +130,7 @@ impl Judge {
                 is_alive: true,
                 had_effect: self.oracles.has_effect(),
                 detected: self.oracles.detected(),
-                safe: self.oracles.safe(),
+                safe: self.oracles.safe(now),
             };
             self.due = NEVER;
             self.result = Some(self.campaign.result(self.cell, row, golden, &observed, struck));

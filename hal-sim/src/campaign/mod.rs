@@ -31,6 +31,8 @@ mod run;
 mod verdict;
 
 #[cfg(test)]
+mod oracle_tests;
+#[cfg(test)]
 mod plan_tests;
 #[cfg(test)]
 mod tests;

@@ -53,7 +53,7 @@ pub(super) fn observe<'a, T: Subject>(
                 is_alive: rig.target.is_alive(),
                 had_effect: rig.oracles.has_effect(),
                 detected: rig.oracles.detected(),
-                safe: rig.oracles.safe(),
+                safe: rig.oracles.safe(now),
             };
             let struck = struck(simulation);
             return (rig, observed, struck);

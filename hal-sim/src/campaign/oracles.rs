@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use protocol_core::device::View;
-use protocol_core::frame::Id;
+use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::oracle::{Proof, SafeState};
 use super::plan::Plan;
 use crate::Kind;
+use crate::bus::{EventKind, FaultEffect};
 use crate::scenario::runner::Watch;
 use crate::scenario::step::Wanted;
 use crate::simulation::{Happened, Simulation};
@@ -34,6 +35,16 @@ struct Injected {
     last: Instant,
     /// The names of the communication faults. Frames from these senders are no proof.
     names: Vec<Arc<str>>,
+    /// The corrupted frames that have not been on the bus yet. They prove nothing, either.
+    corrupted: Vec<Frame>,
+}
+
+impl Injected {
+    /// Returns whether a frame comes from a communication fault, and not from its sender.
+    fn is_made(&mut self, who: &Arc<str>, frame: &Frame) -> bool {
+        let place = self.corrupted.iter().position(|corrupted| corrupted == frame);
+        place.map(|place| self.corrupted.swap_remove(place)).is_some() || self.names.contains(who)
+    }
 }
 
 #[derive(Clone)]
@@ -134,7 +145,12 @@ impl<'a> Oracles<'a> {
     /// `name` is the name of a communication fault.
     pub(super) fn begin(&mut self, name: Option<Arc<str>>, simulation: &Simulation) {
         let now = simulation.now();
-        let fault = self.fault.get_or_insert_with(|| Injected { first: now, last: now, names: Vec::new() });
+        let fault = self.fault.get_or_insert_with(|| Injected {
+            first: now,
+            last: now,
+            names: Vec::new(),
+            corrupted: Vec::new(),
+        });
         fault.last = now;
         fault.names.extend(name);
         self.look(simulation);
@@ -192,6 +208,14 @@ impl<'a> Oracles<'a> {
         }
     }
 
+    /// Returns the identifier of [`Proof::Stops`] if no such frame has come yet.
+    pub(super) const fn unknown(&self) -> Option<Id> {
+        match &self.proof {
+            Some(Seeker::Stops(id, _, None)) => Some(*id),
+            _ => None,
+        }
+    }
+
     /// Returns whether detection and safe state are decided.
     pub(super) fn are_decided(&self) -> bool {
         (self.proof.is_none() || self.detected.is_some())
@@ -204,22 +228,21 @@ impl<'a> Oracles<'a> {
         self.detected.map(|at| since(at, fault.last))
     }
 
-    /// Returns the time from the last fault to the safe state, if any; 0 for an earlier state. Valid at the end of the
-    /// observation.
-    pub(super) fn safe(&self) -> Option<Duration> {
+    /// Returns the time from the last fault to the safe state, if any; 0 for an earlier state. `end` is the end of
+    /// the observation. A state that has held for long enough by then needs no effect of the fault.
+    pub(super) fn safe(&self, end: Instant) -> Option<Duration> {
         let (fault, safety) = (self.fault.as_ref()?, self.safe.as_ref()?);
         let begin = match safety.span {
             None => safety.since,
-            Some(_) => safety.proved,
+            Some(span) => safety.proved.or(safety.since.filter(|since| end >= after(*since, span))),
         };
         begin.map(|begin| since(begin, fault.last))
     }
 }
 
-impl Watch for Oracles<'_> {
-    fn event(&mut self, happened: &Happened) {
-        let Some(frame) = happened.event.frame() else { return };
-        let at = happened.event.at;
+impl Oracles<'_> {
+    /// Observes a frame of a sender.
+    fn sent(&mut self, frame: &Frame, at: Instant) {
         match (&mut self.proof, &self.fault) {
             (Some(Seeker::Stops(id, span, last)), fault) if frame.id() == *id => {
                 if let (Some(fault), Some(last), None) = (fault, *last, self.detected)
@@ -229,11 +252,40 @@ impl Watch for Oracles<'_> {
                 }
                 *last = Some(at);
             }
-            (Some(Seeker::Frames(patterns, came)), Some(fault)) if self.detected.is_none() => {
-                let is_of_fault = fault.names.contains(&happened.event.who);
-                if at > fault.first && !is_of_fault && patterns.get(*came).is_some_and(|wanted| wanted.matches(frame)) {
-                    *came += 1;
-                    self.detected = (*came == patterns.len()).then_some(at);
+            (Some(Seeker::Frames(patterns, came)), Some(fault))
+                if self.detected.is_none()
+                    && at > fault.first
+                    && patterns.get(*came).is_some_and(|wanted| wanted.matches(frame)) =>
+            {
+                *came += 1;
+                self.detected = (*came == patterns.len()).then_some(at);
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Watch for Oracles<'_> {
+    fn event(&mut self, happened: &Happened) {
+        let (at, who) = (happened.event.at, &happened.event.who);
+        match &happened.event.what {
+            EventKind::Frame { frame, .. } => {
+                let is_made = self.fault.as_mut().is_some_and(|fault| fault.is_made(who, frame));
+                if !is_made {
+                    self.sent(frame, at);
+                }
+            }
+            // The sender has sent this frame, even if the fault keeps it from the bus.
+            EventKind::Fault { fault: name, frame, effect } => {
+                let Some(fault) = self.fault.as_mut().filter(|fault| fault.names.contains(name)) else { return };
+                if let FaultEffect::Corrupted(corrupted) = effect {
+                    fault.corrupted.push(*corrupted);
+                }
+                if *effect != FaultEffect::Inserted
+                    && let Some(Seeker::Stops(id, ..)) = &self.proof
+                    && frame.id() == *id
+                {
+                    self.sent(frame, at);
                 }
             }
             _ => {}

@@ -86,6 +86,11 @@ impl Plan {
         if seeds.is_empty() {
             return Err(at("seeds")("empty list; give at least one seed, as in [1]".to_owned()));
         }
+        if let Some(seed) =
+            seeds.iter().enumerate().find_map(|(place, seed)| seeds[..place].contains(seed).then_some(seed))
+        {
+            return Err(at("seeds")(format!("{seed} is given twice; each run needs a seed of its own")));
+        }
         if controller.as_ref().is_some_and(Vec::is_empty) {
             let reason = "empty list; give a program and its arguments, as in [\"python3\", \"ctl.py\", \"{bus}\"]";
             return Err(at("controller")(reason.to_owned()));
@@ -203,15 +208,27 @@ fn entries(faults: Vec<Value>, scenario: &Scenario, cells: u64) -> Result<Vec<En
     let mut entries = Vec::new();
     for (place, entry) in faults.into_iter().enumerate() {
         let refuse = |reason: String| (vec![Place::Key("faults".to_owned()), Place::Item(place)], reason);
+        let mut add = |faults: u64| {
+            total = total.saturating_add(faults.saturating_mul(cells));
+            refuse_more(total).map_err(refuse)
+        };
         let tables: Vec<Table> = match entry {
             Value::Table(entry) => {
-                total = total.saturating_add(fault::count(&entry).saturating_mul(cells));
-                refuse_more(total).map_err(refuse)?;
+                if let Some(key) = fault::without_value(&entry) {
+                    return Err(refuse(format!("{key}: empty list; give at least one value")));
+                }
+                add(fault::count(&entry))?;
                 fault::combinations(&entry)
             }
             word => match table::<Word>([("word".to_owned(), word)].into_iter().collect()).map_err(refuse)?.word {
-                ReadySet::AllOfPve => fault::all_of_pve(scenario.devices()).map_err(refuse)?,
+                ReadySet::AllOfPve => {
+                    let tables = fault::all_of_pve(scenario.devices()).map_err(refuse)?;
+                    add(tables.len() as u64)?;
+                    tables
+                }
                 ReadySet::Communication => {
+                    // At least one identifier.
+                    add(fault::LEAST_ERRORS)?;
                     entries.push(Entry::Communication);
                     continue;
                 }

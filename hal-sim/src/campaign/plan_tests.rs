@@ -74,6 +74,8 @@ fn a_mistake_is_named_with_its_line_and_the_accepted_values() {
         ("{ power = { on = true }, device = \"valve\", for_ms = 5 }", "for_ms is only valid with { on = false }"),
         ("{ reference = \"nothing\" }", "a fault needs exactly one of plant, power, lose"),
         ("\"all-of-pv\"", "did you mean 'all-of-pve'?"),
+        ("{ lose = \"220\", count = [] }", "count: empty list; give at least one value"),
+        ("{ plant = { supply_mv = [] }, device = \"valve\" }", "supply_mv: empty list; give at least one value"),
     ] {
         let (line, reason) = in_fault(fault);
         assert!(line == 5 && reason.contains(wanted), "{fault}: {line}: {reason}");
@@ -81,6 +83,7 @@ fn a_mistake_is_named_with_its_line_and_the_accepted_values() {
     for (rest, line, wanted) in [
         ("faults = []", 4, "empty list"),
         ("faults = [\"all-of-pve\"]\nseeds = []", 5, "seeds: empty list"),
+        ("faults = [\"all-of-pve\"]\nseeds = [1, 2, 1]", 5, "seeds: 1 is given twice"),
         ("faults = [\"all-of-pve\"]\nseed = 1", 5, "did you mean 'seeds'?"),
         ("faults = [\"all-of-pve\"]\nobserve_ms = 99", 5, "observe_ms of at least 100"),
         (
@@ -134,6 +137,13 @@ fn more_than_ten_million_cells_are_refused() {
     let (line, reason) = refusal(&steps(1));
     assert_eq!(line, 6);
     assert!(reason.contains("20000000 cells") && reason.contains("more than 10000000"), "{reason}");
+    for (set, cells) in [("all-of-pve", 13_000_000), ("communication", 14_000_000)] {
+        let to_ms = cells / if set == "communication" { 7 } else { 13 } - 1;
+        let (line, reason) = refusal(&format!(
+            "scenario = \"drive.toml\"\ninstants = {{ from_ms = 0, to_ms = {to_ms}, step_ms = 1 }}\n{SAFE}faults = [\"{set}\"]"
+        ));
+        assert!(line == 4 && reason.contains(&format!("{cells} cells")), "{line}: {reason}");
+    }
 }
 
 /// The published copy is the schema of this version: `RENEW_SCHEMA=1` writes it.

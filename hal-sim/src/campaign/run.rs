@@ -140,6 +140,14 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some(Cell { row: place, at })
     }
 
+    /// Returns the cell of a row at an instant; `None` for an unknown row, and for an instant before the first or after
+    /// the last of the grid.
+    #[must_use]
+    pub fn at(&self, row: usize, at: Instant) -> Option<Cell> {
+        let instants = &self.goldens.get(self.rows.get(row)?.golden)?.instants;
+        (*instants.first()?..=*instants.last()?).contains(&at).then_some(Cell { row, at })
+    }
+
     /// Runs a row and passes each result to `each`: the grid cells in order, the cells that locate each change of the
     /// verdict to 1 ms, and at last the worst interval in steps of 1 ms. An unknown row has no cells.
     pub fn row(&self, row: usize, each: &mut dyn FnMut(CellResult)) {

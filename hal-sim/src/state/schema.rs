@@ -367,6 +367,7 @@ impl<'a> Checker<'a> {
                 (Some(min), None, Some(max)) => format!("a whole number from {min} to {max}"),
                 _ => "a whole number".to_owned(),
             },
+            "number" if schema["minimum"].is_null() => "a number".to_owned(),
             "number" => format!("a number from {} to {}", schema["minimum"], schema["maximum"]),
             "boolean" => "true or false".to_owned(),
             "string" => match schema["examples"][0].as_str() {

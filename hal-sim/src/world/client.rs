@@ -32,10 +32,10 @@ impl embedded_can::Error for WorldGone {
 }
 
 impl Client {
-    /// Returns whether a received frame waits.
+    /// Returns the number of received frames that wait.
     #[must_use]
-    pub fn has_received(&self) -> bool {
-        !lock(&self.0).received.is_empty()
+    pub fn received(&self) -> usize {
+        lock(&self.0).received.len()
     }
 }
 

@@ -197,7 +197,8 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         self.end_faults(&left);
         self.target.simulation_mut().rates_mut().find_all();
         self.fail_unheard();
-        self.run.next = Next::Over;
+        // A strict scenario claims no frames after its end.
+        (self.run.claims, self.run.next) = (None, Next::Over);
     }
 
     /// Fails the scenario before the first step if a step expects a state that the target cannot read. Returns whether
