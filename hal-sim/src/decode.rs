@@ -35,8 +35,8 @@ pub enum DecodeError {
     Write(#[from] io::Error),
 }
 
-/// Explains a recording line by line to `out`, and passes a message about each unreadable line to `warn`. Returns
-/// whether every line was readable. If `out` is a closed pipe, decoding ends early without an error.
+/// Writes each line of a recording with its explanation to `out`, and passes a message about each unreadable line to
+/// `warn`. Returns whether every line was readable. If `out` is a closed pipe, decoding ends early without an error.
 ///
 /// # Errors
 /// [`DecodeError`] if the recording cannot be read or `out` cannot be written.
@@ -85,7 +85,7 @@ fn explain(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMut(&
                 writeln!(out, "{line}  {meaning}")?;
             }
             Some(Err(error @ ReadError::NoEntry { .. })) => {
-                // Prints the message after the earlier lines if both outputs share a terminal.
+                // Keeps the order of lines and messages if both outputs share a terminal.
                 out.flush()?;
                 warn(&format!("{}:{error}", options.file.display()));
             }

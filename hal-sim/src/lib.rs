@@ -4,13 +4,13 @@
 //!
 //! [`bus`] and [`memory`] form the lowest layer, the simulated hardware: CAN controllers on one bus, and a flash with
 //! its record store. [`world`] runs devices on this hardware event by event, each with its controller and its plant.
-//! [`devices`] configures the devices. [`log`] records the frames on a bus, and [`explain`] explains them.
+//! [`devices`] configures the devices. [`log`] defines the records of frames, and [`explain`] explains frames.
 //!
 //! ```text
 //! world/    devices, bus and plant in virtual time, event by event
-//! devices/  device specifications from a command line, links between devices, and communication checks
+//! devices/  devices and links in text form, and a check of the devices' bit rates
 //! explain/  explanations of frames
-//! log/      frames and error frames with timestamps, in the formats of other tools
+//! log/      frames and error frames with timestamps, and the line formats of `candump`
 //! memory/   a NOR flash in RAM, the record store on it, and its backing file
 //! bus/      a CAN bus and its ports: frame lengths, arbitration, acknowledgement, error confinement
 //! text      escaping of user input in messages
@@ -26,7 +26,7 @@
 //!             decode       explains a recording
 //!             replay/      compares a recording of a device with its simulation
 //! describe    describe/    product descriptions for other tools: EDS and DBC
-//! state       state/       the state of a device and its plant as data, and conditions on both
+//! state       state/       the state of a device and its plant as data, and conditions on the state
 //! trace       trace/       human-readable lines for bus events
 //! ```
 //!
@@ -56,9 +56,9 @@
 //! }
 //! assert_eq!(world.view(valve).unwrap().position, 0x2000);
 //! ```
-//! [`World::set_plant`] sets faults of the valve, [`World::fault`] faults of the communication. [`World::disturb`] and
-//! [`World::force_bus_off`] disturb the bus, [`World::power`] switches the supply, and [`World::link`] mounts an angle
-//! sensor on the boom that the valve moves.
+//! [`World::set_plant`] changes the plant of a device, and [`World::fault`] adds a communication fault.
+//! [`World::disturb`] destroys frames, [`World::force_bus_off`] forces a controller bus-off, and [`World::power`]
+//! switches a device on or off. [`World::link`] mounts an angle sensor on the boom that the valve moves.
 #![forbid(unsafe_code)]
 
 pub mod bus;

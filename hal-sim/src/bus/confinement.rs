@@ -59,8 +59,8 @@ impl Confinement {
         self.settle();
     }
 
-    /// Raises the transmit error counter after a missing acknowledgement, unless the controller is error-passive: a
-    /// lone node never goes bus-off.
+    /// Raises the transmit error counter after a missing acknowledgement, unless the controller is error-passive. A
+    /// lone node therefore never goes bus-off.
     pub(super) fn no_acknowledgement(&mut self) {
         if self.mode == BusErrorMode::ErrorActive {
             self.transmit_error();
@@ -68,7 +68,7 @@ impl Confinement {
     }
 
     /// Raises the receive error counter after an error in another controller's frame: by 1, or by 9 if this controller
-    /// sent the `first` error flag, because it then detects a dominant bit after its own flag.
+    /// sent the `first` error flag, because this controller then detects a dominant bit after its flag.
     pub(super) fn receive_error(&mut self, first: bool) {
         self.receive = (self.receive + if first { 1 + 8 } else { 1 }).min(RECEIVE_LIMIT);
         self.settle();

@@ -15,8 +15,8 @@ pub(super) enum Contends {
     Ready(u32),
 }
 
-/// The rank of a port: the arbitration key, then the port number, in one number that is compared in one step. The
-/// lowest rank wins the arbitration.
+/// The rank of a port: the arbitration key and the port number, combined for a comparison in one step. The lowest rank
+/// wins the arbitration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rank(u64);
 
@@ -50,7 +50,7 @@ impl Contenders {
             Contends::Waiting => self.waiting.retain(|other| *other != id),
             Contends::Ready(key) => {
                 let rank = Rank::of(key, id);
-                // The port is usually the last sender.
+                // The port has usually just sent, as the last entry.
                 if self.ready.last() == Some(&rank) {
                     self.ready.pop();
                 } else {

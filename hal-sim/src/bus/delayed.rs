@@ -33,8 +33,8 @@ impl Delayed {
         Self { handed, wait, is_next: false }
     }
 
-    /// Returns whether a fault delays the frame, which the application therefore considers sent. All other frames are
-    /// slow answers, or wait for a free mailbox.
+    /// Returns whether a fault delays the frame. The application considers such a frame sent. All other frames are slow
+    /// answers, or wait for a free mailbox.
     fn is_sent(&self) -> bool {
         !self.handed.is_own && self.wait != Wait::Room
     }
@@ -52,7 +52,7 @@ enum Wait {
     Until(Instant),
     /// A free mailbox in the controller.
     Room,
-    /// The sender's next frame, but at the latest this time. The fault swaps the two frames.
+    /// The sender's next frame, or this time at the latest. The fault swaps the two frames.
     Next(Instant, FaultId),
     /// The transmission of the frame with which this frame was swapped.
     Sent,
@@ -84,7 +84,7 @@ impl DelayedFrames {
         self.0.iter().all(|delayed| delayed.handed.is_copy || delayed.is_sent())
     }
 
-    /// Takes the frames that a fault delays, without the application's own.
+    /// Takes the frames that a fault delays, and drops all other frames.
     pub(super) fn take_away(&mut self) -> Self {
         Self(std::mem::take(&mut self.0).into_iter().filter(Delayed::is_sent).collect())
     }
@@ -94,7 +94,7 @@ impl DelayedFrames {
     }
 
     /// Drops the frames that pass `which` and wait for a free mailbox, because the application expects them to be in a
-    /// mailbox. Frames that a fault still delays are dropped only by [`Filter::ALL`].
+    /// mailbox. All other delayed frames are dropped only by [`Filter::ALL`].
     pub(super) fn abort(&mut self, which: Filter) {
         let is_all = which == Filter::ALL;
         self.0.retain(|delayed| !which.passes(&delayed.handed.frame) || !(is_all || delayed.wait == Wait::Room));
@@ -109,7 +109,7 @@ impl DelayedFrames {
         })
     }
 
-    /// Delays a frame. The handover is not earlier than that of delayed frames with the same identifier, unless those
+    /// Delays a frame. Its handover follows the handover of earlier frames with the same identifier, unless these
     /// frames may be overtaken.
     pub(super) fn add(&mut self, handed: Handed, now: Instant) {
         if handed.is_copy && self.0.len() >= MAX_COPIES {
@@ -132,7 +132,7 @@ impl DelayedFrames {
         self.0.push(Delayed::new(Handed::at_once(frame), Wait::Room));
     }
 
-    /// Returns the index of the frame to be swapped with the sender's next frame, and the fault that swaps.
+    /// Returns the index of the frame to be swapped with the sender's next frame, and the fault that swaps the frames.
     pub(super) fn swapped(&self) -> Option<(usize, FaultId)> {
         self.0.iter().enumerate().find_map(|(place, delayed)| match delayed.wait {
             Wait::Next(_, fault) => Some((place, fault)),

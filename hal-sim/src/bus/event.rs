@@ -12,7 +12,7 @@ use super::fault::FaultEffect;
 /// An event on the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// The time of the event: the end of a frame or error frame, or the time of a change.
+    /// The time of the event; for a frame or error frame, its end.
     pub at: Instant,
     /// The name of the sender of the frame, or of the device, client or controller that changed its mode or dropped
     /// frames.

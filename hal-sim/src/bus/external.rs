@@ -1,8 +1,8 @@
 //! Ports with an external controller, such as the emulated controller of a firmware image.
 //!
 //! The bus simulates the wire and reports the events that a controller would detect. The external controller owns the
-//! mailboxes, the filters, the error counters that software reads, and the decision to recover from bus-off. It offers
-//! only its most urgent frame to the bus, and renews the offer after each event.
+//! mailboxes, the filters, the error counters that software reads, and the decision to recover from bus-off. The
+//! controller offers only its most urgent frame to the bus, and renews the offer after each event.
 
 use std::collections::vec_deque::Drain;
 use std::sync::Arc;
@@ -53,8 +53,8 @@ impl Bus {
         }
     }
 
-    /// Sets the frame that a controller offers for the next arbitration. No effect while a frame of the controller is
-    /// on the wire. A listen-only controller offers no frame.
+    /// Sets the frame that a controller offers for the next arbitration. The call has no effect while a frame of the
+    /// controller is on the wire. A listen-only controller offers no frame.
     pub(crate) fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();
@@ -62,7 +62,7 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Starts the recovery of a bus-off controller, which counts sequences of 11 recessive bits from now on.
+    /// Starts the recovery of a bus-off controller. Sequences of 11 recessive bits count from `now`.
     pub(crate) fn start_recovery(&mut self, id: PortId, now: Instant) {
         let port = &self.ports[id.0];
         if port.mode() == BusErrorMode::BusOff && port.recovery.is_none() {

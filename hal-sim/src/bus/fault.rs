@@ -17,7 +17,7 @@ pub const ALWAYS: u32 = 1_000_000;
 /// The maximum for every time parameter of a fault.
 const LONGEST_TIME: Duration = Duration::from_secs(24 * 60 * 60);
 
-/// The largest identifier: all 29 bits.
+/// The mask of all 29 identifier bits.
 const LONGEST: u32 = 0x1FFF_FFFF;
 
 /// A communication fault on a bus.
@@ -37,7 +37,7 @@ pub struct Fault {
     pub seed: u64,
     /// The time from the addition of the fault to its start.
     pub from: Duration,
-    /// The duration of the fault; with `None`, the fault lasts until it is ended by name.
+    /// The duration of the fault; `None` is unlimited.
     pub lasts: Option<Duration>,
 }
 
@@ -55,9 +55,9 @@ pub struct FrameFilter {
 /// The kind of a fault.
 ///
 /// [`Lose`](Self::Lose) acts between the receiving controllers and their applications. [`Destroy`](Self::Destroy) and
-/// [`Omit`](Self::Omit) act on the wire. [`Insert`](Self::Insert) sends from its own controller. All other kinds act
-/// between the sending application and its controller; they do not affect external controllers, whose applications are
-/// outside the simulated world.
+/// [`Omit`](Self::Omit) act on the wire. [`Insert`](Self::Insert) sends through a separate controller. All other kinds
+/// act between the sending application and its controller; they do not affect external controllers, whose applications
+/// are outside the simulated world.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultKind {
@@ -73,7 +73,7 @@ pub enum FaultKind {
         /// Whether later frames with the same identifier may overtake this frame.
         overtake: bool,
     },
-    /// The frame is sent, followed by copies of it.
+    /// The frame is sent, followed by copies.
     Repeat {
         /// The number of copies, from 1 to [`MAX_REPEATS`].
         times: u32,
@@ -87,17 +87,17 @@ pub enum FaultKind {
     },
     /// The frame is sent with changed content and a valid CRC.
     Corrupt(Corruption),
-    /// An additional frame is sent, independent of all other traffic.
+    /// An additional frame is sent, independently of all other traffic.
     Insert {
         /// The frame to insert.
         frame: Frame,
         /// The period; `None` sends the frame once.
         every: Option<Duration>,
     },
-    /// A bit error destroys the attempt to send the frame; the controller retransmits it.
+    /// A bit error destroys the attempt to send the frame. The controller retransmits the frame.
     Destroy,
-    /// Some receivers detect an error in the last but one bit of the end of frame. They discard the frame, all others
-    /// accept it, and the sender retransmits it.
+    /// Some receivers detect an error in the last but one bit of the end of frame. These receivers discard the frame,
+    /// all others accept it, and the sender retransmits it.
     Omit {
         /// The names of the devices and clients that detect the error.
         receivers: Vec<Arc<str>>,
@@ -111,8 +111,8 @@ pub enum Delay {
     Constant(Duration),
     /// A uniformly distributed delay between two inclusive bounds.
     Uniform(Duration, Duration),
-    /// A delay to the next multiple of this period, so that frames arrive in bursts. The periods begin at the start of
-    /// the fault.
+    /// A delay to the next multiple of this period, so that frames arrive in bursts. The first period begins at the
+    /// start of the fault.
     Burst(Duration),
 }
 
@@ -121,7 +121,8 @@ pub enum Delay {
 pub struct Corruption {
     /// The changes to the identifier.
     pub id: Masks<u32>,
-    /// The changes to the data length code. A result above 8 becomes 8; additional bytes are 0.
+    /// The changes to the data length code. A result above 8 becomes 8. Additional data bytes are 0 before `data`
+    /// applies.
     pub dlc: Masks<u8>,
     /// The changes to the data, first byte first.
     pub data: Masks<[u8; MAX_LEN]>,
@@ -178,7 +179,7 @@ pub enum FaultError {
         /// The names on the bus.
         known: String,
     },
-    /// Frames are to be lost for a client that uses no received frame.
+    /// A [`FaultKind::Lose`] names a client that uses no received frames.
     #[error("'{name}' receives no frames; receivers: {known}")]
     NoReceiver {
         /// The name of the client.
@@ -245,7 +246,7 @@ impl Fault {
                 refuse("the period must be above 0")
             }
             FaultKind::Insert { every: None, .. } if self.count.is_some() => {
-                refuse("a frame inserted once does not accept a count")
+                refuse("insert accepts a count only together with a period")
             }
             FaultKind::Insert { .. } if self.frames != FrameFilter::default() => {
                 refuse("insert does not accept a frame filter")

@@ -8,7 +8,7 @@ use protocol_core::time::Duration;
 
 use super::fault::{ALWAYS, Corruption, Delay, Fault, FaultEffect, FaultKind, FrameFilter, Masks};
 
-/// A time, written in milliseconds, with three decimals unless it is a whole number.
+/// A time, written as whole milliseconds or with three decimals.
 struct Ms(Duration);
 
 /// Names, separated by commas.
@@ -56,7 +56,7 @@ impl Fault {
     }
 }
 
-/// Writes the fault in the order of its keys: `lose 220 for boom, count 3, from 100 ms`.
+/// Writes the fault as text, as in `lose 220 for boom, count 3, from 100 ms`.
 impl Display for Fault {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match &self.kind {

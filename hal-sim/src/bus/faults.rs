@@ -115,7 +115,7 @@ impl Struck {
         Self { frames: vec![Handed::at_once(frame)], events: Vec::new() }
     }
 
-    /// Adds a delay by the slow application itself to all frames.
+    /// Adds the answer delay of a slow application to all frames.
     pub(super) fn delayed(mut self, late: Duration) -> Self {
         for handed in &mut self.frames {
             handed.late += late;
@@ -202,8 +202,8 @@ impl Faults {
     }
 
     /// Applies the faults between the sending application and its controller. Returns the resulting frames and fault
-    /// events; `None` if no fault applies. `held` returns the number of frames that a fault holds back for a swap; it is
-    /// `None` if the sender already has such a frame.
+    /// events; `None` if no fault has an effect. `held` returns the number of frames that a fault holds back for a
+    /// swap. `held` is `None` if the sender already has such a frame.
     pub(super) fn at_sender(
         &mut self,
         sender: &Arc<str>,
@@ -236,8 +236,8 @@ impl Faults {
         }
     }
 
-    /// Counts a frame for each fault that loses the frame at receivers. Returns one event per such fault; the caller
-    /// withholds the frame from these receivers.
+    /// Counts a frame for each fault that loses this frame. Returns one event per fault; the caller withholds the frame
+    /// from the receivers in the events.
     pub(super) fn at_receivers(
         &mut self,
         sender: &Arc<str>,
@@ -325,7 +325,7 @@ impl Active {
         self.struck += 1;
     }
 
-    /// Uncounts a frame that the fault left unchanged.
+    /// Reverses the count of a frame.
     fn miss(&mut self) {
         self.struck -= 1;
         if self.is_limited() {

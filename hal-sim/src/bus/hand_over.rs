@@ -60,7 +60,7 @@ impl Controller for DeviceCan<'_> {
 }
 
 impl Bus {
-    /// Queues a frame of the application for transmission. Returns the less urgent frame that it displaces, if any. The
+    /// Queues a frame of the application for transmission. Returns the displaced, less urgent frame, if any. The
     /// caller must call [`refresh`](Self::refresh) afterwards.
     ///
     /// # Errors
@@ -153,14 +153,14 @@ impl Bus {
         taken
     }
 
-    /// Sets the delay of a device's answers; `None` is no delay.
+    /// Sets the answer delay of a device; `None` removes the delay.
     pub(crate) fn delay_answers(&mut self, id: PortId, answers: Option<SlowAnswers>) {
         self.ports[id.0].answers = answers.map(Box::new);
         self.slow_down();
     }
 
-    /// Sets whether frames of a device queue for a free mailbox, because a device with a slow cycle could offer them
-    /// again only in its next cycle.
+    /// Sets whether refused frames of a device wait for a free mailbox. A device with a slow cycle could offer a
+    /// refused frame again only in its next cycle.
     pub(crate) fn queue_frames(&mut self, id: PortId, queues: bool) {
         self.ports[id.0].queues = queues;
         self.slow_down();

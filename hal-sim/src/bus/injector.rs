@@ -68,7 +68,7 @@ impl Injector for Disturbance {
     }
 }
 
-/// An injector that destroys the next frames of one sender or of all senders.
+/// An injector that destroys the next transmission attempts of one sender or of all senders.
 #[derive(Clone, Debug)]
 pub struct DestroyNext {
     left: u32,
@@ -76,13 +76,13 @@ pub struct DestroyNext {
 }
 
 impl DestroyNext {
-    /// Creates an injector that destroys the next `count` frames of any sender.
+    /// Creates an injector that destroys the next `count` attempts to send of any sender, retransmissions included.
     #[must_use]
     pub const fn frames(count: u32) -> Self {
         Self { left: count, from: None }
     }
 
-    /// Creates an injector that destroys the next `count` frames of the port named `from`.
+    /// Creates an injector that destroys the next `count` attempts to send of the port named `from`.
     #[must_use]
     pub fn frames_of(from: &str, count: u32) -> Self {
         Self { left: count, from: Some(from.into()) }

@@ -14,7 +14,7 @@ pub(super) struct Group {
     pub(super) rate: BitRate,
     /// The members, sorted by port number.
     pub(super) members: Vec<PortId>,
-    /// The number of members that acknowledge: all except those in listen-only mode.
+    /// The number of members that acknowledge: all except members in listen-only mode.
     pub(super) audible: usize,
     /// The number of error-active members that are not in listen-only mode. Their error flags destroy a frame.
     pub(super) active: usize,

@@ -5,9 +5,9 @@
 //! sorted in arbitration order (`contenders`), listeners are indexed by bit rate and filter (`listeners`), and only
 //! error counters that can change are updated.
 //!
-//! When a port completes bus integration, it becomes a member of the group of its bit rate. It remains a member until
-//! it disconnects, changes its bit rate, loses a bit while error-passive, or goes bus-off (`membership`). Only members
-//! receive and acknowledge.
+//! When a port completes bus integration, it becomes a member of the group of its bit rate. Membership ends when the
+//! port disconnects, changes its bit rate, loses a bit while error-passive, or goes bus-off (`membership`). Only
+//! members receive and acknowledge.
 //!
 //! Simplifications: a failed attempt ends at the bit of the first error, and all controllers see the error frame
 //! simultaneously. Oscillator tolerance, resynchronisation and overload frames are not simulated.
@@ -110,7 +110,8 @@ pub(crate) struct Bus {
     faults: Faults,
     /// The ports with frames delayed between application and controller.
     delaying: Vec<PortId>,
-    /// The earliest time at which a delayed frame or an insertion may be due, kept because each event asks for it.
+    /// The earliest time at which a delayed frame or an insertion may be due, cached because every event needs this
+    /// time.
     fault_due: Option<Instant>,
     load: Load,
     pub(crate) journal: Journal,
@@ -122,7 +123,7 @@ impl Bus {
         self.add(Port::new(name, rate, TransmitKind::Mailboxes, RECEIVE_QUEUE))
     }
 
-    /// Adds a client with a receive queue of this capacity, connected and integrated immediately.
+    /// Adds a client whose receive queue holds `room` frames. The client is connected and integrated immediately.
     pub(crate) fn add_client(&mut self, name: Arc<str>, rate: BitRate, room: usize, now: Instant) -> PortId {
         let mut port = Port::new(name, rate, TransmitKind::Queue, room);
         port.connected = true;
@@ -139,7 +140,7 @@ impl Bus {
         id
     }
 
-    /// States that a client uses no received frame, so that no frame can be lost for it.
+    /// Marks a client that uses no received frames. A [`FaultKind::Lose`] that names this client is refused.
     pub(crate) fn only_send(&mut self, id: PortId) {
         self.ports[id.0].only_sends = true;
     }
@@ -156,12 +157,12 @@ impl Bus {
         &self.ports[id.0]
     }
 
-    /// Returns a port for its device. The caller must call [`refresh`](Self::refresh) afterwards.
+    /// Returns a port, mutably. After a change, the caller must call [`refresh`](Self::refresh).
     pub(crate) fn port_mut(&mut self, id: PortId) -> &mut Port {
         &mut self.ports[id.0]
     }
 
-    /// Connects a controller with cleared error counters. It participates after bus integration.
+    /// Connects a controller and clears its error counters. The controller participates after bus integration.
     pub(crate) fn connect(&mut self, id: PortId, now: Instant) {
         self.leave(id);
         self.stop_recovery(id);
@@ -192,8 +193,8 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Drops the pending frames of a port, except the frames that a fault delays, because these have left the
-    /// application. Its frame on the wire is cut off.
+    /// Drops the pending frames of a port and cuts off its frame on the wire. Frames that a fault delays remain,
+    /// because the application considers these frames sent.
     pub(crate) fn drop_own(&mut self, id: PortId, now: Instant) {
         let delayed = self.ports[id.0].delayed.take_away();
         self.drop_pending(id, now);
@@ -248,7 +249,7 @@ impl Bus {
         self.fault_due = Some(self.faults.next_insertion.min(self.next_release())).filter(|due| *due != NEVER);
     }
 
-    /// Adds a communication fault. `own` are the names of the controllers that send inserted frames.
+    /// Adds a communication fault. `own` lists the names of the controllers that send inserted frames.
     ///
     /// # Errors
     /// [`FaultError`]; the faults are unchanged.
@@ -268,7 +269,7 @@ impl Bus {
         }
         if matches!(fault.kind, FaultKind::Insert { .. }) && known.contains(&&*fault.name) && !own.contains(&fault.name)
         {
-            return Err(FaultError::Invalid("an inserted frame needs a name that nobody on the bus has"));
+            return Err(FaultError::Invalid("the name of an insert fault must not be the name of a device or client"));
         }
         self.faults.add(fault, now)?;
         self.schedule_faults();
@@ -380,8 +381,8 @@ impl Bus {
         !self.touched.is_empty()
     }
 
-    /// Moves the numbers of the changed device ports into `ports`, which must be empty, in ascending order. A port has
-    /// changed if it received a frame, ended an attempt to send, or changed its error mode.
+    /// Moves the numbers of the changed device ports into `ports`, in ascending order. `ports` must be empty. A port
+    /// has changed if it received a frame, ended an attempt to send, or changed its error mode.
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
         if !ports.is_sorted_by(|one, next| one < next) {

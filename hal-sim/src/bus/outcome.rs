@@ -138,8 +138,7 @@ impl Bus {
         });
     }
 
-    /// Increments the receive error counter of each receiver affected by an omission that no error-active receiver
-    /// signals.
+    /// Counts an omission without an error flag: increments the receive error counter of each affected receiver.
     #[cold]
     fn count_omitted(&mut self, place: usize, receivers: &[PortId], at: Instant) {
         for id in receivers.iter().filter(|id| self.groups[place].members.contains(id)).copied().collect::<Vec<_>>() {
@@ -177,7 +176,7 @@ impl Bus {
         is_lost
     }
 
-    /// Applies a successful reception to the receive error counters above 0 of the receivers at one bit rate.
+    /// Lowers the receive error counters of the receivers at one bit rate after a successful reception.
     fn count_received(&mut self, place: usize, at: Instant, omission: Option<&Omission>) {
         let mut counting = std::mem::take(&mut self.groups[place].counting);
         counting.retain(|id| {

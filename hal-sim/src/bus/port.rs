@@ -17,7 +17,7 @@ use super::delayed::DelayedFrames;
 use super::event::WireEvent;
 use super::transmit::{Transmit, TransmitKind};
 
-/// The capacity of a device controller's receive queue, equal to the firmware's queue.
+/// The capacity of a device controller's receive queue, the same as in the firmware.
 pub(super) const RECEIVE_QUEUE: usize = 256;
 
 /// A CAN controller on the bus.
@@ -34,7 +34,7 @@ pub struct Port {
     pub(super) delayed: DelayedFrames,
     /// The delay of the device's answers, if any.
     pub(super) answers: Option<Box<SlowAnswers>>,
-    /// Whether frames queue in front of the controller while no mailbox is free.
+    /// Whether refused frames wait in front of the controller for a free mailbox.
     pub(super) queues: bool,
     /// The frames that more urgent frames displaced from the controller. Faults have already been applied to these
     /// frames.
@@ -93,7 +93,7 @@ pub(super) struct External {
     pub(super) joining: bool,
     /// Whether the start of the current frame was reported.
     pub(super) in_frame: bool,
-    /// Whether the controller is in listen-only mode: it sends no frames, acknowledgements or error flags.
+    /// Whether the controller is in listen-only mode and sends no frames, acknowledgements or error flags.
     pub(super) silent: bool,
 }
 
@@ -107,7 +107,8 @@ pub(super) struct Recovery {
 }
 
 impl Port {
-    /// Creates a device controller without a bus. The caller takes the frames from the mailboxes; no frames are received.
+    /// Creates a device controller without a bus. The caller takes the frames from the mailboxes; no frames are
+    /// received.
     #[must_use]
     pub fn alone(name: &str, rate: BitRate) -> Self {
         Self::new(name.into(), rate, TransmitKind::Mailboxes, RECEIVE_QUEUE)
@@ -193,7 +194,7 @@ impl Port {
         Some(frame)
     }
 
-    /// Drops all pending frames, as bus-off does.
+    /// Drops all pending frames, as at bus-off.
     pub fn clear(&mut self) {
         self.transmit.clear();
     }
@@ -203,7 +204,7 @@ impl Port {
         self.filters.as_ref().is_none_or(|filters| filters.iter().any(|filter| filter.passes(frame)))
     }
 
-    /// Returns whether the controller has no pending frame. Frames delayed by faults do not count.
+    /// Returns whether the controller has no pending frame. Frames delayed in front of the controller do not count.
     pub(crate) fn is_controller_empty(&self) -> bool {
         self.transmit.is_empty()
     }
@@ -228,7 +229,8 @@ impl Port {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
-    /// Returns whether the port's error flags destroy a frame: the port must be error-active and not in listen-only mode.
+    /// Returns whether the port's error flags destroy a frame: the port must be error-active and not in listen-only
+    /// mode.
     pub(super) fn signals_errors(&self) -> bool {
         self.mode() == BusErrorMode::ErrorActive && !self.is_silent()
     }
@@ -238,8 +240,8 @@ impl Port {
         self.external.as_ref().is_some_and(|external| external.silent)
     }
 
-    /// Returns the filters of which a received frame must pass one; `None` if the port receives every frame. A port
-    /// without a receive queue discards all frames.
+    /// Returns the acceptance filters: a received frame must pass at least one filter. `None` accepts every frame. A
+    /// port without a receive queue accepts no frame.
     pub(super) fn hears(&self) -> Option<&[Filter]> {
         if self.room == 0 { Some(&[]) } else { self.filters.as_deref().map(|filters| &filters[..]) }
     }

@@ -99,7 +99,7 @@ impl Rig {
         self.bus.begin(self.now);
         while self.ended.len() == known {
             let next = self.bus.next_event();
-            assert_ne!(next, NEVER, "nothing will ever happen");
+            assert_ne!(next, NEVER, "no further event is due");
             self.run(next);
         }
         self.ended.last().unwrap().clone()

@@ -17,7 +17,7 @@ use super::{Bus, BusError, EventKind, FaultEffect, PortId};
 const WRONG_RATE_SEEN: u32 = 20;
 /// The number of bits after which two senders at different bit rates destroy each other's frames (A).
 const MIXED_RATES_SEEN: u32 = 6;
-/// The bits of an error frame: the first error flag, the flags in response to it, and the delimiter.
+/// The bits of an error frame: the first error flag, the error flags in response, and the delimiter.
 pub(super) const ERROR_FRAME: u32 = 2 * ERROR_FLAG + ERROR_DELIMITER;
 /// The bits of an error frame without a response from another controller.
 const LONE_ERROR_FRAME: u32 = ERROR_FLAG + ERROR_DELIMITER;
@@ -34,7 +34,8 @@ pub(super) struct Transmission {
     pub(super) over: Instant,
     /// The failure of the attempt; boxed because failures are rare.
     pub(super) failure: Option<Box<Failure>>,
-    /// The receivers that detect an error in the last but one bit of the end of frame; boxed because omissions are rare.
+    /// The receivers that detect an error in the last but one bit of the end of frame; boxed because omissions are
+    /// rare.
     pub(super) omission: Option<Box<Omission>>,
 }
 

@@ -85,7 +85,7 @@ impl Transmit {
         self.pending.front().map(|pending| &pending.frame)
     }
 
-    /// Marks the head as on the wire: it cannot be displaced.
+    /// Marks the head as on the wire. A marked frame cannot be displaced.
     pub(super) fn sending(&mut self) {
         if let Some(head) = self.pending.front_mut() {
             head.on_wire = true;
@@ -107,7 +107,8 @@ impl Transmit {
         }
     }
 
-    /// Drops the pending frames that pass `which`. A frame on the wire is not retransmitted if it fails.
+    /// Drops the pending frames that pass `which`. A matching frame on the wire is not retransmitted if this attempt
+    /// fails.
     pub(super) fn abort(&mut self, which: Filter) {
         self.pending.retain_mut(|pending| {
             let meant = which.passes(&pending.frame);

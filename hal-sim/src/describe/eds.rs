@@ -104,7 +104,7 @@ fn list<'a>(out: &mut String, section: &str, indices: impl Iterator<Item = &'a u
     writeln!(out)
 }
 
-/// CiA 301 7.4.3
+/// The object codes (CiA 301 7.4.3).
 const VAR: u8 = 7;
 const ARRAY: u8 = 8;
 const RECORD: u8 = 9;

@@ -133,7 +133,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
         message(
             format!("DM2_{address:02X}"),
             global(Priority::DEFAULT, Pgn::DM2),
-            "Previously active faults, on request; several faults are sent in packets, with these as the first 8 bytes",
+            "Previously active faults, on request; several faults are sent in packets, and these signals are the first 8 bytes",
             troubles(),
         ),
         message(

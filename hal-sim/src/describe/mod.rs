@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! eds     an electronic data sheet (CiA 306)
-//! dbc     a CAN database                             layout    the messages and signals in it
+//! dbc     a CAN database                             layout    the messages and signals of the database
 //! ```
 
 mod dbc;

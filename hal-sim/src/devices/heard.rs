@@ -109,7 +109,7 @@ impl RateWatch {
         self.due = self.devices.iter().filter_map(due).min().map_or(NEVER, |due| if due == NEVER { now } else { due });
     }
 
-    /// Takes the devices detected since the last call. Each period is reported once.
+    /// Takes the devices detected since the last call. Each period of different bit rates is reported once.
     pub fn take_found(&mut self) -> Vec<NotHeard> {
         std::mem::take(&mut self.found)
     }

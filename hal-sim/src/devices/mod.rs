@@ -3,7 +3,7 @@
 //! ```text
 //! spec   one device: KIND[@ID][,key=value…]
 //! link   a link: VALVE=SENSOR[,key=value…]
-//! heard  devices whose bit rate differs from the bus
+//! heard  a check for devices whose bit rate differs from that of the bus
 //! ```
 
 mod heard;

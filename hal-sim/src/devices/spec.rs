@@ -51,7 +51,7 @@ impl DeviceSpec {
     }
 }
 
-/// The name of the control interface in traces. Devices must not use it.
+/// The name of the control interface in traces. No device can have this name.
 pub const CONTROL: &str = "http";
 
 impl FromStr for DeviceSpec {
@@ -96,7 +96,9 @@ impl FromStr for DeviceSpec {
                 ("answer-ms", Some(times)) => spec.electronics.answer = answer_times(times)?,
                 ("cycle-ms", Some(time)) => spec.electronics.cycle = millis(time, Plant::CycleMs(0))?,
                 ("brown-out-mv", _) if matches!(kind, Kind::Hat(_)) => {
-                    return Err(format!("'{key}' applies to a valve's supply; that of a {kind} is not simulated"));
+                    return Err(format!(
+                        "'{key}' applies to a valve's supply; the supply of a {kind} is not simulated"
+                    ));
                 }
                 ("brown-out-mv", Some(supply)) => spec.electronics.brown_out_mv = Some(brown_out(supply)?),
                 ("noise", Some(noise)) => spec.roughness.noise = roughness(kind, noise, "noise")?,

@@ -27,7 +27,7 @@ struct Transfer {
     size: u8,
     /// The number of the next segment; `None` between blocks.
     next: Option<u8>,
-    /// The number of the last segment of the transfer, once it was sent.
+    /// The number of the last segment of the transfer; `None` until that segment is sent.
     last: Option<u8>,
 }
 

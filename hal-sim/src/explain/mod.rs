@@ -15,7 +15,7 @@
 //! highlight cyclic frames, faults, and frames with an identifier of another sender
 //! ```
 //!
-//! Each of these modules imports only later ones: `canopen` → `sdo` → `object` → `valve`.
+//! Imports between these modules run in one direction: `canopen` → `sdo` → `object` → `valve`.
 
 mod block;
 mod canopen;

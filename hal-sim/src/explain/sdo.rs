@@ -89,7 +89,7 @@ fn segment(part: &Segment) -> String {
 }
 
 fn abort(object: &str, code: AbortCode) -> String {
-    // Abort codes of other nodes, in addition to those of the simulated devices (CiA 301 table 22).
+    // Abort codes that the simulated devices never send (CiA 301 table 22).
     let meaning = match code.0 {
         0x0504_0002 => "invalid block size",
         0x0504_0003 => "invalid sequence number",

@@ -7,7 +7,7 @@ const FULL: i16 = 16_384;
 /// The value of a set-point or position that stands for float.
 const FLOAT: i16 = 32_767;
 
-/// Returns the command in the low bits of a control word: reset, mode active, hold, disabled (SPEC 4.3).
+/// Returns the command in the low four bits of a control word: reset, mode active, hold and disabled (SPEC 4.3).
 pub(super) const fn command(word: u16) -> &'static str {
     match word & 0x0F {
         0b0000 | 0b1000 => "initialise",

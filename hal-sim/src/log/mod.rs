@@ -1,4 +1,4 @@
-//! Records of a log: frames and error frames with their times. `candump` writes and reads them as lines.
+//! Records of a log: frames and error frames with their times. [`candump`] writes and reads records as lines.
 
 pub mod candump;
 mod timestamp;
@@ -75,7 +75,7 @@ pub enum Entry {
 /// An error frame with Linux error classes (`linux/can/error.h`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorFrame {
-    /// The classes, one bit each in 29 bits; 0 for formats without classes.
+    /// The classes, one bit per class in 29 bits; 0 for formats without classes.
     pub class: u32,
     /// The data bytes with the error details.
     pub data: [u8; 8],

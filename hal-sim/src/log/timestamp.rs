@@ -52,7 +52,7 @@ impl FromStr for Timestamp {
     }
 }
 
-/// The text is not a time in seconds, or the time exceeds 584,000 years.
+/// The error for a text that is not a time in seconds, or for a time above 584,000 years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a timestamp in seconds")]
 pub struct ParseTimestampError;

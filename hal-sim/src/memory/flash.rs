@@ -6,7 +6,7 @@ use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// The size of a sector, the unit of erasing, in bytes: sectors 12 and 13 of the board's STM32F429.
+/// The size in bytes of a sector, the unit of erasing, as in sectors 12 and 13 of the board's STM32F429.
 pub const SECTOR: usize = 16 * 1024;
 /// The size of the whole flash, in bytes.
 pub const SIZE: usize = 2 * SECTOR;

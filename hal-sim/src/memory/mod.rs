@@ -30,7 +30,7 @@ const SPOILT: u8 = 0xA5;
 pub struct Memory {
     flash: Flash,
     file: Option<Box<dyn MemoryFile>>,
-    /// Whether unreadable content was put aside. The next image reports the damage.
+    /// Whether unreadable content was found. The next image reports the damage.
     damaged: bool,
     /// Whether the next read of the image simulates an unreadable flash.
     spoilt: bool,
@@ -82,8 +82,8 @@ impl Memory {
 
     /// Reads all records, as a device does at its start.
     ///
-    /// Unreadable content is put aside and the flash is erased, so that records can be written again. The returned
-    /// image is then marked as damaged; later images are not.
+    /// The image of unreadable content is marked as damaged. The content is put aside and the flash is erased, so that
+    /// records can be written again and later images are not damaged. A flash that cannot be written keeps its content.
     pub fn read_image(&mut self) -> Image {
         if std::mem::take(&mut self.spoilt) {
             self.flash.fill(|_| SPOILT);
@@ -236,12 +236,12 @@ impl Memory {
 /// The reason why a file cannot be written or put aside. Its text is one line that includes the file name.
 pub type MemoryFileError = Box<dyn Error + Send + Sync>;
 
-/// A file with the image of a flash, implemented by the caller: the library itself writes no files.
+/// A file with the image of a flash. The caller implements this trait, because the library writes no files.
 pub trait MemoryFile: Debug + Send {
     /// Replaces the image. When the function returns, the image is on disk.
     ///
     /// # Errors
-    /// If the file cannot be written. The file then still contains the previous image.
+    /// If the file cannot be written. The file then contains the previous or the new image.
     fn write(&self, image: &[u8]) -> Result<(), MemoryFileError>;
 
     /// Moves unusable content aside; the next write creates a new file. Returns a one-line message for the user.

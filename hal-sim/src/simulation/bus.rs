@@ -20,11 +20,11 @@ pub struct BusState {
     pub load: u8,
     /// The pending disturbance of the bus.
     pub disturb: DisturbState,
-    /// The devices whose bit rate differs from that of the bus, or differed for longer than a change takes.
+    /// The devices whose bit rate differs from that of the bus, or differed earlier for longer than a change may take.
     pub not_heard: Vec<NotHeard>,
 }
 
-/// A device that cannot communicate, now or earlier, because its bit rate differs from that of the bus.
+/// A device whose bit rate differs, or differed, from that of the bus, so that the device cannot communicate.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct NotHeard {
     /// The name of the device.

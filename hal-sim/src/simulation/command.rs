@@ -12,7 +12,7 @@ use crate::bus::{Disturbance, Fault, FaultError};
 use crate::state::{Condition, DeviceState, FaultRecord, PlantChange, Power};
 use crate::world::PlantError;
 
-/// A command to a simulation. It is executed at the current virtual time.
+/// A command to a simulation, executed at the current virtual time.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Command {
@@ -29,9 +29,9 @@ pub enum Command {
     Fault(Fault),
     /// Ends the named communication fault, or all faults. Returns [`Reply::Faults`] with the ended faults.
     EndFaults(Option<String>),
-    /// Sends a frame once or, with a period, cyclically. Replaces a cyclic frame with the same identifier. Returns
-    /// [`Reply::Sent`] when the first frame is sent or is held back by a communication fault; the command is refused if
-    /// this takes more than a second.
+    /// Sends a frame once or, with a period, cyclically. A cyclic frame replaces an earlier cyclic frame with the same
+    /// identifier. Returns [`Reply::Sent`] when the first frame is sent or is held back by a communication fault. The
+    /// command is refused if the frame is not sent within a second of virtual time.
     Send(Frame, Option<Duration>),
     /// Stops the cyclic frames with an identifier, or all if `None`. Returns [`Reply::Stopped`].
     Stop(Option<Id>),

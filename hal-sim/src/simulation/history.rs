@@ -41,13 +41,14 @@ pub struct FrameRecord {
     pub meaning: String,
 }
 
-/// An error of the bus: the first error frame of an attempt, a change of an error mode, or dropped frames.
+/// An error of the bus: the first error frame of a destroyed frame, a change of an error mode, the effect of a
+/// communication fault, or dropped frames.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BusTrouble {
     /// The instant, in microseconds of virtual time.
     pub t_us: u64,
-    /// The sender of the destroyed frame, or the controller whose error mode changed.
+    /// The sender of the destroyed, affected or dropped frame, or the controller whose error mode changed.
     pub from: String,
     /// The meaning, as in the trace.
     pub meaning: String,
@@ -208,8 +209,8 @@ impl History {
         self.entries.push_back(entry);
     }
 
-    /// Returns the explainer for the latest event. Its state is the state before that event, because the event may
-    /// change node IDs.
+    /// Returns the explainer for the latest event, in the state before this event, because the event may change node
+    /// IDs.
     pub const fn explainer(&self) -> &Explainer {
         &self.latest
     }
@@ -265,7 +266,7 @@ impl History {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Returns the last events with numbers from `from` up to `until`, one per line, in trace layout.
+    /// Returns the last events with numbers from `from` to below `until`, one per line, in trace layout.
     #[must_use]
     pub fn excerpt(&self, from: u64, until: u64) -> Vec<String> {
         let end = self.place(until);

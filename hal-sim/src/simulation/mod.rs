@@ -63,7 +63,8 @@ pub struct Simulation {
     completed: Completed,
     /// The number of tickets issued so far.
     tickets: u64,
-    /// The option that would permit communication faults on this bus with real devices; `None` if faults are permitted.
+    /// The command-line option that would permit all communication faults on a bus with real devices; `None` if all
+    /// faults are permitted.
     protected: Option<&'static str>,
 }
 
@@ -109,7 +110,7 @@ impl Simulation {
     }
 
     /// Protects a bus with real devices: refuses communication faults that affect more than the simulated devices.
-    /// `option` is the option that would permit all faults.
+    /// `option` is the command-line option that would permit all faults.
     pub const fn protect_bus(&mut self, option: &'static str) {
         self.protected = Some(option);
     }
@@ -373,7 +374,7 @@ impl Simulation {
         self.rates.look(&mut self.world);
     }
 
-    /// Returns the time of the next world event or command that is due.
+    /// Returns the time of the next event of the world or due command.
     #[must_use]
     pub fn next(&self) -> Instant {
         self.world.next_event().min(self.due())
@@ -385,7 +386,7 @@ impl Simulation {
         if self.waits.is_empty() { sender } else { sender.min(self.waits.due(&self.world)) }
     }
 
-    /// Returns the latest time up to which pending commands may need time; `None` if no command is pending.
+    /// Returns the latest time limit of the pending commands; `None` if no command is pending.
     #[must_use]
     pub fn advance_limit(&self) -> Option<Instant> {
         let sender = self.sender.as_ref().and_then(|sender| sender.advance_limit(self.world.now()));
@@ -401,7 +402,7 @@ impl Simulation {
     /// Executes a command and advances until it completes.
     ///
     /// # Errors
-    /// [`Refusal`]; [`Refusal::Conflict`] if the command is still pending at its advance limit.
+    /// [`Refusal`]; [`Refusal::Conflict`] if virtual time reaches its limit before the command completes.
     pub fn run(&mut self, command: Command) -> Result<Reply, Refusal> {
         let ticket = match self.execute(command)? {
             Executed::Done(reply) => return Ok(reply),

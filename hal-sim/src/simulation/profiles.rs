@@ -66,7 +66,7 @@ impl Profiles {
             return Err(Refusal::Conflict(reason));
         }
         if self.0.len() >= MAX_PROFILES && (change.for_ms.is_some() || profile.is_some()) {
-            return Err(Refusal::TooMany("64 plant changes are in progress"));
+            return Err(Refusal::TooMany("64 plant changes are already in progress"));
         }
         if let Some((word, points)) = &profile {
             let plants: Vec<Plant> = points.iter().filter_map(|(_, value)| plant(word, *value)).collect();
@@ -162,7 +162,7 @@ fn points(profile: &Profile, now: Instant) -> Result<(&'static str, Points), Ref
     };
     let given = profile.points();
     if given.is_empty() {
-        return Err(Refusal::Invalid(format!("profile of {}: has no points", word.name)));
+        return Err(Refusal::Invalid(format!("profile of {} has no points; accepted: at least one", word.name)));
     }
     if let Some(pair) = given.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
         let [before, at] = [pair[0][0], pair[1][0]];

@@ -120,7 +120,7 @@ fn what_is_no_profile_is_refused_and_changes_nothing() {
             profile("supply_mv", json!([[0, 100_001]])),
             "profile of supply_mv: 100001 is out of range; accepted: 0 to 100000 mV",
         ),
-        (profile("supply_mv", json!([])), "profile of supply_mv: has no points"),
+        (profile("supply_mv", json!([])), "profile of supply_mv has no points; accepted: at least one"),
         (profile("spool", json!([[0, 1]])), "'spool' cannot have a profile; accepted: supply_mv, "),
         (profile("angle_cdeg", json!([[0, 1]])), "angle_cdeg 1: not a plant word of this kind of device"),
         (json!({"boot_ms": 60_001}), "boot_ms 60001: out of range; accepted: 0 to 60000 ms"),

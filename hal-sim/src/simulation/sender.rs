@@ -61,7 +61,8 @@ impl Sender {
         Self { port: world.add_sender(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
-    /// Sends a frame once or, with a period, cyclically. Replaces a cyclic frame with the same identifier.
+    /// Sends a frame once or, with a period, cyclically. A cyclic frame replaces an earlier cyclic frame with the same
+    /// identifier.
     pub(super) fn send(
         &mut self,
         frame: Frame,
@@ -71,12 +72,12 @@ impl Sender {
         completed: &mut Completed,
     ) -> Result<(), Refusal> {
         if self.waiting.len() >= WAITING {
-            return Err(Refusal::TooMany("too many pending frames"));
+            return Err(Refusal::TooMany("256 frames are already pending"));
         }
         if let Some(period) = period {
             self.stop(Some(frame.id()), world, completed);
             if self.cyclic.len() >= CYCLIC {
-                return Err(Refusal::TooMany("too many cyclic frames"));
+                return Err(Refusal::TooMany("64 cyclic frames are already active; stop one first"));
             }
             self.cyclic.push(Cyclic { frame, period, next: after(world.now(), period) });
         }

@@ -23,11 +23,11 @@ pub enum Condition {
     Frame(Pattern),
 }
 
-/// Any subset of a device state; scalars have to be equal.
+/// A condition on any subset of a device state. Scalars must be equal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StateCondition {
-    /// The instant.
+    /// The instant, in microseconds of virtual time.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     #[schema(maximum = 9223372036854775807_i64)]
     pub t_us: Option<u64>,
@@ -45,7 +45,7 @@ pub struct StateCondition {
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<BitsPerSecond>)]
     pub bit_rate: Option<Option<u32>>,
-    /// Whether the device has power.
+    /// Whether the device has power and has booted.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub powered: Option<bool>,
     /// The NMT state.
@@ -72,7 +72,7 @@ pub struct StateCondition {
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<bool>)]
     pub solenoids: Option<Option<bool>>,
-    /// The LED, or a part of it.
+    /// The LED, or one of its members.
     #[serde(default, deserialize_with = "present_object", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<LedCondition>)]
     pub led: Option<Option<LedCondition>>,
@@ -87,7 +87,7 @@ pub struct StateCondition {
 pub enum SetPointCondition {
     /// An exact value.
     Equal(SetPointValue),
-    /// Within limits; float never matches.
+    /// A value within limits; float never matches.
     #[serde(deserialize_with = "object")]
     Within(Limits),
 }
@@ -103,7 +103,7 @@ pub enum PositionCondition {
     Within(Limits),
 }
 
-/// Limits, inclusive; a missing limit does not restrict.
+/// Inclusive limits. A missing limit does not restrict.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
@@ -117,14 +117,14 @@ pub struct Limits {
     pub max: Option<i16>,
 }
 
-/// The LED, or a part of it.
+/// The LED, or one of its members.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LedCondition {
     /// The colour.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
-    /// Whether it flashes.
+    /// Whether the LED flashes.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub flashing: Option<bool>,
 }
@@ -241,7 +241,7 @@ impl LedCondition {
     }
 }
 
-/// The maximum look-ahead for a change of position. Limits the search on a linked shaft, which proceeds step by step.
+/// The maximum look-ahead for a change of position, because the search on a linked shaft proceeds step by step.
 const FORESIGHT: Duration = Duration::from_secs(1);
 
 /// A condition on a device state. The caller must check the condition after every event of the world and at the due

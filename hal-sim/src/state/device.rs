@@ -22,13 +22,13 @@ pub struct DeviceState {
     pub name: String,
     /// The kind, as in `--device`.
     pub kind: &'static str,
-    /// The node ID in force; on ISOBUS the address.
+    /// The current node ID; on ISOBUS the address.
     #[schema(required, maximum = 255)]
     pub node_id: Option<u8>,
-    /// The bit rate in force, in bit/s.
+    /// The current bit rate, in bit/s.
     #[schema(required, value_type = Option<BitsPerSecond>)]
     pub bit_rate: Option<u32>,
-    /// Whether the device has power.
+    /// Whether the device has power and has booted.
     pub powered: bool,
     /// The NMT state; null on ISOBUS.
     #[schema(required)]
@@ -42,8 +42,8 @@ pub struct DeviceState {
     /// The set-point; null for an angle sensor.
     #[schema(required)]
     pub set_point: Option<SetPointValue>,
-    /// The position of the spool, −16384…16384, neutral without power; of an angle sensor object 0x6004, null without
-    /// power.
+    /// The position. For a valve, the spool position, −16384…16384; neutral without power. For an angle sensor, object
+    /// 0x6004; null without power.
     #[schema(required, minimum = -16384, maximum = 16384)]
     pub position: Option<i16>,
     /// Whether the solenoids are energised; null for an angle sensor.
@@ -52,7 +52,7 @@ pub struct DeviceState {
     /// The LED; null for an angle sensor.
     #[schema(required)]
     pub led: Option<Led>,
-    /// Every fault of the kind.
+    /// All faults of the kind, active or not.
     pub faults: Vec<Fault>,
     /// The plant of the device.
     pub plant: PlantState,
@@ -154,8 +154,8 @@ pub struct Fault {
     pub fault: &'static str,
     /// Whether the fault is active.
     pub active: bool,
-    /// The occurrence counter; on CANopen the shared counter of both spool faults; of an angle sensor the number of
-    /// entries in 0x1003. Null without power.
+    /// The occurrence counter; on CANopen, both spool faults share a counter. For an angle sensor, the number of
+    /// entries of the fault in 0x1003. Null without power.
     #[schema(required, maximum = 255)]
     pub count: Option<u8>,
 }
@@ -167,8 +167,7 @@ impl DeviceState {
         Self::with(view, node, kind, world)
     }
 
-    /// Returns the current state of a device of this kind, and leaves the world untouched, see [`World::peek`]. The
-    /// plant has the last sample of a linked shaft.
+    /// Returns the current state of a device of this kind without changing the world, see [`World::peek`].
     pub fn peek(node: NodeId, kind: Kind, world: &World) -> Self {
         Self::with(world.peek(node), node, kind, world)
     }

@@ -20,13 +20,13 @@ const SWAP_WITHIN: Duration = Duration::from_secs(1);
 /// The maximum length of a fault's name.
 const NAME_MAX: usize = 64;
 
-/// A communication fault: exactly one of `lose`, `delay`, `repeat`, `swap`, `corrupt`, `insert`, `masquerade`, `destroy`
-/// and `omit`, with its parameters.
+/// A communication fault: exactly one of `lose`, `delay`, `repeat`, `swap`, `corrupt`, `insert`, `masquerade`,
+/// `destroy` and `omit`, with its parameters.
 #[derive(Clone, Debug, Default, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = CommunicationFault)]
 pub struct FaultRequest {
-    /// The receivers do not get frames with this identifier, although they are on the bus.
+    /// The receivers do not receive frames with this identifier, although the frames are on the bus.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub lose: Option<Identifier>,
@@ -46,19 +46,19 @@ pub struct FaultRequest {
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub corrupt: Option<Identifier>,
-    /// A frame that no device sent, as in "220#0F00 0020"; with `every_ms` cyclically.
+    /// An additional frame that no device sends, as in "220#0F00 0020"; cyclic with `every_ms`.
     #[serde(default, deserialize_with = "given")]
     pub insert: Option<String>,
-    /// As insert, with an identifier of a device on the bus: the frame appears to come from this device.
+    /// Like insert, but with an identifier of a device on the bus: the frame appears to come from this device.
     #[serde(default, deserialize_with = "given")]
     pub masquerade: Option<String>,
     /// A bit error destroys attempts to send frames with this identifier. The controller retries; 32 errors in a row
-    /// take it bus-off.
+    /// take the controller bus-off.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub destroy: Option<Identifier>,
-    /// The receivers see an error in the last but one bit of frames with this identifier and discard them; all others
-    /// accept the frame, and its sender retransmits it.
+    /// The receivers detect an error in the last but one bit of a frame with this identifier and discard the frame. All
+    /// other nodes accept the frame, and the sender retransmits the frame.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub omit: Option<Identifier>,
@@ -68,7 +68,7 @@ pub struct FaultRequest {
     /// The bits of the identifier to compare; all by default.
     #[serde(default, deserialize_with = "given")]
     pub mask: Option<Identifier>,
-    /// Whether the identifier has 29 bits; by default by its size.
+    /// Whether the identifier has 29 bits; by default true for eight digits or a value above 7FF.
     #[serde(default, deserialize_with = "given")]
     pub extended: Option<bool>,
     /// The device or client whose frames are affected; all by default.
@@ -93,14 +93,14 @@ pub struct FaultRequest {
     #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 86400000)]
     pub from_ms: Option<u32>,
-    /// The duration of the fault, in milliseconds; by default it lasts until it is ended.
+    /// The duration of the fault, in milliseconds; unlimited by default.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub for_ms: Option<u32>,
     /// For delay: the delay in milliseconds, or the smallest and the largest delay.
     #[serde(default, deserialize_with = "given")]
     pub ms: Option<Millis>,
-    /// For delay: the period of bursts, in milliseconds. Frames wait for its next multiple.
+    /// For delay: the period of bursts, in milliseconds. Frames wait for the next multiple of the period.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub burst_ms: Option<u32>,
@@ -111,7 +111,7 @@ pub struct FaultRequest {
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 1000)]
     pub times: Option<u32>,
-    /// For repeat: the interval of the copies, in milliseconds; 0 by default.
+    /// For repeat: the interval between copies, in milliseconds; 0 by default.
     #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 86400000)]
     pub after_ms: Option<u32>,
@@ -119,7 +119,7 @@ pub struct FaultRequest {
     #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 86400000)]
     pub within_ms: Option<u32>,
-    /// For insert and masquerade: the period, in milliseconds; once by default.
+    /// For insert and masquerade: the period, in milliseconds; by default, the frame is sent once.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub every_ms: Option<u32>,
@@ -302,7 +302,7 @@ impl FaultRequest {
         match (given.next(), given.next()) {
             (Some(kind), None) => Ok(kind),
             (Some((one, _)), Some((other, _))) => {
-                Err(Invalid(format!("{one} and {other}: a fault has one of {kinds}")))
+                Err(Invalid(format!("{one} and {other}: a fault has exactly one of {kinds}")))
             }
             (None, _) => {
                 Err(Invalid(format!("a fault needs one of {kinds}, as in {{\"lose\": \"220\", \"count\": 3}}")))
@@ -346,7 +346,7 @@ impl FaultRequest {
         if is_all {
             return match (&self.mask, self.extended) {
                 (None, None) => Ok(FrameFilter { sender, ..FrameFilter::default() }),
-                _ => Err(Invalid("mask and extended are only valid with an identifier".to_owned())),
+                _ => Err(Invalid("mask and extended are only valid with an identifier, not with \"all\"".to_owned())),
             };
         }
         let extended = self.extended.or_else(|| identifier.needs_29_bits().then_some(true));

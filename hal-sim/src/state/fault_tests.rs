@@ -75,7 +75,7 @@ fn another_fault_is_refused_in_one_line() {
     for (request, reason) in [
         (json!({}), "a fault needs one of lose, delay,"),
         (json!({ "count": 1 }), "a fault needs one of lose, delay,"),
-        (json!({ "lose": "220", "swap": "220" }), "lose and swap: a fault has one of "),
+        (json!({ "lose": "220", "swap": "220" }), "lose and swap: a fault has exactly one of "),
         (json!({ "lose": "220", "ms": 5 }), "ms is only valid with delay"),
         (json!({ "insert": "220#", "sender": "boom" }), "sender is only valid with lose, delay, repeat, swap,"),
         (json!({ "destroy": "all", "receivers": [] }), "receivers is only valid with lose, omit"),

@@ -72,7 +72,7 @@ pub(crate) fn digits(id: Id) -> String {
     }
 }
 
-/// The schema of an identifier, or `all`.
+/// The schema of an identifier or the word `all`.
 #[derive(Clone, Copy, Debug)]
 pub struct IdentifierOrAll;
 

@@ -1,5 +1,5 @@
-//! The state of a device, its plant, and conditions on both, in the words of the control interface. The same types read
-//! the JSON of the control interface and the TOML of scenarios.
+//! The state of a device, its plant, and conditions on the state, in the words of the control interface. JSON of the
+//! control interface and TOML of scenarios are parsed into the same types.
 //!
 //! ```text
 //! device     the state of a device      plant   the plant of a device, and its changes
@@ -8,7 +8,7 @@
 //! fault      communication faults
 //! possible   the values that each key of a state can have, by kind
 //! identifier CAN identifiers            pattern patterns of frames
-//! schema     the accepted values, as JSON schemas, and their validation
+//! schema     JSON schemas of the input, and its validation
 //! given      deserialisers for missing, null and given values
 //! ```
 

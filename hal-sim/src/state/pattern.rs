@@ -1,5 +1,5 @@
 //! Patterns of frames, in scenarios and in the control interface: `1A0#0F00 0020`. Bytes are exact, `?` matches any hex
-//! digit, and `..` at the end any further bytes.
+//! digit, and `..` at the end matches any further bytes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -180,7 +180,7 @@ impl Pattern {
         }
     }
 
-    /// Describes the difference if the frame differs from the pattern only in its length.
+    /// Describes the difference if frame and pattern differ only in length.
     pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
         let (wanted, is_least) = match &self.content {
             Content::Data(bytes, is_open) if !frame.is_remote() => (bytes.len(), *is_open),

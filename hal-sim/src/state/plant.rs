@@ -1,4 +1,4 @@
-//! The plant of a device, for JSON: its state and its changes.
+//! The plant of a device and its changes, for JSON.
 
 use std::borrow::Cow;
 
@@ -33,22 +33,22 @@ pub struct ValvePlant {
     /// The position that the lever pushes the spool to; null when released.
     #[schema(required)]
     pub lever: Option<i16>,
-    /// An internal fault.
+    /// Whether the device has an internal fault.
     pub internal_fault: bool,
     /// The non-volatile memory.
     pub memory: Memory,
-    /// The CAN controller is forced bus-off.
+    /// Whether the CAN controller is forced bus-off.
     pub bus_off: bool,
-    /// The supply in millivolt below which the valve is off; null if it is never off.
+    /// The supply voltage, in millivolts, below which the valve is off; null if the valve is never off.
     #[schema(required)]
     pub brown_out_mv: Option<u32>,
     /// Whether cold oil slows the spool down.
     pub oil: bool,
-    /// The time from power to the start of the program, in milliseconds.
+    /// The time from power-on to the start of the program, in milliseconds.
     pub boot_ms: u16,
-    /// The delay of answers, in milliseconds.
+    /// The answer delay, in milliseconds.
     pub answer_ms: AnswerMs,
-    /// The cycle of the program, in milliseconds; at 0, the program reacts at once.
+    /// The cycle time of the program, in milliseconds; with 0, the program reacts immediately.
     pub cycle_ms: u16,
 }
 
@@ -59,23 +59,23 @@ pub struct EncoderPlant {
     pub angle_cdeg: u32,
     /// The speed of the shaft in turns per minute, positive clockwise.
     pub speed_rpm: i32,
-    /// A measuring error.
+    /// Whether the sensor has a measuring error.
     pub measuring_error: bool,
-    /// An internal fault.
+    /// Whether the device has an internal fault.
     pub internal_fault: bool,
     /// The non-volatile memory.
     pub memory: Memory,
-    /// The CAN controller is forced bus-off.
+    /// Whether the CAN controller is forced bus-off.
     pub bus_off: bool,
-    /// The time from power to the start of the program, in milliseconds.
+    /// The time from power-on to the start of the program, in milliseconds.
     pub boot_ms: u16,
-    /// The delay of answers, in milliseconds.
+    /// The answer delay, in milliseconds.
     pub answer_ms: AnswerMs,
-    /// The cycle of the program, in milliseconds; at 0, the program reacts at once.
+    /// The cycle time of the program, in milliseconds; with 0, the program reacts immediately.
     pub cycle_ms: u16,
 }
 
-/// A delay of answers in milliseconds, or its minimum and maximum.
+/// The answer delay in milliseconds, or its minimum and maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged, expecting = "answer_ms must be a number of milliseconds, or [MIN, MAX]")]
 pub enum AnswerMs {
@@ -87,7 +87,7 @@ pub enum AnswerMs {
     Between([u16; 2]),
 }
 
-/// The schema of a delay of answers, in milliseconds.
+/// The schema of an answer delay, in milliseconds.
 #[derive(Clone, Copy, Debug)]
 struct Delay;
 
@@ -103,7 +103,7 @@ impl ToSchema for Delay {
     }
 }
 
-/// The schema of the smallest and the largest delay of answers.
+/// The schema of the smallest and the largest answer delay.
 #[derive(Clone, Copy, Debug)]
 struct TwoDelays;
 
@@ -123,19 +123,19 @@ impl ToSchema for TwoDelays {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Spool {
-    /// The fault of the spool; null or "ok" for a healthy one.
+    /// The fault of the spool; null or "ok" for a healthy spool.
     #[schema(required)]
     #[serde(deserialize_with = "Option::deserialize")]
     pub fault: Option<SpoolFaultName>,
 }
 
-/// A change of the spool: a word alone, or an object as in the state.
+/// A change of the spool: a word alone, or an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(untagged)]
 pub enum SpoolChange {
     /// A word alone.
     Word(SpoolFaultName),
-    /// An object.
+    /// An object, as in the state.
     #[serde(deserialize_with = "object")]
     Object(Spool),
 }
@@ -144,15 +144,15 @@ pub enum SpoolChange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpoolFaultName {
-    /// Healthy; a state has null instead.
+    /// The spool is healthy; a state has null instead.
     Ok,
-    /// Does not move.
+    /// The spool does not move.
     Stuck,
-    /// Moves slowly.
+    /// The spool moves slowly.
     Slow,
-    /// Leaves its position.
+    /// The spool leaves its position.
     Drifting,
-    /// Does not reach float.
+    /// The spool does not reach float.
     NoFloat,
 }
 
@@ -160,7 +160,7 @@ pub enum SpoolFaultName {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Memory {
-    /// Works.
+    /// The memory works.
     Ok,
     /// Every write fails.
     WriteFails,
@@ -172,16 +172,16 @@ pub enum Memory {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlantChange {
-    /// Valves: the supply, in millivolt, up to 100000.
+    /// Valves: the supply voltage, 0…100000 mV.
     #[serde(default, deserialize_with = "given")]
     pub supply_mv: Option<u32>,
-    /// Valves: the temperature, in °C, −273…1000.
+    /// Valves: the temperature, −273…1000 °C.
     #[serde(default, deserialize_with = "given")]
     pub temperature_c: Option<i16>,
     /// Valves: the spool.
     #[serde(default, deserialize_with = "given")]
     pub spool: Option<SpoolChange>,
-    /// Valves: the position that the lever pushes the spool to, −16384…16384; null releases it.
+    /// Valves: the position that the lever pushes the spool to, −16384…16384; null releases the lever.
     #[serde(default, deserialize_with = "present")]
     #[schema(value_type = Option<i16>)]
     pub lever: Option<Option<i16>>,
@@ -192,53 +192,53 @@ pub struct PlantChange {
     /// valve.
     #[serde(default, deserialize_with = "given")]
     pub speed_rpm: Option<i32>,
-    /// Angle sensors: a measuring error.
+    /// Angle sensors: whether the sensor has a measuring error.
     #[serde(default, deserialize_with = "given")]
     pub measuring_error: Option<bool>,
-    /// An internal fault.
+    /// Whether the device has an internal fault.
     #[serde(default, deserialize_with = "given")]
     pub internal_fault: Option<bool>,
     /// The non-volatile memory.
     #[serde(default, deserialize_with = "given")]
     pub memory: Option<Memory>,
-    /// Forces the CAN controller bus-off.
+    /// Whether the CAN controller is forced bus-off.
     #[serde(default, deserialize_with = "given")]
     pub bus_off: Option<bool>,
-    /// Valves: the supply in millivolt below which the valve is off, 1…100000; null: it is never off.
+    /// Valves: the supply voltage below which the valve is off, 1…100000 mV; null if the valve is never off.
     #[serde(default, deserialize_with = "present")]
     #[schema(value_type = Option<u32>)]
     pub brown_out_mv: Option<Option<u32>>,
-    /// Valves: cold oil slows the spool down.
+    /// Valves: whether cold oil slows the spool down.
     #[serde(default, deserialize_with = "given")]
     pub oil: Option<bool>,
-    /// The time from power to the start of the program, 0…60000 ms; a change takes effect at the next start.
+    /// The time from power-on to the start of the program, 0…60000 ms; a change takes effect at the next start.
     #[serde(default, deserialize_with = "given")]
     pub boot_ms: Option<u16>,
-    /// The delay of answers, 0…60000 ms, or the smallest and the largest delay.
+    /// The answer delay, 0…60000 ms, or the smallest and the largest delay.
     #[serde(default, deserialize_with = "given")]
     pub answer_ms: Option<AnswerMs>,
-    /// The cycle of the program, 0…1000 ms; at 0, the program reacts at once.
+    /// The cycle time of the program, 0…1000 ms; with 0, the program reacts immediately.
     #[serde(default, deserialize_with = "given")]
     pub cycle_ms: Option<u16>,
     /// The duration of the change, in milliseconds, after which the earlier values are restored; permanent by default.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub for_ms: Option<u32>,
-    /// A numeric word that changes over time.
+    /// A profile: a numeric plant word that changes over time.
     #[serde(default, deserialize_with = "given_object")]
     pub profile: Option<Profile>,
 }
 
-/// A numeric word of the plant that changes over time.
+/// A numeric plant word that changes over time.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// The word, as in `supply_mv`.
+    /// The plant word, such as `supply_mv`.
     pub word: String,
-    /// The points, each a time in milliseconds from now and a value; or the name of a ready profile.
+    /// The points, each a time in milliseconds from now and a value; or the name of a predefined profile.
     pub points: Points,
-    /// True: each value is kept until the next point. False, the default: the values between two points are
-    /// interpolated, every millisecond.
+    /// True: each value is kept until the next point. False, the default: values between two points are interpolated
+    /// every millisecond.
     #[serde(default)]
     pub steps: bool,
 }
@@ -247,17 +247,17 @@ pub struct Profile {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(untagged, expecting = "points must be a list of [MILLISECONDS, VALUE], or \"cranking\"")]
 pub enum Points {
-    /// A ready profile.
+    /// A predefined profile.
     Ready(ReadyProfile),
-    /// Times in milliseconds, and values.
+    /// Pairs of a time in milliseconds and a value.
     List(Vec<[i64; 2]>),
 }
 
-/// A ready profile.
+/// A predefined profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ReadyProfile {
-    /// The supply, in mV, while the engine of a 24 V machine is cranked.
+    /// The supply voltage, in mV, of a 24 V machine while its engine is cranked.
     Cranking,
 }
 
@@ -354,7 +354,7 @@ impl PlantChange {
         self.plants().into_iter().map(|plant| plant.word().name).chain(memory).collect()
     }
 
-    /// Returns a change of the same words back to their values in `state`.
+    /// Returns the change that restores the values of the same words in `state`.
     #[must_use]
     pub fn earlier(&self, state: &PlantState) -> Self {
         let mut earlier = Self::default();
@@ -448,7 +448,7 @@ impl AnswerMs {
     }
 }
 
-/// Returns a time in milliseconds, limited to the largest number.
+/// Returns a time in milliseconds, limited to `u16::MAX`.
 fn millis(time: Duration) -> u16 {
     u16::try_from(time.as_millis()).unwrap_or(u16::MAX)
 }
@@ -463,7 +463,7 @@ impl SpoolChange {
     }
 }
 
-/// The spool faults by name. A healthy spool has no name here: its fault is null in a state.
+/// The spool faults by name. `Ok` is not among them: in a state, the fault of a healthy spool is null.
 const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
     (SpoolFaultName::Stuck, SpoolFault::Stuck),
     (SpoolFaultName::Slow, SpoolFault::Slow),
@@ -520,7 +520,7 @@ mod tests {
             let Some((min, max)) = range else {
                 let told = refusal(json!("bent")).expect_err(word.name);
                 let values = match word.name {
-                    "answer_ms" => "a whole number from 0 to 60000, or a list of 2".to_owned(),
+                    "answer_ms" => "a whole number from 0 to 60000, or a list of 2 items".to_owned(),
                     _ => word.values.to_string().replace("on, off", "true or false"),
                 };
                 assert!(told.contains(&format!("accepted: {values}")), "{told}");

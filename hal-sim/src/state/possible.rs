@@ -40,7 +40,7 @@ pub(crate) enum Values {
     Sets(Vec<&'static str>),
 }
 
-/// Whether none, some or all of the possible values satisfy a condition.
+/// The share of the possible values that satisfy a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Share {
     None,

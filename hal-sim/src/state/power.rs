@@ -13,7 +13,7 @@ use crate::world::{NodeId, World};
 pub enum Power {
     /// Cuts the power immediately.
     Off,
-    /// Switches the power on and boots the device; no effect if it is already on.
+    /// Switches the power on and boots the device; no effect on a device with power.
     On,
     /// Resets the processor, as the watchdog does.
     Watchdog,
@@ -23,7 +23,7 @@ pub enum Power {
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PowerChange {
-    /// True switches the power on, which boots the device; false cuts it.
+    /// True switches the power on and boots the device; false cuts the power.
     #[serde(default, deserialize_with = "given")]
     pub on: Option<bool>,
     /// A reset of the processor.

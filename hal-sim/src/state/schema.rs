@@ -44,7 +44,7 @@ pub struct Mismatch {
 }
 
 impl Schemas {
-    /// Returns the schema of an input type and all schemas that it references. Each type's schemas are built once.
+    /// Returns the schema of an input type and all referenced schemas. Each type's schemas are built once.
     pub fn of<T: ToSchema + 'static>() -> &'static Self {
         static MADE: Mutex<BTreeMap<TypeId, &'static Schemas>> = Mutex::new(BTreeMap::new());
         MADE.lock().unwrap_or_else(PoisonError::into_inner).entry(TypeId::of::<T>()).or_insert_with(|| {
@@ -244,7 +244,7 @@ impl<'a> Checker<'a> {
             if !choices.iter().all(|choice| fails(&choice)) {
                 return None;
             }
-            // For an object, the mismatch is taken from the choice with members, so that it refers to a member.
+            // For an object, the mismatch is taken from the choice with members, so that the message names a member.
             let same = choices.iter().find(|choice| value.is_object() && self.has_members(choice));
             return match (same, choices.as_slice()) {
                 (Some(only), _) | (None, [only]) => self.mismatch(only, value, path),
@@ -375,7 +375,7 @@ impl<'a> Checker<'a> {
                 None => "a string".to_owned(),
             },
             "array" => match schema["maxItems"].as_u64() {
-                Some(items) => format!("a list of {items}"),
+                Some(items) => format!("a list of {items} items"),
                 None => "a list".to_owned(),
             },
             "null" => self.null.to_owned(),
@@ -422,7 +422,7 @@ fn is_within(schema: &Value, value: &Value) -> bool {
         && whole(&schema["maximum"]).is_none_or(|max| number <= max)
 }
 
-/// Returns whether a list has the number of items of a schema that states one; true for any other value.
+/// Returns whether a list has the number of items that its schema requires; true if the schema requires no number.
 fn has_length(schema: &Value, value: &Value) -> bool {
     schema["maxItems"].as_u64().zip(value.as_array()).is_none_or(|(items, list)| list.len() as u64 == items)
 }

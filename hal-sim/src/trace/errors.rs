@@ -1,5 +1,6 @@
-//! Selects the bus errors to report: the first error frame of each destroyed frame, and each change of an error mode.
-//! Repeated error frames are not reported, because a controller retransmits thousands of times per second.
+//! Selects the bus events to report as errors: the first error frame of each destroyed frame, changes of an error mode,
+//! effects of communication faults, and dropped frames. Repeated error frames are not reported, because a controller
+//! retransmits thousands of times per second.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -31,8 +32,8 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Records an event. Returns the message if the event is to be reported, with the error class of a bus error; a
-    /// communication fault has no class.
+    /// Records an event. Returns the error class and the message of an event to report. A communication fault has no
+    /// class.
     pub fn note(&mut self, event: &Event) -> Option<(Option<ErrorClass>, String)> {
         match &event.what {
             EventKind::Frame { .. } => {

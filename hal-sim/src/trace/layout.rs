@@ -1,9 +1,9 @@
 //! The human-readable trace: aligned columns, arrows, colours, and counts in place of repeated cyclic frames.
 //!
 //! ```text
-//!    300.768 ms  ->  220: 0F 00 00 20               master → pvea-canopen: RPDO …   a client sent it
-//!    301.424 ms  <-  1A0: 0F 00 99 19               pvea-canopen: TPDO …            a device sent it
-//!                    220: 0F 00 00 20               12 times more, every 100 ms
+//!    300.768 ms  ->  220: 0F 00 00 20               master → pvea-canopen: RPDO …   sent by a client
+//!    301.424 ms  <-  1A0: 0F 00 99 19               pvea-canopen: TPDO …            sent by a device
+//!                    220: 0F 00 00 20               12 more times, every 100 ms
 //! ```
 
 use std::collections::HashMap;
@@ -26,13 +26,13 @@ const REMINDER: Duration = Duration::from_secs(5);
 /// The delay, in addition to the period, after which the cycle of a frame counts as ended.
 const LATE: Duration = Duration::from_millis(20);
 
-/// The time above which times are printed as h:mm:ss.mmm, in milliseconds.
+/// The time, in milliseconds, from which times are printed as h:mm:ss.mmm.
 const MINUTE: u64 = 60_000;
 
 /// The width of the columns before the frame: time, unit, arrow.
 const MARGIN: usize = 19;
 
-/// The number of terminal columns from which data bytes are printed with blanks.
+/// The number of terminal columns from which data bytes are separated by blanks.
 const ROOMY: usize = 100;
 
 /// The minimum width of a wrapped explanation.

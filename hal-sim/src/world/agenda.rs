@@ -11,7 +11,7 @@ pub(super) struct Agenda {
     /// The winner of each match, indexed as in a heap: the final at 1, the semi-finals at 2 and 3, and so on. The last
     /// entries are the devices themselves, or [`NOBODY`].
     winners: Vec<usize>,
-    /// The winner of the final with its due time, kept because each event asks for it.
+    /// The winner of the final and its due time, cached because every event needs the due time.
     next: Option<(Instant, usize)>,
 }
 

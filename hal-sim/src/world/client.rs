@@ -32,7 +32,7 @@ impl embedded_can::Error for WorldGone {
 }
 
 impl Client {
-    /// Returns the number of received frames that wait.
+    /// Returns the number of received frames in the queue.
     #[must_use]
     pub fn received(&self) -> usize {
         lock(&self.0).received.len()

@@ -1,4 +1,4 @@
-//! External controllers on the bus of a world: see [`WireEvent`].
+//! External controllers on the bus of a world, such as the emulated controller of a firmware image.
 
 use std::collections::vec_deque::Drain;
 
@@ -21,8 +21,8 @@ impl World {
         ControllerId(port)
     }
 
-    /// Connects the controller at a bit rate. It participates after 11 recessive bits. A silent controller receives but
-    /// never drives the bus.
+    /// Connects the controller at a bit rate. The controller participates after 11 recessive bits. A silent controller
+    /// receives but never drives the bus.
     pub fn attach(&mut self, controller: ControllerId, rate: BitRate, silent: bool) {
         self.bus.attach(controller.0, rate, silent, self.now);
     }

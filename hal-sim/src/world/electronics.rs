@@ -13,11 +13,11 @@ use super::Plant;
 pub struct Electronics {
     /// The time from power-on to the start of the application (A).
     pub boot: Duration,
-    /// The minimum and maximum delay of an answer (A). Answers are those of SDO, LSS and UDS, and J1939
+    /// The minimum and maximum delay of an answer (A). Answers are SDO, LSS and UDS responses, and J1939
     /// acknowledgements, DM2 and transport protocol messages.
     pub answer: (Duration, Duration),
-    /// The cycle time of the application, which reads frames and inputs and sends frames only once a cycle (A). 0: the
-    /// application reacts immediately.
+    /// The cycle time of the application, which reads frames and inputs and sends frames only once per cycle (A). With
+    /// 0, the application reacts immediately.
     pub cycle: Duration,
     /// The supply voltage in mV below which a valve is off (A). The valve restarts when the supply reaches this
     /// voltage. `None`: the valve is never off.
@@ -37,7 +37,7 @@ impl Electronics {
         }
     }
 
-    /// Returns the changes that reproduce the delays.
+    /// Returns the delays as plant changes.
     pub(super) fn words(&self) -> [Plant; 3] {
         let millis = |time: Duration| u16::try_from(time.as_millis()).unwrap_or(u16::MAX);
         let (from, to) = self.answer;
@@ -53,7 +53,7 @@ impl Electronics {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
     pub(super) settings: Electronics,
-    /// The start of the application.
+    /// The time at which the application started.
     pub(super) started: Instant,
     /// Whether the device is off because of undervoltage and will start when the supply recovers.
     pub(super) is_browned_out: bool,

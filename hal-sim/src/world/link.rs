@@ -19,13 +19,13 @@ pub struct Link {
     pub rate: i32,
     /// The lower end stop, inclusive, in 1/100 degree.
     pub min: u32,
-    /// The upper end stop, inclusive, in 1/100 degree. It must be less than one turn and not below the lower end stop.
+    /// The upper end stop, inclusive, in 1/100 degree: at least `min`, and less than one turn.
     pub max: u32,
     /// The largest deviation of the speed, in percent, up to 100. The deviation changes every
     /// [`NOISE_STEP`](super::NOISE_STEP).
     pub noise: u8,
-    /// The overlap of the spool: the position up to which nothing flows, up to 16384. Beyond this
-    /// position, the speed rises from 0.
+    /// The overlap of the spool: the largest deflection without flow, from 0 to 16384. Beyond this deflection, the
+    /// speed rises from 0.
     pub dead_band: u16,
 }
 
@@ -57,7 +57,7 @@ pub enum LinkError {
     #[error("the sensor is already linked")]
     Linked,
     /// The lower end stop is above the upper end stop, or the upper end stop is not less than one turn.
-    #[error("end stops must be 0 to 35999 in 1/100 degree, the lower one first")]
+    #[error("end stops must be 0 to 35999 in 1/100 degree, and min must not exceed max")]
     Stops,
     /// The noise or the dead-band is above its limit.
     #[error("the noise must be 0 to 100 percent, and the dead-band 0 to 16384")]
@@ -66,12 +66,12 @@ pub enum LinkError {
 
 /// The number of internal angle units in 1/100 degree: the full stroke in units of [`Valve::opening`], times the
 /// microseconds of a second, times 2, times 100. The factor 2 avoids the fraction 1/2 of the trapezoid formula, the
-/// factor 100 those of the noise.
+/// factor 100 the fractions of the noise in percent.
 const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000 * PERCENT;
 
 const PERCENT: i128 = 100;
 
-/// The opening of a valve in one unit of its position.
+/// The opening of a valve per unit of the spool position.
 const UNIT: i128 = Valve::STROKE as i128 / Position::FULL as i128;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
@@ -94,7 +94,7 @@ impl World {
     /// stops.
     ///
     /// # Errors
-    /// [`LinkError`] if the devices cannot be linked or the end stops are invalid.
+    /// [`LinkError`] if the devices cannot be linked or a parameter is invalid.
     pub fn link(&mut self, valve: NodeId, sensor: NodeId, link: Link) -> Result<(), LinkError> {
         if self.inputs(valve).valve().is_none() {
             return Err(LinkError::NoValve);
@@ -172,7 +172,7 @@ impl World {
         }
     }
 
-    /// Sets the angle of a linked shaft, from which the link continues.
+    /// Sets the angle of a linked shaft. The link continues from this angle.
     pub(super) fn turn_link(&mut self, sensor: NodeId, angle_cdeg: u32) {
         if let Some(coupling) = self.couplings.iter_mut().find(|coupling| coupling.sensor == sensor) {
             coupling.angle = i128::from(angle_cdeg) * CDEG;
@@ -191,8 +191,8 @@ impl World {
         inputs
     }
 
-    /// Returns the valve of a powered device; `None` for an unpowered device, whose valve counts as neutral (A), as at
-    /// its start.
+    /// Returns the valve of a powered device; `None` without a valve or without power. An unpowered valve counts as
+    /// neutral (A), as at its start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
         match &self.nodes[node.0].power {
             Power::On(device) => device.valve(),
@@ -202,8 +202,8 @@ impl World {
 }
 
 impl Coupling {
-    /// Returns the angle at an instant at or after the last update, in 1/100 degree. The valve must not change before
-    /// the instant.
+    /// Returns the angle in 1/100 degree at an instant that is not before the last update. The valve must not change
+    /// before this instant.
     pub(super) fn angle_at(&self, world: &World, at: Instant) -> u32 {
         self.angle_cdeg(self.reckon(world.valve(self.valve), at))
     }
@@ -227,9 +227,9 @@ impl Coupling {
             let (from, to) = (i128::from(valve.opening(at)), i128::from(valve.opening(end)));
             let band = i128::from(self.link.dead_band) * UNIT;
             let flow = |opening: i128| opening - opening.clamp(-band, band);
-            // The flow bends where the spool enters or leaves the dead-band, which without a dead-band is the zero
-            // crossing. The interval is split into three parts: before the microsecond of the crossing, that
-            // microsecond, and the rest.
+            // The flow bends where the spool enters or leaves the dead-band; without a dead-band, at neutral. The
+            // interval is split into three parts: the time up to the microsecond of the crossing, this microsecond, and
+            // the rest.
             let micros = i128::from(since(end, at).as_micros());
             let crossings = [band, -band].into_iter().filter(|level| (from - level) * (to - level) < 0);
             let passes = crossings.map(|level| (from - level) * micros / (from - to)).min();

@@ -1,7 +1,8 @@
 //! The world: devices with their plants and memories on one bus, in virtual time, event by event.
 //!
-//! The order within one instant is fixed: first the ends of frames with their receivers, then the due devices, both in
-//! the order of their numbers, and finally the start of the next frame. A run depends only on the calls and the seed.
+//! The order within one instant is fixed: the end of the frame on the wire, due faults, the devices that these events
+//! affect, the devices that are due, and the start of the next frame. Devices are served in the order of their numbers.
+//! A run depends only on the calls and the seed.
 
 mod agenda;
 mod client;
@@ -68,13 +69,13 @@ pub struct ClientPortId(PortId);
 pub struct World {
     now: Instant,
     bit_rate: BitRate,
-    /// A counter of bit rate changes of the bus and the devices, including power-ups and restarts.
+    /// A counter of bit rate changes of the bus and the devices, including starts, restarts and power cuts.
     rate_changes: u64,
     bus: Bus,
     nodes: Vec<Node>,
     agenda: Agenda,
     couplings: Vec<Coupling>,
-    /// The device of each port, by port number; `None` for a client's port.
+    /// The device of each port, by port number; `None` for all other ports.
     owners: Vec<Option<NodeId>>,
     random: fastrand::Rng,
     /// A reusable buffer for the ports being served.
@@ -117,7 +118,7 @@ impl World {
     }
 
     /// Adds a healthy, unpowered device with an existing memory. Records in the memory take precedence over the setup.
-    /// A setup without a bit rate uses the bit rate of the bus if the product supports it.
+    /// A setup without a bit rate uses the bit rate of the bus if the product supports this rate.
     pub fn add_with(&mut self, name: &str, setup: impl Into<Setup>, memory: Memory) -> NodeId {
         let setup: Setup = setup.into();
         let bit_rate = setup.bit_rate.or(Some(self.bit_rate).filter(|rate| setup.kind.bit_rates().contains(rate)));
@@ -174,7 +175,7 @@ impl World {
         self.devices().find(|node| self.name(*node) == name)
     }
 
-    /// Returns a powered device.
+    /// Returns a device; `None` without power.
     #[must_use]
     pub fn device(&self, node: NodeId) -> Option<&dyn Device> {
         self.on(node).map(|device| device as &dyn Device)
@@ -187,28 +188,28 @@ impl World {
         }
     }
 
-    /// Returns a powered device as a `T`.
+    /// Returns a device as a `T`; `None` without power, or if the device has another type.
     #[must_use]
     pub fn device_as<T: Device + 'static>(&self, node: NodeId) -> Option<&T> {
         (self.on(node)? as &dyn std::any::Any).downcast_ref()
     }
 
-    /// Returns the outputs of a powered device.
+    /// Returns the outputs of a device; `None` without power.
     #[must_use]
     pub fn outputs(&self, node: NodeId) -> Option<Outputs> {
         self.device(node).map(Device::outputs)
     }
 
-    /// Returns the inputs of a device. The bus mode is the error mode of its controller. The angle of a linked shaft is
-    /// the device's last sample.
+    /// Returns the inputs of a device. The error mode of the controller and the angle of a linked shaft are the values
+    /// that the device sensed last.
     #[must_use]
     pub fn inputs(&self, node: NodeId) -> &Inputs {
         &self.nodes[node.0].inputs
     }
 
-    /// Sets the inputs of a device. Ignores the bus mode, which [`force_bus_off`](Self::force_bus_off) sets, the angle of
-    /// a linked shaft, which [`set_plant`](Self::set_plant) sets, and the roughness of a spool, which
-    /// [`set_roughness`](Self::set_roughness) sets.
+    /// Sets the inputs of a device, except the error mode of the controller, the motion of a linked shaft and the
+    /// roughness of a spool. See [`force_bus_off`](Self::force_bus_off), [`set_plant`](Self::set_plant) and
+    /// [`set_roughness`](Self::set_roughness).
     pub fn set_inputs(&mut self, node: NodeId, inputs: Inputs) {
         self.follow_links(node);
         let mut inputs = self.as_linked(node, inputs);
@@ -274,7 +275,7 @@ impl World {
         port
     }
 
-    /// Adds a [gateway](Self::add_gateway) that only sends: no frame can be lost for it.
+    /// Adds a [gateway](Self::add_gateway) that only sends. A fault that loses frames cannot name this gateway.
     pub fn add_sender(&mut self, name: &str) -> ClientPortId {
         let port = self.add_gateway(name);
         self.bus.only_send(port.0);
@@ -345,13 +346,13 @@ impl World {
         self.bus.port(port.0)
     }
 
-    /// Returns the bit rate of the bus, which all clients and the controllers of new devices use.
+    /// Returns the bit rate of the bus and its clients.
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.bit_rate
     }
 
-    /// Changes the bit rate of the bus and of all its clients, but not of the devices.
+    /// Changes the bit rate of the bus and its clients, but not of devices and external controllers.
     pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         self.rate_changes += 1;
@@ -374,7 +375,7 @@ impl World {
         self.on(node).is_some_and(|device| device.is_switching_bit_rate())
     }
 
-    /// Returns the counter of bit rate changes of the bus and the devices, including power-ups and restarts.
+    /// Returns the counter of bit rate changes of the bus and the devices, including starts, restarts and power cuts.
     pub(crate) const fn rate_changes(&self) -> u64 {
         self.rate_changes
     }
@@ -437,7 +438,8 @@ impl World {
         self.dismiss_inserters();
     }
 
-    /// Returns the faults in the order in which they were added. Expired faults remain listed until they are ended.
+    /// Returns the faults in the order in which they were added. An expired fault remains listed until it is ended or a
+    /// new fault replaces it.
     pub fn faults(&self) -> impl Iterator<Item = FaultState> {
         self.bus.faults(self.now)
     }

@@ -72,7 +72,7 @@ pub(super) struct Node {
     /// The value of the device's counter of dropped frames when the device was last served.
     pub(super) frames_dropped: u32,
     pub(super) electronics: electronics::State,
-    /// A valve's spool times in warm oil, if they depend on the temperature.
+    /// The spool times of a valve in warm oil; `None` if the times do not depend on the temperature.
     pub(super) oil: Option<SpoolTimes>,
     pub(super) rough: rough::State,
 }
@@ -100,7 +100,7 @@ pub struct Write {
 }
 
 impl Write {
-    /// Starts the write of a record. `takes` is usually [`write_time`].
+    /// Starts the write of a record. `takes` is the duration, usually [`write_time`].
     #[must_use]
     pub fn begin(key: RecordKey, record: Record, now: Instant, takes: Duration) -> Self {
         Self { key, record, began: now, done: after(now, takes) }

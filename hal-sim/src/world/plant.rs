@@ -17,7 +17,7 @@ pub enum PlantError {
     /// The value is out of range.
     #[error("{0}: out of range; accepted: {values}", values = .0.word().values)]
     OutOfRange(Plant),
-    /// The shaft's angle is controlled by a link.
+    /// A link controls the angle of the shaft.
     #[error("{0}: the shaft is linked to a valve")]
     Linked(Plant),
 }

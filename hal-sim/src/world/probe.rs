@@ -8,10 +8,10 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::SimDevice;
 
-/// The identifier of echo requests, plus the node ID. The identifier of the answer is [`ECHO_ANSWER`] plus the node ID.
+/// The base identifier of echo requests; the node ID is added. The base identifier of the answers is [`ECHO_ANSWER`].
 pub(crate) const ECHO: u16 = 0x600;
 pub(crate) const ECHO_ANSWER: u16 = 0x580;
-/// The identifier of a [`Command`] for the node ID in byte 1.
+/// The identifier of a [`Command`]; byte 1 contains the node ID.
 pub(crate) const COMMAND: u16 = 0x000;
 /// The base identifier of command result reports; the node ID is added.
 pub(crate) const DONE: u16 = 0x080;

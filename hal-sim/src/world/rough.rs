@@ -1,6 +1,6 @@
-//! Rough mechanics: a spool that trembles and sticks, a shaft with play whose angle is measured with noise.
+//! Rough mechanics: a spool with noise and a dead-band, and a shaft with play and a noisy angle measurement.
 //!
-//! Noise is a function of the seed and the time, and changes every [`NOISE_STEP`]. Reading a state changes nothing.
+//! The noise is a function of the seed and the time and changes every [`NOISE_STEP`]; a read never changes the noise.
 
 use protocol_core::actuator::{self, Position};
 use protocol_core::device::Inputs;
@@ -9,16 +9,16 @@ use protocol_core::time::{Duration, Instant, NEVER};
 
 use super::{NodeId, World};
 
-/// The interval between two values of a noise (A).
+/// The interval between two noise values (A).
 pub const NOISE_STEP: Duration = Duration::from_millis(10);
 
-/// The roughness of a valve's spool, in units of its position, or of a sensor's shaft, in 1/100 degree (A): none by
-/// default.
+/// The roughness of a valve's spool in position units, or of a sensor's shaft in 1/100 degree (A). The default is no
+/// roughness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Roughness {
     /// The largest deviation, in both directions, from the set-point of a spool or from the angle of a shaft.
     pub noise: u16,
-    /// The change of a set-point that the spool does not follow, or the play between shaft and sensor in each direction.
+    /// The largest set-point change that the spool ignores, or the play between shaft and sensor in each direction.
     pub dead_band: u16,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct State {
     seed: u64,
     /// The time of the next deviation of a spool; [`NEVER`] without noise.
     pub(super) next: Instant,
-    /// The angle that the shaft's play has left to the sensor; `None` before the first sample.
+    /// The angle behind the play, on the side of the sensor; `None` before the first sample.
     seen: Option<u32>,
 }
 
@@ -48,14 +48,14 @@ impl Default for State {
 
 /// Returns the noise at an instant: a number from −`limit` to `limit`.
 pub(super) fn noise(seed: u64, limit: u16, at: Instant) -> i32 {
-    /// Neighbouring steps get seeds that differ in many bits.
+    /// The factor by which neighbouring steps get seeds that differ in many bits.
     const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
     let limit = i32::from(limit);
     let step = at.as_ticks() / NOISE_STEP.as_ticks();
     fastrand::Rng::with_seed(seed ^ step.wrapping_mul(SPREAD)).i32(-limit..=limit)
 }
 
-/// Returns the next time after `at` at which a noise changes.
+/// Returns the next time after `at` at which the noise changes.
 pub(super) fn next_step(at: Instant) -> Instant {
     let step = at.as_ticks() / NOISE_STEP.as_ticks() + 1;
     step.checked_mul(NOISE_STEP.as_ticks()).map_or(NEVER, Instant::from_ticks)
@@ -67,7 +67,7 @@ impl State {
         self.settings != Roughness::default() && inputs.shaft().is_some()
     }
 
-    /// Returns the inputs as a rough sensor sees them, and keeps the play.
+    /// Returns the inputs that the device senses: the angle of a rough shaft includes play and noise. Updates the play.
     pub(super) fn sensed(&mut self, inputs: &Inputs, now: Instant) -> Inputs {
         let mut sensed = *inputs;
         if self.is_rough_shaft(inputs)
@@ -81,8 +81,8 @@ impl State {
         sensed
     }
 
-    /// Returns the angle that the sensor sees at an instant, for an angle of the shaft that changes in one direction
-    /// until then.
+    /// Returns the angle that the sensor measures at the instant `at` for the shaft angle `truth`. The shaft must have
+    /// turned in only one direction since the last sample.
     pub(super) fn angle_of(&self, truth: u32, at: Instant) -> u32 {
         let noise = i64::from(noise(self.seed, self.settings.noise, at));
         turned(self.played(truth), noise)
@@ -92,7 +92,7 @@ impl State {
     fn played(&self, truth: u32) -> u32 {
         let (half, turn) = (i64::from(TURN_CDEG / 2), i64::from(TURN_CDEG));
         let seen = self.seen.unwrap_or(truth);
-        // The shorter way round from the angle behind the play to that of the shaft.
+        // The shorter way round from the angle behind the play to the angle of the shaft.
         let ahead = (i64::from(truth) - i64::from(seen) + half).rem_euclid(turn) - half;
         let play = i64::from(self.settings.dead_band);
         turned(seen, ahead - ahead.clamp(-play, play))
@@ -104,7 +104,7 @@ fn turned(angle_cdeg: u32, by: i64) -> u32 {
 }
 
 impl World {
-    /// Makes the spool of a valve, or the shaft of a sensor, rough. Values above the limits count as the limits.
+    /// Sets the roughness of a valve's spool or a sensor's shaft. Values above the limits are reduced to the limits.
     pub fn set_roughness(&mut self, node: NodeId, Roughness { noise, dead_band }: Roughness) {
         let is_shaft = self.inputs(node).shaft().is_some();
         let max = if is_shaft { Roughness::MAX_OF_SHAFT } else { Roughness::MAX_OF_SPOOL };
@@ -120,7 +120,7 @@ impl World {
         self.set_inputs(node, *self.inputs(node));
     }
 
-    /// Gives a trembling spool its next deviation.
+    /// Sets the next deviation of a spool with noise.
     pub(super) fn tremble(&mut self, node: NodeId) {
         let (now, state) = (self.now, &mut self.nodes[node.0]);
         state.rough.next = next_step(now);

@@ -10,8 +10,8 @@ use protocol_core::wire::pdo_mapping::MappingEntry;
 use super::node::{Node, Power};
 use super::{NodeId, World, rough};
 
-/// The maximum time between two samples of a linked shaft. A spool that passes neutral reverses the shaft; within this
-/// time, the shaft cannot leave its position and return to it.
+/// The maximum step in the search for a position change of a linked shaft. A spool that passes neutral reverses the
+/// shaft; within one step, the shaft cannot leave a position and return.
 const LINKED_STEP: Duration = Duration::from_micros(64);
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -26,15 +26,15 @@ impl World {
         let Node { power, inputs, rough, .. } = &mut self.nodes[node.0];
         let Power::On(device) = power else { return None };
         if rough.is_rough_shaft(inputs) {
-            // Only the device's own samples move the play.
+            // The view uses a copy: only samples of the device change the state of the play.
             let mut sampled = *rough;
             device.sense(&sampled.sensed(inputs, now), now);
         }
         Some(device.view(now))
     }
 
-    /// Returns the current view of a device, and leaves the world untouched: a linked shaft is not sampled, which would
-    /// change how its later angles are rounded. `None` while the device is unpowered.
+    /// Returns the current view of a device without changing the world: the device does not sample a linked or rough
+    /// shaft. `None` without power.
     #[must_use]
     pub fn peek(&self, node: NodeId) -> Option<View> {
         let device = self.on(node)?;
@@ -50,9 +50,9 @@ impl World {
         Some(device.view(self.now))
     }
 
-    /// Returns the first time at which the position of a device enters a range, if no event occurs until then; `limit`
-    /// at the latest. The position must be outside the range now. For a device other than a valve, the position may
-    /// still be outside the range at the returned time.
+    /// Returns the first time at which the position of a device can enter a range, if no event occurs until then;
+    /// `limit` at the latest. The position must be outside the range now, and may still be outside at the returned
+    /// time.
     #[must_use]
     pub fn next_inside(&self, node: NodeId, range: &RangeInclusive<i16>, limit: Instant) -> Instant {
         let Some(valve) = self.valve(node) else {
@@ -65,7 +65,7 @@ impl World {
                 false => self.outside_until(node, range).max(after(self.now, Duration::from_ticks(1))).min(limit),
             };
         };
-        // Between two bends of its path, the spool moves in one direction.
+        // The spool moves in one direction between two bends of its path.
         let end = valve.bends(self.now).min(limit);
         let side = |at| {
             let position = self.position_at(node, at);
@@ -97,7 +97,7 @@ impl World {
     pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
         let now = self.now;
         let longest = if self.coupling_of(node).is_some() { LINKED_STEP } else { Duration::MAX };
-        // Between two bends of its path, the spool moves in one direction and passes each position once.
+        // The spool moves in one direction between two bends of its path, and passes each position once.
         let limit = self.valve(node).map_or(limit, |valve| valve.bends(now).min(limit));
         let is_rough = self.is_rough_shaft(node);
         let limit = if is_rough { limit.min(rough::next_step(now)) } else { limit };
@@ -150,7 +150,8 @@ impl World {
         rough.is_rough_shaft(inputs)
     }
 
-    /// Finds the first time at which something holds, by bisection. It does not hold at `before`, and holds at `then`.
+    /// Finds by bisection the first time at which `holds` is true. `holds` must be false at `before` and true at
+    /// `then`.
     fn first(&self, holds: impl Fn(Instant) -> bool, mut before: Instant, mut then: Instant) -> Instant {
         while since(then, before) > Duration::from_ticks(1) {
             let middle = after(before, Duration::from_ticks(since(then, before).as_ticks() / 2));
@@ -163,8 +164,8 @@ impl World {
         then
     }
 
-    /// Returns the position of a spool, or the raw position of a shaft, at the current time or later, if no event
-    /// occurs until then.
+    /// Returns the position of a spool, or the raw position of a shaft, at the instant `at` if no event occurs until
+    /// then. `at` must not be in the past.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
         let rough = &self.nodes[node.0].rough;
         let is_rough = self.is_rough_shaft(node);

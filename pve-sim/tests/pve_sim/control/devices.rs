@@ -198,7 +198,7 @@ fn what_cannot_be_changes_nothing() {
         (
             "boom",
             r#"{"answer_ms": 60001}"#,
-            "answer_ms 60001 is not valid; accepted: a whole number from 0 to 60000, or a list of 2",
+            "answer_ms 60001 is not valid; accepted: a whole number from 0 to 60000, or a list of 2 items",
         ),
         (
             "boom",
@@ -208,12 +208,12 @@ fn what_cannot_be_changes_nothing() {
         (
             "boom",
             r#"{"answer_ms": [1, 2, 3]}"#,
-            "is not valid; accepted: a whole number from 0 to 60000, or a list of 2",
+            "is not valid; accepted: a whole number from 0 to 60000, or a list of 2 items",
         ),
         (
             "boom",
             r#"{"answer_ms": [1, 70000]}"#,
-            "is not valid; accepted: a whole number from 0 to 60000, or a list of 2",
+            "is not valid; accepted: a whole number from 0 to 60000, or a list of 2 items",
         ),
         (
             "boom",

@@ -57,7 +57,7 @@ fn a_refused_fault_changes_nothing() {
         (r#"{"lose": ""}"#, "id \"\" is not valid; "),
         (r#"{"lose": "220", "probability": 2}"#, "probability 2 is not valid; "),
         (r#"{"lose": "220", "lose": "221"}"#, ""),
-        (r#"{"insert": "220#00", "name": "boom"}"#, "an inserted frame needs a name"),
+        (r#"{"insert": "220#00", "name": "boom"}"#, "the name of an insert fault must not be"),
         (r#"{"loss": "220"}"#, "unknown key 'loss'"),
     ] {
         let refused = rig.refused("POST", "/bus/faults", Some(body), 400);
