@@ -38,6 +38,7 @@ fn main() -> ExitCode {
         Ok(Request::Scenarios(options)) => run_scenarios(|out| batch::run(&options, out)),
         Ok(Request::Campaign(options)) => run_campaign(|out| campaign::run(&options, out)),
         Ok(Request::Cell(options)) => run_campaign(|out| campaign::run_cell(&options, out)),
+        Ok(Request::Explore(options)) => run_campaign(|out| campaign::explore(&options, out)),
         Ok(Request::Cells(plan, seed)) => run_campaign(|out| campaign::list(&plan, seed, out)),
         Ok(Request::Merge(options)) => run_campaign(|out| Ok(campaign::merge(&options, out)?)),
         Ok(Request::Decode(options)) => explain(&options),

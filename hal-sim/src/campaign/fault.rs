@@ -21,6 +21,8 @@ pub(super) struct PlanFault {
     pub(super) text: String,
     /// The reference for the reports.
     pub(super) reference: Option<String>,
+    /// The keys of the fault, with the name of its device, without its reference.
+    pub(super) entry: Table,
     pub(super) act: Act,
 }
 
@@ -151,8 +153,9 @@ pub(super) fn communication(frame: &Frame) -> impl Iterator<Item = PlanFault> {
     let errors =
         errors.map(move |(error, text)| (error, text.replace("ID", &id).replace("MASK", &mask).replace("DATA", &data)));
     errors.filter_map(|(error, text)| {
-        let (text, act) = message(toml::from_str(&text).ok()?).ok()?;
-        Some(PlanFault { text, reference: Some(format!("IEC 61784-3: {error}")), act })
+        let entry: Table = toml::from_str(&text).ok()?;
+        let (text, act) = message(entry.clone()).ok()?;
+        Some(PlanFault { text, reference: Some(format!("IEC 61784-3: {error}")), entry, act })
     })
 }
 
@@ -166,6 +169,7 @@ impl PlanFault {
             Some(Value::String(text)) => Some(text),
             _ => None,
         };
+        let mut keys = entry.clone();
         let name = entry.remove("device");
         let is_message = FaultRequest::kinds().any(|kind| entry.contains_key(kind));
         let (text, act) = match (entry.remove("plant"), entry.remove("power")) {
@@ -186,7 +190,10 @@ impl PlanFault {
                 return Err(format!("a fault needs exactly one of plant, power, {kinds}"));
             }
         };
-        let fault = Self { text, reference, act };
+        if let Act::Plant(device, _) | Act::Power(device, ..) = &act {
+            keys.insert("device".to_owned(), device.clone().into());
+        }
+        let fault = Self { text, reference, entry: keys, act };
         let mut trial = trial.clone();
         match trial.execute(fault.command()) {
             // A device without power cannot be reset.

@@ -145,8 +145,12 @@ impl Golden {
 
     /// Returns power, NMT state, device state machine and active faults of each device, as bits.
     pub(super) fn states(&self, simulation: &Simulation) -> Vec<u32> {
-        let views = self.devices.iter().map(|node| simulation.world().peek(*node));
-        views.map(|view| Sample::of(view.as_ref()).state & LASTING).collect()
+        self.all_states(simulation).map(|state| state & LASTING).collect()
+    }
+
+    /// Returns the same as [`states`](Self::states), with command and solenoids.
+    pub(super) fn all_states(&self, simulation: &Simulation) -> impl Iterator<Item = u32> {
+        self.devices.iter().map(|node| Sample::of(simulation.world().peek(*node).as_ref()).state)
     }
 
     /// Returns whether each device matches the golden run at the current sample instant. A change may come up to one

@@ -11,11 +11,13 @@
 //! rig      a run with its oracles       oracles     the oracles during a run
 //! observe  the faults of a run          injection   the injection of one fault
 //! cell     cells and their results      verdict     verdicts
+//! explore/ the search for pairs of faults
 //! judge    a cell whose controller is outside this library
 //! ```
 
 mod cell;
 mod controller;
+mod explore;
 mod fault;
 mod file;
 mod golden;
@@ -39,6 +41,7 @@ mod tests;
 
 pub use cell::{Cell, CellResult};
 pub use controller::{CONTROLLER, Cloned, Controlled, Controller, Fresh};
+pub use explore::{Explorer, Find, Pair, Tried};
 pub use file::schema;
 pub use golden::CampaignError;
 pub use judge::Judge;

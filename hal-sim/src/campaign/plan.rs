@@ -22,6 +22,8 @@ pub const MAX_CELLS: u64 = 10_000_000;
 pub struct Plan {
     title: String,
     path: String,
+    /// The text of the plan, and that of its scenario.
+    pub(super) texts: (String, String),
     controller: Option<Vec<String>>,
     speed: f64,
     pub(super) scenario: Scenario,
@@ -70,16 +72,17 @@ impl Plan {
         let file = file::read(text).map_err(in_line)?;
         let refuse = |(path, reason): Refused| in_line(ReadError { line: Some(line_at(text, &path)), reason });
         let scenario = read(&file.scenario).and_then(|text| {
-            Scenario::parse(&text).map_err(|ReadError { line, reason }| {
+            let scenario = Scenario::parse(&text).map_err(|ReadError { line, reason }| {
                 let line = line.map_or_else(String::new, |line| format!("{line}: "));
                 format!("{}:{line}{reason}", file.scenario)
-            })
+            });
+            Ok((scenario?, text))
         });
-        let scenario = scenario.map_err(|reason| refuse(at("scenario")(reason)))?;
-        Self::check(file, scenario).map_err(refuse)
+        let (scenario, steps) = scenario.map_err(|reason| refuse(at("scenario")(reason)))?;
+        Self::check(file, scenario, (text.to_owned(), steps)).map_err(refuse)
     }
 
-    fn check(file: PlanFile, scenario: Scenario) -> Result<Self, Refused> {
+    fn check(file: PlanFile, scenario: Scenario, texts: (String, String)) -> Result<Self, Refused> {
         let PlanFile { title, scenario: path, seeds, faults, instants, detected, safe, observe_ms, controller, speed } =
             file;
         let seeds = seeds.unwrap_or_else(|| vec![1]);
@@ -124,7 +127,7 @@ impl Plan {
             return Err(at(key)(reason));
         }
         let faults = entries(faults, &scenario, grid.len().unwrap_or(1) * seeds.len() as u64)?;
-        Ok(Self { title, path, controller, speed, scenario, seeds, faults, grid, detected, safe, observe })
+        Ok(Self { title, path, texts, controller, speed, scenario, seeds, faults, grid, detected, safe, observe })
     }
 
     /// Returns the title.

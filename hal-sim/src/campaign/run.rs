@@ -21,7 +21,7 @@ const FINE: Duration = Duration::from_millis(1);
 pub struct Campaign<'a, M = Scripted> {
     plan: &'a Plan,
     master: M,
-    goldens: Vec<Golden>,
+    pub(super) goldens: Vec<Golden>,
     rows: Vec<Row>,
     forks: bool,
 }
@@ -30,7 +30,7 @@ pub struct Campaign<'a, M = Scripted> {
 #[derive(Debug)]
 pub struct Row {
     pub(super) fault: PlanFault,
-    golden: usize,
+    pub(super) golden: usize,
     /// The seed of the runs.
     pub seed: u64,
     /// The number of the first cell.

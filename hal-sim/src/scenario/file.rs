@@ -154,6 +154,11 @@ pub(super) struct StepTable {
     /// True if the expected frames may come in any order.
     #[serde(default)]
     pub(super) any_order: Option<bool>,
+    /// The expected or forbidden frames count from this virtual time on, in milliseconds, also those that the scenario
+    /// itself sends.
+    #[serde(default)]
+    #[schema(minimum = 0, maximum = 4294967295_i64)]
+    pub(super) since_ms: Option<u32>,
     /// The time limit of the expectation, in milliseconds; 1000 by default.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]

@@ -12,6 +12,8 @@ pub(super) struct Frames<'a> {
     /// Each pattern, with the frame that matched it, if any.
     pub(super) wanted: Vec<(&'a Pattern, Option<Frame>)>,
     pub(super) any_order: bool,
+    /// As in [`Expect::since`](super::step::Expect::since).
+    pub(super) since: Option<Instant>,
     /// The number of the next event to check.
     pub(super) next: u64,
     /// The number of the event after the last matching frame, whose time is `last`.
@@ -25,7 +27,7 @@ impl Frames<'_> {
         if self.next == history.next() {
             return;
         }
-        for heard in history.heard_since(self.next) {
+        for heard in history.frames_since(self.next, self.since) {
             if self.claim(&heard) && self.are_all_there() {
                 break;
             }

@@ -20,8 +20,8 @@ pub(super) struct Guard<'a> {
 
 #[derive(Clone, Copy)]
 enum Guarded<'a> {
-    /// Forbidden frames, and the number of the next event to check.
-    Frames(&'a [Pattern], u64),
+    /// Forbidden frames, the number of the next event to check, and the instant from which frames of any sender count.
+    Frames(&'a [Pattern], u64, Option<Instant>),
     State(&'a Wanted),
 }
 
@@ -32,7 +32,10 @@ impl<'a> Guard<'a> {
         let until = never.span.map_or(NEVER, |span| after(now, span));
         let within = since(until, now);
         let (what, command) = match &never.what {
-            What::Frames(patterns) => (Guarded::Frames(patterns, next), Command::Advance(within)),
+            What::Frames(patterns) => {
+                let next = if never.since.is_some() { 0 } else { next };
+                (Guarded::Frames(patterns, next, never.since), Command::Advance(within))
+            }
             What::State(wanted) => (Guarded::State(wanted), Command::Wait(wanted.condition(), within)),
         };
         (Self { step, since: now, until, what, ticket: None }, command)
@@ -41,9 +44,9 @@ impl<'a> Guard<'a> {
     /// Returns the violation of the prohibition, if any. `ended` is the result of the ticket, if it has completed.
     pub(super) fn violation(&mut self, ended: Option<&Result<Reply, Refusal>>, history: &History) -> Option<Failure> {
         match (&mut self.what, ended) {
-            (Guarded::Frames(patterns, next), _) => {
+            (Guarded::Frames(patterns, next, since), _) => {
                 let is_it = |heard: Heard| Some((heard, patterns.iter().find(|it| it.matches(&heard.frame))?));
-                let found = history.heard_since(*next).find_map(is_it);
+                let found = history.frames_since(*next, *since).find_map(is_it);
                 *next = history.next();
                 found.map(|(heard, pattern)| Failure::came(self.step, pattern, &heard, history))
             }

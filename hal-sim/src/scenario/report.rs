@@ -50,6 +50,12 @@ impl Outcome {
         self.failures.is_empty()
     }
 
+    /// Returns the line of the step of each failure.
+    #[cfg(feature = "campaign")]
+    pub(crate) fn lines(&self) -> impl Iterator<Item = usize> {
+        self.failures.iter().map(|failure| failure.line)
+    }
+
     /// Returns the trace of the bus with the notes of the steps; empty if the run was not traced.
     #[must_use]
     pub fn trace(&self) -> &str {
@@ -347,12 +353,18 @@ fn carets(frame: &Frame, bytes: &[usize]) -> String {
 }
 
 fn within(step: &Step) -> String {
-    step.expect.as_ref().map_or_else(String::new, |expect| format!(" within {} ms", expect.within.as_millis()))
+    let Some(expect) = &step.expect else { return String::new() };
+    format!("{} within {} ms", counted(expect.since), expect.within.as_millis())
 }
 
 fn during(step: &Step) -> String {
-    let span: Option<Duration> = step.never.as_ref().and_then(|never| never.span);
-    span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()))
+    let Some(never) = &step.never else { return String::new() };
+    let span = never.span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()));
+    format!("{}{span}", counted(never.since))
+}
+
+fn counted(since: Option<Instant>) -> String {
+    since.map_or_else(String::new, |since| format!(" since {} ms", since.as_millis()))
 }
 
 /// Formats the value of a state key in scenario syntax.

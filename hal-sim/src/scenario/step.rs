@@ -1,6 +1,6 @@
 //! The steps of a checked scenario.
 
-use protocol_core::time::Duration;
+use protocol_core::time::{Duration, Instant};
 
 use crate::simulation::Command;
 use crate::state::{Condition, Pattern, StateCondition};
@@ -33,6 +33,8 @@ pub(super) enum Begin {
 pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
+    /// The time from which frames of any sender count; `None` for the frames of the devices from the step on.
+    pub(super) since: Option<Instant>,
     pub(super) within: Duration,
     /// The period with which the frame must repeat after the expectation.
     pub(super) every: Option<Duration>,
@@ -42,6 +44,8 @@ pub(super) struct Expect {
 #[derive(Debug)]
 pub(super) struct Never {
     pub(super) what: What,
+    /// As in [`Expect::since`].
+    pub(super) since: Option<Instant>,
     /// The duration of the prohibition; `None` until the end of the scenario.
     pub(super) span: Option<Duration>,
 }

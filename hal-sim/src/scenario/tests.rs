@@ -157,6 +157,27 @@ fn a_number_that_is_none_says_what_is_accepted() {
 
 /// A frame that matches several patterns does not leave another pattern unmatched.
 #[test]
+fn frames_count_since_an_earlier_instant_also_the_own_ones() {
+    let steps = |check: &str| {
+        format!(
+            "{{ at_ms = 300, send = \"000#0120\" }}, {{ after_ms = 100 }}, {{ at_ms = 500, {check} }}, {{ at_ms = 600 }}"
+        )
+    };
+    passes(&steps(r#"expect = "000#01..", since_ms = 300, within_ms = 0"#));
+    // The boot-up came before the step.
+    passes(&steps(r#"expect = ["720#00", "000#0120"], since_ms = 0, within_ms = 0"#));
+    let said = fails(&steps(r#"expect = "000#01..", since_ms = 301, within_ms = 0"#), 1);
+    assert!(said.contains("expect 000: 01 .. since 301 ms within 0 ms: failed at 500.000 ms"), "{said}");
+    passes(&steps(r#"never = "000", since_ms = 301, for_ms = 1"#));
+    let said = fails(&steps(r#"never = "000", since_ms = 300, for_ms = 1"#), 1);
+    assert!(said.contains("never 000: .. since 300 ms for 1 ms: failed at 500.000 ms"), "{said}");
+    // The own frame proves nothing otherwise, and a frame of a fault never does.
+    fails(&steps(r#"expect = "000#01..", within_ms = 100"#), 1);
+    let insert = r#"{ at_ms = 300, fault = { insert = "7FF#00" } }, { after_ms = 50, "#;
+    fails(&format!(r#"{insert} expect = "7FF", since_ms = 300, within_ms = 0 }}"#), 1);
+}
+
+#[test]
 fn frames_in_any_order_are_given_to_whom_they_fit() {
     let text = |expected: &str| {
         format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [{{ expect = [{expected}], any_order = true }}]")

@@ -3,7 +3,7 @@
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Protocol, Setup};
 use protocol_core::frame::{Frame, Id};
-use protocol_core::time::Duration;
+use protocol_core::time::{Duration, Instant};
 
 use super::file::{self, Expected, NONE, PATIENCE, ReactionTable, StepTable};
 use super::reaction::{Reaction, Trigger};
@@ -53,8 +53,16 @@ impl Trial {
             (None, Some(after)) => Begin::After(millis(after)),
             (Some(_), Some(_)) => return Err("at_ms and after_ms cannot be in the same step".to_owned()),
         };
-        let mut expect = self.expect(device, table.expect, table.any_order, table.within_ms)?;
-        let never = self.never(device, table.never, table.for_ms)?;
+        let is_frame = |what: &Option<Expected>| matches!(what, Some(Expected::Frame(_) | Expected::Frames(_)));
+        if table.since_ms.is_some() && !is_frame(&table.expect) && !is_frame(&table.never) {
+            return Err("since_ms is only valid together with frames in expect or never".to_owned());
+        }
+        if table.since_ms.is_some() && self.strict {
+            return Err("since_ms is not valid in a strict scenario; remove strict = true".to_owned());
+        }
+        let since = table.since_ms.map(|ms| Instant::from_millis(ms.into()));
+        let mut expect = self.expect(device, table.expect, table.any_order, since, table.within_ms)?;
+        let never = self.never(device, table.never, since, table.for_ms)?;
         let mut act = None;
         if let Some(frame) = table.send {
             act = Some(self.send(&frame, table.every_ms)?);
@@ -90,6 +98,7 @@ impl Trial {
         device: &NamedDevice,
         expected: Option<Expected>,
         any_order: Option<bool>,
+        since: Option<Instant>,
         within_ms: Option<u32>,
     ) -> Result<Option<Expect>, String> {
         let Some(expected) = expected else {
@@ -99,15 +108,15 @@ impl Trial {
                 (None, None) => Ok(None),
             };
         };
-        let what = self.what(device, expected).map_err(within("expect"))?;
+        let what = self.what(device, expected, since).map_err(within("expect"))?;
         if any_order.is_some() && !matches!(&what, What::Frames(frames) if frames.len() > 1) {
             return Err("any_order is only valid with two or more expected frames".to_owned());
         }
-        if matches!(what, What::Frames(_)) && within_ms == Some(0) {
+        if matches!(what, What::Frames(_)) && since.is_none() && within_ms == Some(0) {
             return Err("within_ms must be at least 1 when expect is a frame".to_owned());
         }
         let within = within_ms.map_or(PATIENCE, millis);
-        Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within, every: None }))
+        Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), since, within, every: None }))
     }
 
     /// Checks that a step of a strict scenario can expect its frame cyclically.
@@ -134,18 +143,19 @@ impl Trial {
         &self,
         device: &NamedDevice,
         expected: Option<Expected>,
+        since: Option<Instant>,
         for_ms: Option<u32>,
     ) -> Result<Option<Never>, String> {
         match expected {
             Some(_) if for_ms == Some(0) => Err("for_ms must be at least 1".to_owned()),
             Some(expected) => {
-                let what = self.what(device, expected).map_err(within("never"))?;
+                let what = self.what(device, expected, since).map_err(within("never"))?;
                 if self.strict && matches!(what, What::Frames(_)) {
                     let reason =
                         "a strict scenario already forbids unexpected frames; use a state, or remove strict = true";
                     return Err(format!("never: {reason}"));
                 }
-                Ok(Some(Never { what, span: for_ms.map(millis) }))
+                Ok(Some(Never { what, since, span: for_ms.map(millis) }))
             }
             None if for_ms.is_some() => Err("for_ms is only valid together with never".to_owned()),
             None => Ok(None),
@@ -259,18 +269,16 @@ impl Trial {
         Ok(pattern)
     }
 
-    fn what(&self, device: &NamedDevice, expected: Expected) -> Result<What, String> {
+    fn what(&self, device: &NamedDevice, expected: Expected, since: Option<Instant>) -> Result<What, String> {
+        // The scenario itself may send any frame.
+        let frame = |text: &String| if since.is_some() { text.parse() } else { self.frame_to_come(text) };
         let state = match expected {
-            Expected::Frame(frame) => return self.frame_to_come(&frame).map(|frame| What::Frames(vec![frame])),
+            Expected::Frame(text) => return frame(&text).map(|frame| What::Frames(vec![frame])),
             Expected::Frames(frames) if frames.is_empty() => {
                 return Err("empty list; give at least one frame, as in [\"720#00\", \"0A0#..\"]".to_owned());
             }
             Expected::Frames(frames) => {
-                return frames
-                    .iter()
-                    .map(|frame| self.frame_to_come(frame))
-                    .collect::<Result<_, _>>()
-                    .map(What::Frames);
+                return frames.iter().map(frame).collect::<Result<_, _>>().map(What::Frames);
             }
             Expected::State(state) => state,
         };

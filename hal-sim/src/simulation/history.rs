@@ -233,11 +233,19 @@ impl History {
 
     /// Returns the recorded frames from event `number` onwards, except frames of commands.
     pub fn heard_since(&self, number: u64) -> impl Iterator<Item = Heard> {
+        self.frames_since(number, None)
+    }
+
+    /// Returns the recorded frames from event `number` onwards. With an instant, returns those after this instant, also
+    /// frames of commands, but no frames that faults insert.
+    pub fn frames_since(&self, number: u64, since: Option<Instant>) -> impl Iterator<Item = Heard> {
         let skipped = self.place(number);
         let numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
-        numbered.filter_map(|(number, entry)| match entry.what {
-            Kept::Frame(frame) if *entry.who != *self.own => Some(Heard { number, at: entry.at, frame }),
-            _ => None,
+        numbered.filter_map(move |(number, entry)| {
+            let Kept::Frame(frame) = entry.what else { return None };
+            let is_own = *entry.who == *self.own;
+            let counts = since.map_or(!is_own, |since| entry.at > since && (is_own || entry.device.is_some()));
+            counts.then_some(Heard { number, at: entry.at, frame })
         })
     }
 

@@ -7,10 +7,12 @@
 //! cores    tasks on threads, in order         progress  the progress line
 //! plan     the plan and its golden runs       live      a cell whose controller is a program
 //! program  a controller program with its children
+//! explore  the search for pairs of faults
 //! ```
 
 mod cell;
 mod cores;
+mod explore;
 mod live;
 mod manifest;
 mod merge;
@@ -27,6 +29,7 @@ mod tests;
 use std::path::PathBuf;
 
 pub use cell::{CellOptions, Which, judged, list, run_cell};
+pub use explore::{ExploreOptions, explore};
 pub use manifest::Shard;
 pub use merge::{MergeOptions, merge};
 pub use results::ResultsError;

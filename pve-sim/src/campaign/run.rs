@@ -4,7 +4,6 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::Sender;
 
 use hal_sim::campaign::{Campaign, Cell as Place, CellResult, Verdict};
 use protocol_core::time::Instant;
@@ -95,7 +94,8 @@ fn run_rows(
         Ok(writer.append(&row)?)
     };
     let channel = messages();
-    report_signals(channel.0.clone());
+    let sender = channel.0.clone();
+    on_signal(move || drop(sender.send(Message::Interrupted)));
     let ended = in_order(rows, jobs, work, channel, take, || progress.tell(&cells, taken_so_far.get()));
     progress.end();
     if ended.is_err() {
@@ -164,13 +164,13 @@ fn shortened(trace: &str) -> String {
     format!("{}{}\n{}", left_out(from), lines[from..to].join("\n"), left_out(lines.len() - to)).trim_end().to_owned()
 }
 
-/// Sends [`Message::Interrupted`] when a signal requests the end of the process.
-fn report_signals<R: Send + 'static>(sender: Sender<Message<R>>) {
+/// Calls `act` when a signal requests the end of the process.
+pub(super) fn on_signal(act: impl FnOnce() + Send + 'static) {
     let listen = move || -> io::Result<()> {
         let runtime = Builder::new_current_thread().enable_io().build()?;
         runtime.block_on(async {
             Signals::install()?.wait().await;
-            let _ = sender.send(Message::Interrupted);
+            act();
             Ok(())
         })
     };

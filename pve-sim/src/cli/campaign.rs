@@ -7,7 +7,7 @@ use hal_sim::campaign;
 
 use super::options::seed;
 use super::{Request, UsageError};
-use crate::campaign::{CellOptions, MergeOptions, Reports, RunOptions, Shard, Which};
+use crate::campaign::{CellOptions, ExploreOptions, MergeOptions, Reports, RunOptions, Shard, Which};
 
 /// The arguments of `campaign`.
 #[derive(Args, Debug)]
@@ -47,6 +47,14 @@ pub(super) struct CampaignArgs {
     /// Print the cells of the grid, one JSON value per line, and run none
     #[arg(long, conflicts_with_all = ["cell", "jobs", "shard", "resume", "no_fork", "results", "html", "csv", "json", "junit"])]
     list: bool,
+
+    /// Search for pairs of faults that fail together only, for this time: 1–86400. --seed is the seed of the search
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=86400), conflicts_with_all = ["cell", "list", "shard", "resume", "no_fork", "results", "html", "csv", "json", "junit"])]
+    explore: Option<u32>,
+
+    /// The folder for the scenarios of --explore, PLAN.find-N.toml [default: the current folder]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, requires = "explore")]
+    finds: Option<PathBuf>,
 
     /// The results file, one JSON value per line [default: PLAN.results.jsonl, in the current folder]
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
@@ -139,6 +147,10 @@ impl TryFrom<CampaignArgs> for Request {
         let (seed, shard) = (args.seed, args.shard);
         if args.list {
             return Ok(Self::Cells(plan, seed));
+        }
+        if let Some(seconds) = args.explore {
+            let (jobs, finds) = (args.jobs.map(usize::from), args.finds.unwrap_or_else(|| ".".into()));
+            return Ok(Self::Explore(ExploreOptions { plan, seed, seconds, jobs, finds }));
         }
         if let Some(which) = args.cell {
             return Ok(Self::Cell(CellOptions { plan, seed, which }));

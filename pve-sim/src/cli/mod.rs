@@ -20,7 +20,7 @@ use clap_complete::Shell;
 use self::campaign::CampaignArgs;
 use self::recordings::{DecodeArgs, ReplayArgs};
 use crate::batch::Options;
-use crate::campaign::{CellOptions, MergeOptions, RunOptions as CampaignOptions};
+use crate::campaign::{CellOptions, ExploreOptions, MergeOptions, RunOptions as CampaignOptions};
 use crate::run::RunOptions;
 use crate::use_case::{self, UseCase};
 use hal_sim::Kind;
@@ -45,6 +45,8 @@ pub enum Request {
     Campaign(CampaignOptions),
     /// Run one cell of a campaign.
     Cell(CellOptions),
+    /// Search for pairs of faults that fail together only.
+    Explore(ExploreOptions),
     /// List the cells of a plan; a seed replaces the seeds of the plan.
     Cells(PathBuf, Option<u64>),
     /// Join the results of a campaign's shards.

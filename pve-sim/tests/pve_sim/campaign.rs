@@ -1,6 +1,7 @@
 //! `pve-sim campaign`: verdicts, results files, shards, interruptions and refusals.
 
 use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::PathBuf;
 use std::thread;
 
@@ -269,4 +270,86 @@ fn programs_end_with_an_interrupted_campaign() {
     while fs::read_to_string(&stat).is_ok_and(|stat| !stat.contains(") Z ")) {
         thread::yield_now();
     }
+}
+
+/// A master that stops its valve when the spool is beyond 50 %, unless the answers are lost.
+const RUNAWAY: &str = r#"
+devices = ["pvea-canopen@0x20,name=valve"]
+reactions = [{ on = "1A0#0F00 ??2?", from_ms = 50, send = "000#0220" }, { on = "1A0#0F00 ??3?", send = "000#0220" }]
+steps = [
+  { expect = ["720#00", "0A0"] },
+  { send = "000#0120" },
+  { send = "220#0F00 0010", every_ms = 50, expect = { dsm = "active", position = 4096 } },
+]
+"#;
+
+const PAIR: &str = r#"
+scenario = "runaway.toml"
+faults = [{ corrupt = "220", data = { toggle = "000000 20" } }, { lose = "1A0" }]
+instants = { from_ms = 300, to_ms = 450, step_ms = 10 }
+safe = { expect = { position = { min = -5000, max = 5000 } }, within_ms = 250 }
+observe_ms = 400
+"#;
+
+impl Files {
+    /// Searches until the first find and a signal. Returns stdout and stderr.
+    fn explore(&self, jobs: &str) -> (String, String) {
+        let mut command = pve_sim(&["campaign", "pair.toml", "--explore", "3600", "--seed", "1", "--jobs", jobs]);
+        let (mut process, _watch) = spawn(command.current_dir(self.0.path()));
+        let mut stdout = BufReader::new(process.stdout.take().expect("stdout"));
+        let mut told = String::new();
+        while !told.contains("pve-sim scenario ") && stdout.read_line(&mut told).expect("text") > 0 {}
+        kill_process(Pid::from_child(&process), Signal::INT).expect("it still runs");
+        stdout.read_to_string(&mut told).expect("text");
+        let ended = process.wait_with_output().expect("its end");
+        assert_eq!(ended.status.code(), Some(1), "{told}");
+        (told, String::from_utf8(ended.stderr).expect("text"))
+    }
+}
+
+#[test]
+fn a_search_finds_a_pair_and_writes_its_scenario() {
+    let files = Files::new();
+    files.write("runaway.toml", RUNAWAY);
+    files.write("pair.toml", PAIR);
+    let (told, errors) = files.explore("1");
+    assert_eq!(errors, "");
+    assert!(told.starts_with("FIND not-safe: ") && told.ends_with(" until the signal\n"), "{told}");
+    let first = files.read("pair.find-1.toml");
+    let failed = end_of(pve_sim(&["scenario", "pair.find-1.toml", "--seed", "1"]).current_dir(files.0.path()));
+    assert_eq!(failed.status.code(), Some(1), "{told}");
+    assert!(told.contains("\n       pve-sim scenario pair.find-1.toml --seed 1\n"), "{told}");
+
+    // No file is replaced, and the number of threads changes nothing.
+    let finds = told.matches("FIND ").count();
+    let (again, _) = files.explore("3");
+    assert_eq!(files.read("pair.find-1.toml"), first);
+    assert_eq!(files.read(&format!("pair.find-{}.toml", finds + 1)), first);
+    assert_eq!(again.lines().next(), told.lines().next());
+}
+
+#[test]
+fn a_search_that_finds_nothing_is_exit_0_and_needs_a_plan_without_a_program() {
+    let files = Files::new();
+    files.write("runaway.toml", RUNAWAY);
+    let corrupt = "{ corrupt = \"220\", data = { toggle = \"000000 20\" } }";
+    files.write("one.toml", &PAIR.replace(&format!("{corrupt}, "), ""));
+    files.write("pair.toml", &PAIR.replace(corrupt, "{ plant = { temperature_c = 30 } }"));
+    let (code, told, errors) = files.run(&["pair.toml", "--explore", "1"]);
+    assert_eq!((code, errors.as_str()), (Some(0), ""), "{told}");
+    assert!(told.ends_with("\n0 finds\n"), "{told}");
+
+    let line = refusal(&["campaign", &files.text("one.toml"), "--explore", "1"], 2);
+    assert!(line.contains("--explore: the plan has no two faults that can act together"), "{line}");
+    files.write("program.toml", &with_program("[\"true\"]"));
+    let (plan, program) = (files.text("pair.toml"), files.text("program.toml"));
+    let line = refusal(&["campaign", &program, "--explore", "1"], 2);
+    assert!(line.contains("--explore: the controller of the plan is a program"), "{line}");
+    let line = refusal(&["campaign", &plan, "--explore", "1", "--finds", &files.text("away")], 2);
+    assert!(line.contains("away: no such folder"), "{line}");
+    for option in ["--shard=1/2", "--resume", "--no-fork", "--cell=1", "--list", "--html=x", "--results=x"] {
+        refusal(&["campaign", &plan, "--explore", "1", option], 2);
+    }
+    refusal(&["campaign", &plan, "--explore", "0"], 2);
+    refusal(&["campaign", &plan, "--finds", "."], 2);
 }

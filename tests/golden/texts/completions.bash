@@ -187,7 +187,7 @@ _pve__sim() {
             return 0
             ;;
         pve__sim__subcmd__campaign)
-            opts="-h --seed --jobs --shard --resume --no-fork --cell --list --results --html --csv --json --junit --schema --help merge"
+            opts="-h --seed --jobs --shard --resume --no-fork --cell --list --explore --finds --results --html --csv --json --junit --schema --help merge"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -207,6 +207,17 @@ _pve__sim() {
                     ;;
                 --cell)
                     COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --explore)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --finds)
+                    COMPREPLY=()
+                    if [[ "${BASH_VERSINFO[0]}" -ge 4 ]]; then
+                        compopt -o plusdirs
+                    fi
                     return 0
                     ;;
                 --results)

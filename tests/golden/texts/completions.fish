@@ -96,6 +96,8 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l jobs -d 'Run N rows at once [default: the number of processors]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l shard -d 'Run part K of N; `pve-sim campaign merge` joins the results' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l cell -d 'Run one cell alone, given by its number or ROW@MICROSECONDS, and print its explained trace' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l explore -d 'Search for pairs of faults that fail together only, for this time: 1–86400. --seed is the seed of the search' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l finds -d 'The folder for the scenarios of --explore, PLAN.find-N.toml [default: the current folder]' -r -f -a "(__fish_complete_directories)"
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l results -d 'The results file, one JSON value per line [default: PLAN.results.jsonl, in the current folder]' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l html -d 'Write an HTML page with the matrix, reaction times and traces to FILE' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand campaign; and not __fish_seen_subcommand_from merge" -l csv -d 'Write the results to FILE as CSV, a line for each cell' -r -F

@@ -104,6 +104,8 @@ _arguments "${_arguments_options[@]}" : \
 '--jobs=[Run N rows at once \[default\: the number of processors\]]:N:_default' \
 '--shard=[Run part K of N; \`pve-sim campaign merge\` joins the results]:K/N:_default' \
 '(--jobs --shard --resume --no-fork --results --html --csv --json --junit)--cell=[Run one cell alone, given by its number or ROW@MICROSECONDS, and print its explained trace]:CELL:_default' \
+'(--cell --list --shard --resume --no-fork --results --html --csv --json --junit)--explore=[Search for pairs of faults that fail together only, for this time\: 1–86400. --seed is the seed of the search]:SECONDS:_default' \
+'--finds=[The folder for the scenarios of --explore, PLAN.find-N.toml \[default\: the current folder\]]:DIR:_files -/' \
 '--results=[The results file, one JSON value per line \[default\: PLAN.results.jsonl, in the current folder\]]:FILE:_files' \
 '--html=[Write an HTML page with the matrix, reaction times and traces to FILE]:FILE:_files' \
 '--csv=[Write the results to FILE as CSV, a line for each cell]:FILE:_files' \

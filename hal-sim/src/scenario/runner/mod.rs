@@ -43,6 +43,9 @@ pub(crate) struct Run<'a> {
     trace: Option<Trace>,
     /// The step being executed.
     step: Option<&'a Step>,
+    /// The instant at which each step has acted, in the order of the steps.
+    #[cfg(feature = "campaign")]
+    acted: Vec<Instant>,
     /// The completed commands with their results.
     ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
@@ -105,6 +108,8 @@ impl<'a> Run<'a> {
             held_claims: None,
             trace: traced.then(Trace::default),
             step: None,
+            #[cfg(feature = "campaign")]
+            acted: Vec::new(),
             ended: Vec::new(),
             guards: Vec::new(),
             reactions: Reactions::new(&scenario.reactions),
@@ -144,6 +149,20 @@ impl Run<'_> {
             self.wait = Some(Wait::until(until));
             Runner { run: self, target, watch }.pass(until);
             self.wait = None;
+        }
+    }
+
+    /// Returns the instant at which each step has acted, in the order of the steps.
+    pub(crate) fn acted(&self) -> &[Instant] {
+        &self.acted
+    }
+
+    /// Returns the number of steps that are over.
+    pub(crate) fn completed(&self) -> usize {
+        match self.next {
+            Next::Start => 0,
+            Next::Begin { step } | Next::Act { step } | Next::Expect { step, .. } | Next::Judge { step, .. } => step,
+            Next::End | Next::Over => self.scenario.steps.len(),
         }
     }
 

@@ -68,6 +68,8 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             return;
         }
         self.run.step = Some(step);
+        #[cfg(feature = "campaign")]
+        self.run.acted.push(self.target.simulation().now());
         // The first event of the step. Earlier frames cannot match the patterns of this step.
         let from = self.target.simulation().history().next();
         if let (Some(note), Some(trace)) = (&step.note, &mut self.run.trace) {
@@ -115,12 +117,13 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             self.acted(step, act, done);
         }
         self.run.next = Next::Judge { step: index, from, state: None };
-        let Some(Expect { what, any_order, within, .. }) = &step.expect else { return };
+        let Some(Expect { what, any_order, since, within, .. }) = &step.expect else { return };
         let now = self.target.simulation().now();
         match what {
             What::Frames(patterns) => {
                 let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
-                let frames = Frames { wanted, any_order: *any_order, next: from, mark: from, last: now };
+                let next = if since.is_some() { 0 } else { from };
+                let frames = Frames { wanted, any_order: *any_order, since: *since, next, mark: from, last: now };
                 let (end, goal) = (after(now, *within), Goal::Frames(frames));
                 self.run.wait = Some(Wait { end, goal, is_reached: false });
             }

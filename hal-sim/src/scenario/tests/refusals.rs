@@ -239,6 +239,7 @@ fn what_a_step_cannot_be() {
         ("{ within_ms = 10 }", "within_ms is only valid together with expect"),
         ("{ for_ms = 10 }", "for_ms is only valid together with never"),
         (r#"{ expect = "1A0", any_order = true }"#, "any_order is only valid with two or more expected frames"),
+        ("{ expect = { dsm = \"active\" }, since_ms = 1 }", "since_ms is only valid together with frames in expect or"),
         ("{ at_ms = 1, after_ms = 1 }", "at_ms and after_ms cannot be in the same step"),
         (r#"{ send = "220#00", stop = "220" }"#, "send and stop cannot be in the same step"),
         (r#"{ expect = "1A0", never = "0A0" }"#, "expect and never cannot be in the same step"),

@@ -1,0 +1,236 @@
+//! Two faults with their instants, and their runs.
+
+use std::collections::BTreeSet;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
+use protocol_core::time::Instant;
+
+use crate::campaign::fault::{Act, PlanFault};
+use crate::campaign::golden::Golden;
+use crate::campaign::master::Scripted;
+use crate::campaign::observe::{Spectator, observe};
+use crate::campaign::plan::Plan;
+use crate::campaign::rig::Rig;
+use crate::campaign::run::Campaign;
+use crate::campaign::verdict::{Observed, Verdict};
+use crate::scenario::OWN;
+use crate::scenario::runner::Watch;
+use crate::simulation::{Happened, Simulation};
+
+/// Two faults of a run, each at its instant, in the order of time.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// The number of the golden run.
+    pub(super) golden: usize,
+    pub(super) faults: [Timed; 2],
+}
+
+/// A fault at its instant.
+#[derive(Clone, Debug)]
+pub(super) struct Timed {
+    pub(super) fault: PlanFault,
+    pub(super) at_ms: u32,
+}
+
+/// The result of a pair.
+#[derive(Debug)]
+pub struct Tried {
+    pub(super) outcome: Outcome,
+    /// The hashes of the states in which controller and devices were.
+    pub(super) states: BTreeSet<u64>,
+}
+
+#[derive(Debug)]
+pub(super) enum Outcome {
+    Passed,
+    /// One of the faults did not act.
+    NotInjected,
+    /// One of the faults fails alone.
+    Single,
+    Fails(Failing),
+}
+
+/// A run of a pair that fails.
+#[derive(Debug)]
+pub(super) struct Failing {
+    pub(super) verdict: Verdict,
+    pub(super) observed: Observed,
+    /// The verdicts on each of the faults alone, observed for as long as the pair.
+    pub(super) singles: [Verdict; 2],
+    /// The number of steps of the scenario that were over at the first fault.
+    pub(super) completed: usize,
+    /// The instant at which each step acted.
+    pub(super) acted: Vec<Instant>,
+}
+
+impl Timed {
+    pub(super) const fn at(&self) -> Instant {
+        Instant::from_millis(self.at_ms as u64)
+    }
+}
+
+impl Pair {
+    /// Returns the instant of the first fault.
+    pub(super) const fn begin(&self) -> Instant {
+        self.faults[0].at()
+    }
+
+    /// Puts the faults into the order of time.
+    pub(super) fn sorted(mut self) -> Self {
+        self.faults.sort_by_key(|fault| fault.at_ms);
+        self
+    }
+
+    /// Returns whether the faults can act together: they are of different kinds, and the one does not undo the other by
+    /// setting the same word of the plant, or the power, of the same device.
+    pub(super) fn acts_together(&self) -> bool {
+        let [one, other] = self.faults.each_ref().map(|timed| &timed.fault);
+        let undo = match (&one.act, &other.act) {
+            (Act::Plant(device, _), Act::Plant(same, _)) => {
+                device == same && words(one).iter().any(|word| words(other).contains(word))
+            }
+            (Act::Power(device, ..), Act::Power(same, ..)) => device == same,
+            _ => kind(one) == kind(other),
+        };
+        !undo
+    }
+
+    /// Returns the kinds of the faults, without numbers and instants, in alphabetical order.
+    pub(super) fn kinds(&self) -> String {
+        let mut kinds = self.faults.each_ref().map(|fault| kind(&fault.fault));
+        kinds.sort();
+        kinds.join("; ")
+    }
+
+    /// Returns the faults with their instants, in words.
+    pub(super) fn text(&self) -> String {
+        let [first, second] =
+            self.faults.each_ref().map(|Timed { fault, at_ms }| format!("{} at {at_ms} ms", fault.text));
+        format!("{first}; {second}")
+    }
+}
+
+/// Returns a fault without its numbers.
+pub(super) fn kind(fault: &PlanFault) -> String {
+    fn without_numbers(mut table: toml::Table) -> toml::Table {
+        table.retain(|_, value| !value.is_integer());
+        for (_, value) in &mut table {
+            if let toml::Value::Table(inner) = value {
+                *inner = without_numbers(std::mem::take(inner));
+            }
+        }
+        table
+    }
+    // A word of the plant counts, whatever its number.
+    format!("{}{}", toml::Value::Table(without_numbers(fault.entry.clone())), words(fault).join(" "))
+}
+
+/// Returns the words of the plant that a fault sets.
+fn words(fault: &PlanFault) -> Vec<&str> {
+    let keys = fault.entry.get("plant").and_then(toml::Value::as_table).into_iter().flatten();
+    keys.filter_map(|(key, value)| match key.as_str() {
+        "for_ms" => None,
+        "profile" => value.get("word").and_then(toml::Value::as_str),
+        word => Some(word),
+    })
+    .collect()
+}
+
+/// Returns whether a verdict is that of a fault which acts and fails.
+const fn fails(verdict: Verdict) -> bool {
+    !verdict.passed() && !matches!(verdict, Verdict::NotInjected)
+}
+
+/// Returns a golden run at an instant.
+pub(super) fn golden<'a>(plan: &'a Plan, golden: &Golden, at: Instant) -> Rig<'a, Simulation> {
+    let mut rig = Rig::new(plan, &Scripted, golden.seed, false);
+    rig.pass(at, &mut ());
+    rig
+}
+
+/// Returns a clone of a run.
+pub(super) fn fork<'a>(rig: &Rig<'a, Simulation>) -> Rig<'a, Simulation> {
+    Rig { run: rig.run.clone(), target: rig.target.clone(), oracles: rig.oracles.clone() }
+}
+
+impl Campaign<'_> {
+    /// Runs pairs: each from a fork of its golden run at the instant of the first fault. Returns the results in the order
+    /// of the pairs, which does not matter to the results.
+    #[must_use]
+    pub fn run_pairs(&self, pairs: &[Pair]) -> Vec<Tried> {
+        let mut places: Vec<(usize, &Pair)> = pairs.iter().enumerate().collect();
+        places.sort_by_key(|(_, pair)| (pair.golden, pair.begin()));
+        let mut base: Option<(usize, Rig<'_, Simulation>)> = None;
+        let mut tried: Vec<(usize, Tried)> = Vec::new();
+        for (place, pair) in places {
+            let golden = &self.goldens[pair.golden];
+            let (_, rig) = match base.take().filter(|(number, _)| *number == pair.golden) {
+                Some(base) => base,
+                None => (pair.golden, self::golden(self.plan(), golden, pair.begin())),
+            };
+            let (_, rig) = base.insert((pair.golden, rig));
+            rig.pass(pair.begin(), &mut ());
+            tried.push((place, Tried::of(self, golden, rig, pair)));
+        }
+        tried.sort_by_key(|(place, _)| *place);
+        tried.into_iter().map(|(_, tried)| tried).collect()
+    }
+}
+
+impl Tried {
+    /// Runs a pair from its golden run at the instant of the first fault and, if the pair fails, each of its faults.
+    pub(super) fn of(campaign: &Campaign<'_>, golden: &Golden, base: &Rig<'_, Simulation>, pair: &Pair) -> Self {
+        let plan = campaign.plan();
+        let mut reached = Reached::default();
+        let [first, second] = pair.faults.each_ref().map(|timed| (timed.at(), Some(&timed.fault)));
+        let run = |faults: &[_], spectator: &mut dyn Spectator| {
+            let (rig, observed, _) = observe(plan, golden, fork(base), faults, spectator);
+            (rig, observed, Verdict::of(&observed, &plan.limits()))
+        };
+        let (rig, observed, verdict) = run(&[first, second], &mut reached);
+        let outcome = match verdict {
+            verdict if verdict.passed() => Outcome::Passed,
+            Verdict::NotInjected => Outcome::NotInjected,
+            _ => {
+                let alone = [&[first, (second.0, None)][..], &[(first.0, None), second], &[first]];
+                let [one, other, cell] = alone.map(|faults| run(faults, &mut ()).2);
+                if [one, other, cell].into_iter().any(fails) {
+                    Outcome::Single
+                } else {
+                    let (completed, acted) = (base.run.completed(), rig.run.acted().to_vec());
+                    Outcome::Fails(Failing { verdict, observed, singles: [one, other], completed, acted })
+                }
+            }
+        };
+        Self { outcome, states: reached.states }
+    }
+}
+
+/// The states that a run reaches: the frames that the controller has sent since the last sample, and the states of the
+/// devices.
+#[derive(Default)]
+struct Reached {
+    frames: u64,
+    states: BTreeSet<u64>,
+}
+
+impl Watch for Reached {
+    fn event(&mut self, happened: &Happened) {
+        if let Some(frame) = happened.event.frame()
+            && *happened.event.who == *OWN
+        {
+            let mut hasher = DefaultHasher::new();
+            (frame.key(), frame.data()).hash(&mut hasher);
+            self.frames = self.frames.wrapping_add(hasher.finish());
+        }
+    }
+}
+
+impl Spectator for Reached {
+    fn sample(&mut self, golden: &Golden, simulation: &Simulation) {
+        let mut hasher = DefaultHasher::new();
+        std::mem::take(&mut self.frames).hash(&mut hasher);
+        golden.all_states(simulation).for_each(|state| state.hash(&mut hasher));
+        self.states.insert(hasher.finish());
+    }
+}
