@@ -1,6 +1,6 @@
 //! Firmware in Rust, tested against a valve in virtual time: `cargo test --package hal-sim --test controller`.
 use embedded_can::{Frame, Id, StandardId, nb::Can};
-use hal_sim::{BitRate, Duration, Plant, ValveKind, World};
+use hal_sim::{BitRate, Change, Duration, ValveKind, World};
 
 /// The firmware: drives the valve at node 0x20 over any CAN controller.
 struct Controller<C>(C);
@@ -34,6 +34,6 @@ fn the_spool_follows_until_the_supply_fails() {
     };
     (0..10).for_each(|_| drop(cycle(&mut world))); // DISABLED, HOLD, ACTIVE, and the spool moves
     assert_eq!(world.view(valve).unwrap().position, 8192);
-    world.set_plant(valve, Plant::SupplyMv(8_000)).unwrap();
+    world.set_plant(valve, Change::SupplyMv(8_000)).unwrap();
     assert_eq!((0..25).flat_map(|_| cycle(&mut world)).collect::<Vec<_>>(), [0x3412]);
 }

@@ -101,4 +101,4 @@ pub use protocol_core::time::{Duration, Instant};
 
 pub use bus::{BusError, Port, WireEvent};
 pub use memory::Memory;
-pub use world::{Client, ClientPortId, ControllerId, Event, EventKind, NodeId, Plant, World};
+pub use world::{Change, Client, ClientPortId, ControllerId, Event, EventKind, NodeId, World};

@@ -154,7 +154,7 @@ fn use_up(kind: Kind) -> Flash {
     rig.power_on(0);
     for internal_fault in [true, false] {
         let node = rig.units[0].node;
-        rig.world.set_plant(node, hal_sim::Plant::InternalFault(internal_fault)).expect("a word of all products");
+        rig.world.set_plant(node, hal_sim::Change::InternalFault(internal_fault)).expect("a word of all products");
         ledger::save(&mut rig, 0);
         ledger::write_by_uds(&mut rig, 0, 0x83);
         ledger::store_by_lss(&mut rig, 0, 0x21, Some(BitRate::Kbit250));

@@ -2,7 +2,7 @@
 
 use hal_sim::bus::{BitErrors, Disturbance, Injector};
 use hal_sim::memory::TornErase;
-use hal_sim::{Duration, Frame, Kind, Plant};
+use hal_sim::{Change, Duration, Frame, Kind};
 use protocol_core::actuator::SpoolFault;
 use protocol_core::device::{Protocol, StartCause};
 use protocol_core::frame::{Id, extended, standard};
@@ -154,20 +154,20 @@ fn time(byte: u8) -> Duration {
     Duration::from_micros(u64::from(1 + (byte & 0xF)) << (2 * (byte >> 4)))
 }
 
-fn plant(bytes: &mut Bytes<'_>, kind: Kind) -> Plant {
+fn plant(bytes: &mut Bytes<'_>, kind: Kind) -> Change {
     let spool = [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
     match (bytes.u8() % 8, kind) {
-        (0, _) => Plant::InternalFault(bytes.flag()),
-        (1, _) => Plant::MemoryFails(bytes.flag()),
-        (2 | 3, Kind::Pve(_)) => {
-            Plant::SupplyMv(bytes.known_or_any(&[24_000, 8_999, 9_000, 11_000, 11_001, 36_000, 36_001, 32_000, 31_999]))
-        }
-        (4, Kind::Pve(_)) => Plant::TemperatureC(bytes.one_of(&[25, 121, 120, 115, 114, -40, -41, -35, -34, -273])),
-        (5, Kind::Pve(_)) => Plant::Lever(bytes.flag().then(|| bytes.u16().cast_signed())),
-        (_, Kind::Pve(_)) => Plant::Spool(bytes.one_of(&spool)),
-        (2 | 3, Kind::Hat(_)) => Plant::AngleCdeg(u32::from(bytes.u16())),
-        (4 | 5, Kind::Hat(_)) => Plant::SpeedRpm(bytes.u32().cast_signed()),
-        (_, Kind::Hat(_)) => Plant::MeasuringError(bytes.flag()),
+        (0, _) => Change::InternalFault(bytes.flag()),
+        (1, _) => Change::MemoryFails(bytes.flag()),
+        (2 | 3, Kind::Pve(_)) => Change::SupplyMv(
+            bytes.known_or_any(&[24_000, 8_999, 9_000, 11_000, 11_001, 36_000, 36_001, 32_000, 31_999]),
+        ),
+        (4, Kind::Pve(_)) => Change::TemperatureC(bytes.one_of(&[25, 121, 120, 115, 114, -40, -41, -35, -34, -273])),
+        (5, Kind::Pve(_)) => Change::Lever(bytes.flag().then(|| bytes.u16().cast_signed())),
+        (_, Kind::Pve(_)) => Change::Spool(bytes.one_of(&spool)),
+        (2 | 3, Kind::Hat(_)) => Change::AngleCdeg(u32::from(bytes.u16())),
+        (4 | 5, Kind::Hat(_)) => Change::SpeedRpm(bytes.u32().cast_signed()),
+        (_, Kind::Hat(_)) => Change::MeasuringError(bytes.flag()),
     }
 }
 

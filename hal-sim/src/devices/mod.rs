@@ -23,7 +23,7 @@ use protocol_core::device::Setup;
 
 use crate::Kind;
 use crate::memory::Memory;
-use crate::world::{Electronics, Link, NodeId, Plant, Roughness, World};
+use crate::world::{Change, Electronics, Link, NodeId, Roughness, World};
 
 /// A device with its unique name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +66,7 @@ impl NamedDevice {
         }
         if self.has_oil {
             // A device with oil is a valve.
-            let filled = world.set_plant(node, Plant::Oil(true));
+            let filled = world.set_plant(node, Change::Oil(true));
             debug_assert_eq!(filled, Ok(()));
         }
         if self.electronics != Electronics::default() {

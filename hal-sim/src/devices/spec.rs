@@ -8,7 +8,7 @@ use protocol_core::device::Setup;
 use protocol_core::time::Duration;
 
 use crate::Kind;
-use crate::world::{Electronics, Plant, Roughness};
+use crate::world::{Change, Electronics, Roughness};
 
 use super::link::up_to;
 
@@ -92,9 +92,9 @@ impl FromStr for DeviceSpec {
                 }
                 ("stroke-ms", Some(time)) => stroke_ms = spool_time(time)?,
                 ("return-ms", Some(time)) => return_ms = spool_time(time)?,
-                ("boot-ms", Some(time)) => spec.electronics.boot = millis(time, Plant::BootMs(0))?,
+                ("boot-ms", Some(time)) => spec.electronics.boot = millis(time, Change::BootMs(0))?,
                 ("answer-ms", Some(times)) => spec.electronics.answer = answer_times(times)?,
-                ("cycle-ms", Some(time)) => spec.electronics.cycle = millis(time, Plant::CycleMs(0))?,
+                ("cycle-ms", Some(time)) => spec.electronics.cycle = millis(time, Change::CycleMs(0))?,
                 ("brown-out-mv", _) if matches!(kind, Kind::Hat(_)) => {
                     return Err(format!(
                         "'{key}' applies to a valve's supply; the supply of a {kind} is not simulated"
@@ -173,12 +173,12 @@ fn spool_time(text: &str) -> Result<u16, String> {
 }
 
 /// Returns the range of a plant word.
-fn range(word: Plant) -> (i64, i64) {
+fn range(word: Change) -> (i64, i64) {
     word.word().values.range().map_or((0, 0), |(min, max)| (min.into(), max.into()))
 }
 
 /// Parses a time in milliseconds, in the range of a plant word.
-fn millis(text: &str, word: Plant) -> Result<Duration, String> {
+fn millis(text: &str, word: Change) -> Result<Duration, String> {
     let (min, max) = range(word);
     let ms = number(text).filter(|ms| (min..=max).contains(&i64::from(*ms)));
     ms.map(|ms| Duration::from_millis(ms.into()))
@@ -188,7 +188,7 @@ fn millis(text: &str, word: Plant) -> Result<Duration, String> {
 /// Parses a time or a range of times, in milliseconds: `20` or `5..20`.
 fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
     let (from, to) = text.split_once("..").unwrap_or((text, text));
-    let word = Plant::AnswerMs(0, 0);
+    let word = Change::AnswerMs(0, 0);
     let times = (millis(from, word)?, millis(to, word)?);
     if times.0 > times.1 {
         return Err(format!("'{text}' is not a valid range; accepted: the smaller time first, as in 5..20"));
@@ -198,7 +198,7 @@ fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
 
 /// Parses an undervoltage limit in millivolts.
 fn brown_out(text: &str) -> Result<u32, String> {
-    let (min, max) = range(Plant::BrownOutMv(None));
+    let (min, max) = range(Change::BrownOutMv(None));
     let limit = number(text).filter(|limit| (min..=max).contains(&i64::from(*limit)));
     limit.ok_or_else(|| format!("'{text}' is not a valid supply; accepted: {min}–{max}, in millivolts"))
 }

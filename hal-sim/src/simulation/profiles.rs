@@ -5,7 +5,7 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::command::Refusal;
 use crate::state::{PlantChange, PlantState, Profile};
-use crate::world::{NodeId, Plant, World};
+use crate::world::{Change, NodeId, World};
 
 /// The interval between the values of an interpolated profile (A).
 pub const RAMP_STEP: Duration = Duration::from_millis(1);
@@ -69,11 +69,11 @@ impl Profiles {
             return Err(Refusal::TooMany("64 plant changes are already in progress"));
         }
         if let Some((word, points)) = &profile {
-            let plants: Vec<Plant> = points.iter().filter_map(|(_, value)| plant(word, *value)).collect();
+            let plants: Vec<Change> = points.iter().filter_map(|(_, value)| plant(word, *value)).collect();
             world.check_plants(node, &plants)?;
         }
         let earlier = change.for_ms.map(|_| change.earlier(&PlantState::of(node, world)));
-        change.clone().make(node, world)?;
+        change.make(node, world)?;
         if let (Some(ms), Some(earlier)) = (change.for_ms, earlier) {
             let end = after(now, Duration::from_millis(ms.into()));
             let course = Course::Earlier(Box::new(earlier));
@@ -141,8 +141,8 @@ impl InProgress {
 }
 
 /// Returns the plant change that sets a numeric word to a value.
-fn plant(word: &str, value: i32) -> Option<Plant> {
-    Plant::parse(word, &value.to_string())
+fn plant(word: &str, value: i32) -> Option<Change> {
+    Change::parse(word, &value.to_string())
 }
 
 /// Interpolates between two points.

@@ -428,7 +428,7 @@ fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
             let link = Link { rate, min: 0, max: 35_999, ..Link::default() };
             let mut rig = Rig::new(&["pvea-canopen", "hat1000"], Some(link), false);
             let angle = if rate < 0 { 35_999 } else { 0 };
-            rig.world.set_plant(rig.devices[1].0, crate::world::Plant::AngleCdeg(angle)).expect("an angle");
+            rig.world.set_plant(rig.devices[1].0, crate::world::Change::AngleCdeg(angle)).expect("an angle");
             for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"]
             {
                 assert!(rig.sent(frame));

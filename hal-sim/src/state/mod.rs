@@ -4,7 +4,7 @@
 //! ```text
 //! device     the state of a device      plant   the plant of a device, and its changes
 //! condition  conditions to wait for     power   power and resets
-//! bus        bit rate and disturbances
+//! bus        bit rate and disturbances      words   the plant words as JSON
 //! fault      communication faults
 //! possible   the values that each key of a state can have, by kind
 //! identifier CAN identifiers            pattern patterns of frames
@@ -23,6 +23,7 @@ mod plant;
 mod possible;
 mod power;
 pub mod schema;
+mod words;
 
 pub use bus::{BitsPerSecond, BusChange, Disturb};
 pub use condition::{Condition, StateCondition, StateWatch};
@@ -32,9 +33,10 @@ pub use given::{given, given_object};
 pub(crate) use identifier::digits;
 pub use identifier::{Identifier, IdentifierOrAll};
 pub use pattern::{DATA, DATA_PATTERN, Pattern};
-pub use plant::{AnswerMs, CRANKING, PlantChange, PlantState, Points, Profile, ReadyProfile};
+pub use plant::{CRANKING, PlantChange, PlantState, Points, Profile, ReadyProfile};
 pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
+pub use words::json_of;
 
 /// The error message for an invalid value: one line, with the accepted values.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

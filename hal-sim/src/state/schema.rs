@@ -6,18 +6,16 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use protocol_core::actuator::Position;
-use protocol_core::device::plant::{Product, Values, WORDS};
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 use utoipa::openapi::{RefOr, schema};
 
-use super::Invalid;
+use super::{Invalid, words};
 use crate::Kind;
 
 /// The nullable members of each schema. All other optional members may be missing but not null.
 const NULLABLE: &[(&str, &[&str])] = &[
     ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
-    ("PlantChange", &["lever", "brown_out_mv"]),
     ("Spool", &["fault"]),
 ];
 
@@ -64,7 +62,11 @@ impl Schemas {
             restrict(&name, &mut schema);
             (name, schema)
         });
-        Self(schemas.collect())
+        let mut schemas: Map<String, Value> = schemas.collect();
+        if schemas.contains_key("PlantChange") {
+            schemas.extend(words::definitions());
+        }
+        Self(schemas)
     }
 
     /// Returns the schemas by name.
@@ -167,22 +169,7 @@ fn restrict(name: &str, schema: &mut Value) {
             schema["minProperties"] = 1.into();
             schema["maxProperties"] = 1.into();
         }
-        "PlantChange" => {
-            for word in &WORDS {
-                // The schema of a number or a range has its own limits.
-                let is_simple = !matches!(word.values, Values::NumberOrRange { .. });
-                if let Some((min, max)) = word.values.range().filter(|_| is_simple) {
-                    schema["properties"][word.name]["minimum"] = min.into();
-                    schema["properties"][word.name]["maximum"] = max.into();
-                }
-            }
-            let only = |product: Product| {
-                let words = product.words().map(|word| word.name).chain(["for_ms", "profile"]);
-                let keys = words.map(|key| (key.to_owned(), json!({})));
-                json!({ "properties": keys.collect::<Map<_, _>>(), "additionalProperties": false })
-            };
-            schema["anyOf"] = json!([only(Product::Valve), only(Product::Encoder)]);
-        }
+        "PlantChange" => words::add_to_change(schema, ["for_ms", "profile"]),
         "StateCondition" => {
             let mut faults: Vec<&str> = Kind::ALL.iter().flat_map(|kind| kind.fault_names()).collect();
             faults.sort_unstable();

@@ -6,7 +6,7 @@ use protocol_core::wire::cob_id::{Function, LSS_ANSWER, classify};
 use protocol_core::wire::j1939_id::{J1939Id, Pgn};
 use protocol_core::wire::uds;
 
-use super::Plant;
+use super::Change;
 
 /// The electronics of a device. The defaults add no delay and have no undervoltage reset (A): the manuals name neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,25 +26,25 @@ pub struct Electronics {
 
 impl Electronics {
     /// Applies a plant change; a word that does not belong to the electronics has no effect.
-    pub(super) fn change(&mut self, plant: Plant) {
+    pub(super) fn change(&mut self, plant: Change) {
         let millis = |ms: u16| Duration::from_millis(ms.into());
         match plant {
-            Plant::BootMs(ms) => self.boot = millis(ms),
-            Plant::AnswerMs(from, to) => self.answer = (millis(from), millis(to)),
-            Plant::CycleMs(ms) => self.cycle = millis(ms),
-            Plant::BrownOutMv(limit) => self.brown_out_mv = limit,
+            Change::BootMs(ms) => self.boot = millis(ms),
+            Change::AnswerMs(from, to) => self.answer = (millis(from), millis(to)),
+            Change::CycleMs(ms) => self.cycle = millis(ms),
+            Change::BrownOutMv(limit) => self.brown_out_mv = limit,
             _ => {}
         }
     }
 
     /// Returns the delays as plant changes.
-    pub(super) fn words(&self) -> [Plant; 3] {
+    pub(super) fn words(&self) -> [Change; 3] {
         let millis = |time: Duration| u16::try_from(time.as_millis()).unwrap_or(u16::MAX);
         let (from, to) = self.answer;
         [
-            Plant::BootMs(millis(self.boot)),
-            Plant::AnswerMs(millis(from), millis(to)),
-            Plant::CycleMs(millis(self.cycle)),
+            Change::BootMs(millis(self.boot)),
+            Change::AnswerMs(millis(from), millis(to)),
+            Change::CycleMs(millis(self.cycle)),
         ]
     }
 }

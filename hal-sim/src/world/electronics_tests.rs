@@ -5,7 +5,7 @@ use protocol_core::controller::BitRate;
 use super::*;
 use crate::devices::{DeviceSpec, NamedDevice, named};
 use crate::memory::Memory;
-use crate::world::{ClientPortId, EventKind, NodeId, Plant, World};
+use crate::world::{Change, ClientPortId, EventKind, NodeId, World};
 
 /// A world with a device and a master.
 struct Rig {
@@ -54,12 +54,12 @@ impl Rig {
         self.world.now().as_micros()
     }
 
-    fn set(&mut self, plants: &[Plant]) {
+    fn set(&mut self, plants: &[Change]) {
         self.world.set_plants(self.device, plants).expect("a valve");
     }
 
     fn supply(&mut self, mv: u32) {
-        self.world.set_plant(self.device, Plant::SupplyMv(mv)).expect("a supply");
+        self.world.set_plant(self.device, Change::SupplyMv(mv)).expect("a supply");
     }
 }
 
@@ -179,7 +179,7 @@ fn each_frame_of_a_cycle_is_sent() {
 fn the_end_does_not_wait_for_a_cycle() {
     let mut rig = Rig::started("pvea-canopen,cycle-ms=1000");
     let set_fault = |rig: &mut Rig, is_there| {
-        rig.world.set_plant(rig.device, Plant::InternalFault(is_there)).expect("a valve");
+        rig.world.set_plant(rig.device, Change::InternalFault(is_there)).expect("a valve");
     };
     let counts = |rig: &mut Rig| {
         let view = rig.world.view(rig.device).expect("power");
@@ -250,18 +250,18 @@ fn below_its_limit_a_valve_is_off() {
 #[test]
 fn the_words_change_a_running_device() {
     let mut rig = Rig::started("pvea-canopen");
-    rig.set(&[Plant::AnswerMs(20, 20)]);
+    rig.set(&[Change::AnswerMs(20, 20)]);
     let asked = rig.send(READ_VENDOR);
     assert_eq!(rig.frames(100)[0].0, asked + 20_000);
-    rig.set(&[Plant::AnswerMs(0, 0), Plant::CycleMs(10)]);
+    rig.set(&[Change::AnswerMs(0, 0), Change::CycleMs(10)]);
     rig.frames(3);
     let asked = rig.send(READ_VENDOR);
     assert_eq!(rig.frames(100)[0].0, asked.next_multiple_of(10_000));
-    rig.set(&[Plant::CycleMs(0)]);
+    rig.set(&[Change::CycleMs(0)]);
     let asked = rig.send(READ_VENDOR);
     assert!(rig.frames(100)[0].0 < asked + 1_000);
     // The start delay acts from the next start, also from the restart after low supply.
-    rig.set(&[Plant::BootMs(50), Plant::BrownOutMv(Some(7_000))]);
+    rig.set(&[Change::BootMs(50), Change::BrownOutMv(Some(7_000))]);
     assert!(rig.world.is_powered(rig.device));
     rig.supply(6_000);
     rig.supply(24_000);
@@ -273,14 +273,14 @@ fn the_words_change_a_running_device() {
 #[test]
 fn supply_and_limit_change_together() {
     let mut rig = Rig::started("pvea-canopen,brown-out-mv=7000");
-    rig.set(&[Plant::SupplyMv(6_000), Plant::BrownOutMv(Some(5_000))]);
+    rig.set(&[Change::SupplyMv(6_000), Change::BrownOutMv(Some(5_000))]);
     assert!(rig.world.is_powered(rig.device));
-    rig.set(&[Plant::BrownOutMv(Some(20_000)), Plant::SupplyMv(24_000)]);
+    rig.set(&[Change::BrownOutMv(Some(20_000)), Change::SupplyMv(24_000)]);
     assert!(rig.world.is_powered(rig.device));
     assert_eq!(rig.frames(50), [], "the valve did not boot");
-    rig.set(&[Plant::BrownOutMv(Some(24_001))]);
+    rig.set(&[Change::BrownOutMv(Some(24_001))]);
     assert!(!rig.world.is_powered(rig.device));
-    rig.set(&[Plant::BrownOutMv(None)]);
+    rig.set(&[Change::BrownOutMv(None)]);
     assert!(rig.world.is_powered(rig.device), "without a limit the valve is never off");
 }
 

@@ -37,8 +37,10 @@ pub use electronics::Electronics;
 pub use link::{Link, LinkError};
 pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, write_time};
 pub use oil::OIL;
-pub use plant::{Plant, PlantError};
+pub use plant::PlantError;
 pub use power::SUPPLY_JITTER;
+/// A change of a device's plant.
+pub use protocol_core::device::plant::Change;
 pub use rough::{NOISE_STEP, Roughness};
 pub use run::FLUSH_PATIENCE;
 

@@ -36,7 +36,7 @@ mod tests {
     use protocol_core::time::Duration;
 
     use super::*;
-    use crate::world::{ClientPortId, NodeId, Plant, World};
+    use crate::world::{Change, ClientPortId, NodeId, World};
 
     #[test]
     fn the_factor_by_temperature() {
@@ -53,7 +53,7 @@ mod tests {
         let valve = world.add("boom", pve::Kind::PveaCanopen);
         let master = world.add_client_port("master");
         world.power(valve, true);
-        world.set_plant(valve, Plant::Oil(true)).expect("a valve");
+        world.set_plant(valve, Change::Oil(true)).expect("a valve");
         world.run_for(Duration::from_millis(100));
         world.send(master, "000: 01 20".parse().expect("a frame"));
         (world, valve, master)
@@ -62,7 +62,7 @@ mod tests {
     /// Returns the positions at intervals of 50 ms after a command of full stroke.
     fn stroke(temperature_c: i16) -> Vec<i16> {
         let (mut world, valve, master) = moving();
-        world.set_plant(valve, Plant::TemperatureC(temperature_c)).expect("a temperature");
+        world.set_plant(valve, Change::TemperatureC(temperature_c)).expect("a temperature");
         let mut positions = Vec::new();
         for _ in 0..12 {
             world.send(master, "220: 0F 00 00 40".parse().expect("a frame"));
@@ -85,27 +85,27 @@ mod tests {
     fn a_change_moves_nothing_and_is_reversible() {
         let (mut world, valve, master) = moving();
         let own = SpoolTimes::new(320, 210).expect("times");
-        world.set_plant(valve, Plant::Oil(false)).expect("a valve");
+        world.set_plant(valve, Change::Oil(false)).expect("a valve");
         let mut inputs = *world.inputs(valve);
         inputs.valve_mut().expect("a valve").spool.times = own;
         world.set_inputs(valve, inputs);
         // Twice has no further effect.
-        world.set_plants(valve, &[Plant::Oil(true), Plant::Oil(true)]).expect("a valve");
+        world.set_plants(valve, &[Change::Oil(true), Change::Oil(true)]).expect("a valve");
         for _ in 0..5 {
             world.send(master, "220: 0F 00 00 40".parse().expect("a frame"));
             world.run_for(Duration::from_millis(30));
         }
         let before = world.view(valve).expect("power").position;
-        world.set_plant(valve, Plant::TemperatureC(-30)).expect("a temperature");
+        world.set_plant(valve, Change::TemperatureC(-30)).expect("a temperature");
         assert_eq!(world.view(valve).expect("power").position, before);
         assert_eq!(
             world.inputs(valve).valve().expect("a valve").spool.times,
             SpoolTimes::new(960, 630).expect("times")
         );
-        world.set_plant(valve, Plant::TemperatureC(25)).expect("a temperature");
+        world.set_plant(valve, Change::TemperatureC(25)).expect("a temperature");
         assert_eq!(world.inputs(valve).valve().expect("a valve").spool.times, own);
-        world.set_plant(valve, Plant::TemperatureC(-30)).expect("a temperature");
-        world.set_plant(valve, Plant::Oil(false)).expect("a valve");
+        world.set_plant(valve, Change::TemperatureC(-30)).expect("a temperature");
+        world.set_plant(valve, Change::Oil(false)).expect("a valve");
         assert_eq!(world.inputs(valve).valve().expect("a valve").spool.times, own);
     }
 }

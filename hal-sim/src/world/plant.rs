@@ -1,9 +1,7 @@
 //! The plant of a device: all influences on the device except the bus, in the terms and units of the control interface.
 
 use protocol_core::device::Inputs;
-/// A change of a device's plant.
-pub use protocol_core::device::plant::Change as Plant;
-use protocol_core::device::plant::Inapplicable;
+use protocol_core::device::plant::{Change, Inapplicable, Plant};
 
 use super::{NodeId, World, oil};
 
@@ -13,13 +11,13 @@ use super::{NodeId, World, oil};
 pub enum PlantError {
     /// The product has no such plant word.
     #[error("{0}: not a plant word of this kind of device")]
-    OtherProduct(Plant),
+    OtherProduct(Change),
     /// The value is out of range.
     #[error("{0}: out of range; accepted: {values}", values = .0.word().values)]
-    OutOfRange(Plant),
+    OutOfRange(Change),
     /// A link controls the angle of the shaft.
     #[error("{0}: the shaft is linked to a valve")]
-    Linked(Plant),
+    Linked(Change),
 }
 
 impl World {
@@ -27,7 +25,7 @@ impl World {
     ///
     /// # Errors
     /// [`PlantError`]; the plant is unchanged.
-    pub fn set_plant(&mut self, node: NodeId, plant: Plant) -> Result<(), PlantError> {
+    pub fn set_plant(&mut self, node: NodeId, plant: Change) -> Result<(), PlantError> {
         self.set_plants(node, &[plant])
     }
 
@@ -35,13 +33,13 @@ impl World {
     ///
     /// # Errors
     /// [`PlantError`] for the first refused change; the plant is unchanged.
-    pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
+    pub fn set_plants(&mut self, node: NodeId, plants: &[Change]) -> Result<(), PlantError> {
         self.follow_links(node);
         let mut inputs = self.check_plants(node, plants)?;
         let mut electronics = self.electronics(node);
         for plant in plants {
             match *plant {
-                Plant::Oil(there) => self.pour_oil(node, there, &mut inputs),
+                Change::Oil(there) => self.pour_oil(node, there, &mut inputs),
                 plant => electronics.change(plant),
             }
         }
@@ -51,7 +49,7 @@ impl World {
         self.warm_oil(node, &mut inputs);
         // A linked shaft is set through its link, not through the inputs.
         for plant in plants {
-            if let Plant::AngleCdeg(angle) = *plant {
+            if let Change::AngleCdeg(angle) = *plant {
                 self.turn_link(node, angle);
             }
         }
@@ -60,8 +58,8 @@ impl World {
         }
         for plant in plants {
             match *plant {
-                Plant::MemoryFails(fails) => self.memory_mut(node).set_write_fails(fails),
-                Plant::BusOff(there) => self.force_bus_off(node, there),
+                Change::MemoryFails(fails) => self.memory_mut(node).set_write_fails(fails),
+                Change::BusOff(there) => self.force_bus_off(node, there),
                 _ => {}
             }
         }
@@ -95,10 +93,10 @@ impl World {
     }
 
     /// Returns the inputs that a device would have after several plant changes.
-    pub(crate) fn check_plants(&self, node: NodeId, plants: &[Plant]) -> Result<Inputs, PlantError> {
+    pub(crate) fn check_plants(&self, node: NodeId, plants: &[Change]) -> Result<Inputs, PlantError> {
         let mut inputs = *self.inputs(node);
         for &plant in plants {
-            if matches!(plant, Plant::SpeedRpm(speed) if speed != 0) && self.is_linked(node) {
+            if matches!(plant, Change::SpeedRpm(speed) if speed != 0) && self.is_linked(node) {
                 return Err(PlantError::Linked(plant));
             }
             plant.apply(&mut inputs, self.now).map_err(|error| match error {
@@ -110,16 +108,16 @@ impl World {
     }
 
     /// Returns the plant of a device as one change for each supported plant word, in the order of the words.
-    pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Plant> + use<> {
+    pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Change> + use<> {
         let mut inputs = *self.inputs(node);
         if let (Some(shaft), Some(angle)) = (inputs.shaft_mut(), self.angle_cdeg(node)) {
             (shaft.angle_cdeg, shaft.since) = (angle, self.now);
         }
         let (memory_fails, bus_off) = (self.memory(node).write_fails(), self.is_bus_off_forced(node));
-        let words = protocol_core::device::plant::Plant { inputs, memory_fails, bus_off }.words(self.now);
+        let words = Plant { inputs, memory_fails, bus_off }.words(self.now);
         let electronics = self.electronics(node);
         let of_valve =
-            inputs.valve().map(|_| [Plant::BrownOutMv(electronics.brown_out_mv), Plant::Oil(self.has_oil(node))]);
+            inputs.valve().map(|_| [Change::BrownOutMv(electronics.brown_out_mv), Change::Oil(self.has_oil(node))]);
         words.chain(of_valve.into_iter().flatten()).chain(electronics.words())
     }
 }

@@ -6,7 +6,7 @@ use protocol_core::time::after;
 use super::*;
 use crate::devices::{DeviceSpec, named};
 use crate::memory::Memory;
-use crate::world::{ClientPortId, Link, Plant};
+use crate::world::{Change, ClientPortId, Link};
 
 /// A valve that a master keeps active, and a sensor.
 #[derive(Clone)]
@@ -59,7 +59,7 @@ impl Rig {
 
     /// Turns the shaft, and returns the angle that the sensor sees, in its steps.
     fn turn(&mut self, angle_cdeg: u32) -> i16 {
-        self.world.set_plant(self.sensor, Plant::AngleCdeg(angle_cdeg)).expect("an angle");
+        self.world.set_plant(self.sensor, Change::AngleCdeg(angle_cdeg)).expect("an angle");
         self.seen()
     }
 
@@ -169,7 +169,7 @@ fn a_sensor_measures_with_noise() {
 fn the_next_position_is_found() {
     for sensor in [",noise=500", ",noise=20,dead-band=300"] {
         let mut rig = Rig::new("pvea-canopen", &format!("{SENSOR}{sensor}"), None);
-        rig.world.set_plant(rig.sensor, Plant::SpeedRpm(7)).expect("a speed");
+        rig.world.set_plant(rig.sensor, Change::SpeedRpm(7)).expect("a speed");
         for _ in 0..300 {
             let here = rig.seen();
             let next = rig.world.next_position(rig.sensor, after(rig.world.now(), Duration::from_millis(500)));

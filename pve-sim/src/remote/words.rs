@@ -2,8 +2,8 @@
 
 use std::str::FromStr;
 
-use hal_sim::world::Plant;
-use protocol_core::device::plant;
+use hal_sim::state::json_of;
+use hal_sim::world::Change;
 use serde_json::Value;
 
 /// A plant word with its value, as in `supply_mv=8000`. The simulator validates both.
@@ -30,24 +30,9 @@ impl PlantWord {
     /// Converts the value to JSON. A value that the console accepts keeps its meaning; any other value is parsed as
     /// JSON or, if it is not JSON, becomes a string.
     pub(super) fn json(&self) -> Value {
-        match Plant::parse(&self.name, &self.value) {
-            Some(change) => of_console(change),
+        match Change::parse(&self.name, &self.value) {
+            Some(change) => json_of(change),
             None => serde_json::from_str(&self.value).unwrap_or_else(|_| self.value.as_str().into()),
         }
-    }
-}
-
-/// Converts the value of a plant change to JSON: on and off become Booleans, `off` beside numbers becomes `null`, and a
-/// range becomes a list.
-fn of_console(change: Plant) -> Value {
-    match change {
-        Plant::Lever(None) | Plant::BrownOutMv(None) => Value::Null,
-        Plant::MeasuringError(on) | Plant::InternalFault(on) | Plant::BusOff(on) | Plant::Oil(on) => on.into(),
-        change => match change.text().1 {
-            plant::Value::Natural(number) => number.into(),
-            plant::Value::Integer(number) => number.into(),
-            plant::Value::Range(from, to) => [from, to].as_slice().into(),
-            plant::Value::Word(word) => word.into(),
-        },
     }
 }

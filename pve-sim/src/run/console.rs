@@ -18,7 +18,7 @@ use super::fault_words;
 use hal_sim::devices::NamedDevice;
 use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
-use hal_sim::world::{NodeId, Plant, PlantError, World};
+use hal_sim::world::{Change, NodeId, PlantError, World};
 
 /// Executes a line; returns the answer or an error message. An empty line has no answer.
 pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
@@ -49,7 +49,7 @@ pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<
             change(node, word, value, simulation)?;
             Ok(Some("ok".to_owned()))
         }
-        [name, word, value] if named.is_none() && Plant::parse(word, value).is_some() => {
+        [name, word, value] if named.is_none() && Change::parse(word, value).is_some() => {
             Err(format!("no device '{name}'; accepted: {}", names(world)))
         }
         _ => Err(format!("'{}' is not a valid command; {}", line.trim(), accepted(named, world))),
@@ -117,14 +117,14 @@ const fn product(kind: Kind) -> Product {
 fn is_word(word: &str, rest: &[&str]) -> bool {
     match rest {
         [] => true,
-        [value] => Plant::parse(word, value).is_some(),
+        [value] => Change::parse(word, value).is_some(),
         _ => false,
     }
 }
 
 fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) -> Result<(), String> {
     let name = simulation.world().name(node).to_owned();
-    let change = Plant::parse(word, value).map(|plant| Command::Plant(name, plant.into()));
+    let change = Change::parse(word, value).map(|plant| Command::Plant(name, plant.into()));
     let why = match change.map(|change| simulation.execute(change)) {
         Some(Ok(_)) => return Ok(()),
         Some(Err(Refusal::Plant(PlantError::Linked(_)))) => {
@@ -185,7 +185,7 @@ fn status(id: NodeId, world: &mut World) -> String {
     };
     let dropped = world.device(id).map_or(0, Device::frames_dropped);
     let _ = write!(text, ", bus {bus}, dropped {dropped}");
-    let is_told = |plant: &Plant| !plant.word().simulated || Some(plant.text().1) != plant.word().healthy();
+    let is_told = |plant: &Change| !plant.word().simulated || Some(plant.text().1) != plant.word().healthy();
     for plant in world.plant(id).filter(is_told) {
         let _ = write!(text, ", {plant}");
     }
@@ -471,7 +471,7 @@ mod tests {
             let (mut simulation, device) = simulation_of(kind, "device");
             let (help, refusal) =
                 (answer("help", &mut simulation), execute("fly", &mut simulation).expect_err("no word"));
-            for (word, _) in simulation.world().plant(device).map(Plant::text) {
+            for (word, _) in simulation.world().plant(device).map(Change::text) {
                 assert!(help.contains(&format!("\n  {word} ")) && refusal.contains(word), "{word}");
             }
             assert!(help.contains("\nCtrl-C "), "{help}");

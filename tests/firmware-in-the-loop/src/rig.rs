@@ -178,10 +178,10 @@ impl Target for BoardTarget {
     fn execute(&mut self, command: Command) -> Result<Executed, Refusal> {
         match command {
             Command::Plant(name, change) if name == self.name => {
-                if change.memory.is_some() {
+                if change.changes().iter().any(|change| matches!(change, Change::MemoryFails(_))) {
                     return Err(Refusal::Conflict("the memory of a board is its flash".to_owned()));
                 }
-                let lines = change.plants().into_iter().map(|plant| plant.to_string());
+                let lines = change.changes().iter().map(Change::to_string);
                 self.on_boards(|boards, board| lines.for_each(|line| boards.type_line(board, &line)));
             }
             Command::Power(name, power) if name == self.name => match power {

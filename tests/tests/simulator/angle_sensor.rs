@@ -1,6 +1,6 @@
 //! Angle sensors in a world: their shaft as plant, linked to a valve, and their PDOs in time (SPEC 9).
 
-use hal_sim::world::{EventKind, Link, LinkError, Plant, PlantError};
+use hal_sim::world::{Change, EventKind, Link, LinkError, PlantError};
 use hal_sim::{ClientPortId, Kind, NodeId, Setup, World};
 use protocol_core::actuator::Valve;
 use protocol_core::controller::BitRate;
@@ -170,7 +170,7 @@ fn looking_at_a_linked_shaft_changes_nothing() {
         often.open(set_point);
         for _ in 0..200 {
             often.world.run_until(after(often.world.now(), Duration::from_micros(997)));
-            often.world.set_plant(often.sensor, Plant::MeasuringError(false)).expect("a sensor");
+            often.world.set_plant(often.sensor, Change::MeasuringError(false)).expect("a sensor");
         }
         seldom.world.run_until(often.world.now());
         assert_eq!(seldom.angle(), often.angle());
@@ -200,13 +200,13 @@ fn a_valve_moves_the_boom_between_its_stops_beside_a_valve_on_isobus() {
 #[test]
 fn an_angle_that_is_set_goes_on_from_there() {
     let mut machine = Machine::linked(Link::default());
-    machine.world.set_plant(machine.sensor, Plant::AngleCdeg(4_500)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::AngleCdeg(4_500)).expect("a sensor");
     assert_eq!((machine.angle(), machine.position()), (4_500, 2_048));
     machine.hold(-16_384, 500);
     assert!(machine.angle() < 3_800, "{}", machine.angle());
     // Lifted beyond a stop: no further, but back.
     machine.hold(0, 300);
-    machine.world.set_plant(machine.sensor, Plant::AngleCdeg(9_500)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::AngleCdeg(9_500)).expect("a sensor");
     machine.hold(16_384, 500);
     assert_eq!(machine.angle(), 9_500);
     machine.hold(-16_384, 700);
@@ -236,7 +236,7 @@ fn a_link_at_rest_costs_no_event() {
     machine.run_for(1_000);
     assert_eq!(machine.world.next_event(), NEVER);
     // A lever holds the valve open: the shaft turns, and nothing has to happen for it.
-    machine.world.set_plant(machine.valve, Plant::Lever(Some(8_192))).expect("a valve");
+    machine.world.set_plant(machine.valve, Change::Lever(Some(8_192))).expect("a valve");
     machine.run_for(1_000);
     assert_eq!(machine.world.next_event(), NEVER);
     machine.run_for(1_000);
@@ -257,32 +257,32 @@ fn what_cannot_be_linked_or_changed_is_refused() {
     assert_eq!(world.link(valve, sensor, Link::default()), Err(LinkError::Linked));
 
     let before = *world.inputs(sensor);
-    for plant in [Plant::SupplyMv(1), Plant::TemperatureC(1), Plant::Lever(None)] {
+    for plant in [Change::SupplyMv(1), Change::TemperatureC(1), Change::Lever(None)] {
         assert_eq!(world.set_plant(sensor, plant), Err(PlantError::OtherProduct(plant)));
     }
-    for plant in [Plant::AngleCdeg(0), Plant::SpeedRpm(0), Plant::MeasuringError(true)] {
+    for plant in [Change::AngleCdeg(0), Change::SpeedRpm(0), Change::MeasuringError(true)] {
         assert_eq!(world.set_plant(valve, plant), Err(PlantError::OtherProduct(plant)));
     }
-    let beyond = Plant::AngleCdeg(36_000);
+    let beyond = Change::AngleCdeg(36_000);
     assert_eq!(world.set_plant(sensor, beyond), Err(PlantError::OutOfRange(beyond)));
-    let speed = Plant::SpeedRpm(1);
+    let speed = Change::SpeedRpm(1);
     assert_eq!(world.set_plant(sensor, speed), Err(PlantError::Linked(speed)));
     assert_eq!(*world.inputs(sensor), before);
-    assert_eq!(world.set_plant(sensor, Plant::SpeedRpm(0)), Ok(()));
+    assert_eq!(world.set_plant(sensor, Change::SpeedRpm(0)), Ok(()));
 }
 
 #[test]
 fn a_shaft_turns_in_virtual_time() {
     let mut machine = Machine::booted();
-    machine.world.set_plant(machine.sensor, Plant::AngleCdeg(35_000)).expect("a sensor");
-    machine.world.set_plant(machine.sensor, Plant::SpeedRpm(60)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::AngleCdeg(35_000)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::SpeedRpm(60)).expect("a sensor");
     machine.run_for(250);
     assert_eq!(machine.angle(), 8_000);
-    machine.world.set_plant(machine.sensor, Plant::MeasuringError(true)).expect("a sensor");
-    machine.world.set_plant(machine.sensor, Plant::SpeedRpm(-1)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::MeasuringError(true)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::SpeedRpm(-1)).expect("a sensor");
     machine.run_for(10_000);
     assert_eq!(machine.angle(), 2_000);
-    machine.world.set_plant(machine.sensor, Plant::SpeedRpm(0)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::SpeedRpm(0)).expect("a sensor");
     assert_eq!(machine.position(), 2_000 * 16_384 / 36_000);
 }
 
@@ -295,7 +295,7 @@ fn ends(frames: &[(Instant, String)]) -> Vec<u64> {
 fn a_pdo_every_millisecond_within_20_us_on_an_idle_bus() {
     let mut machine = Machine::booted();
     machine.world.power(machine.other, false);
-    machine.world.set_plant(machine.sensor, Plant::SpeedRpm(77)).expect("a sensor");
+    machine.world.set_plant(machine.sensor, Change::SpeedRpm(77)).expect("a sensor");
     machine.transmit_every(1);
     machine.run_for(10_000);
     let ends = ends(&machine.take());

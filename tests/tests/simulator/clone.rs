@@ -5,7 +5,7 @@ use hal_sim::bus::{
     ALWAYS, BitErrors, Corruption, Delay, DestroyNext, Disturbance, Fault, FaultKind, FrameFilter, Masks,
 };
 use hal_sim::memory::TornErase;
-use hal_sim::world::{Link, Plant, SUPPLY_JITTER};
+use hal_sim::world::{Change, Link, SUPPLY_JITTER};
 use hal_sim::{Client, ClientPortId, ControllerId, Event, NodeId, WireEvent, World};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -46,7 +46,7 @@ enum Call {
     Offer(usize, usize),
     Detach,
     DropClient,
-    Plant(usize, Plant),
+    Plant(usize, Change),
     Noise(u64, u64),
     Destroy(u32),
     Disturb(u32),
@@ -90,20 +90,20 @@ fn frames(kind: Kind, id: u8) -> Vec<Frame> {
     }
 }
 
-fn plant() -> impl Strategy<Value = Plant> {
+fn plant() -> impl Strategy<Value = Change> {
     prop_oneof![
-        select(&[24_000, 8_000, 40_000][..]).prop_map(Plant::SupplyMv),
-        select(&[SpoolFault::None, SpoolFault::Stuck, SpoolFault::Drifting][..]).prop_map(Plant::Spool),
-        (0..36_000_u32).prop_map(Plant::AngleCdeg),
-        (-60..60_i32).prop_map(Plant::SpeedRpm),
-        any::<bool>().prop_map(Plant::InternalFault),
-        any::<bool>().prop_map(Plant::MemoryFails),
-        any::<bool>().prop_map(Plant::BusOff),
-        select(&[None, Some(7_000), Some(30_000)][..]).prop_map(Plant::BrownOutMv),
-        any::<bool>().prop_map(Plant::Oil),
-        (0..300_u16).prop_map(Plant::BootMs),
-        (0..100_u16).prop_map(|ms| Plant::AnswerMs(ms, 2 * ms)),
-        (0..30_u16).prop_map(Plant::CycleMs),
+        select(&[24_000, 8_000, 40_000][..]).prop_map(Change::SupplyMv),
+        select(&[SpoolFault::None, SpoolFault::Stuck, SpoolFault::Drifting][..]).prop_map(Change::Spool),
+        (0..36_000_u32).prop_map(Change::AngleCdeg),
+        (-60..60_i32).prop_map(Change::SpeedRpm),
+        any::<bool>().prop_map(Change::InternalFault),
+        any::<bool>().prop_map(Change::MemoryFails),
+        any::<bool>().prop_map(Change::BusOff),
+        select(&[None, Some(7_000), Some(30_000)][..]).prop_map(Change::BrownOutMv),
+        any::<bool>().prop_map(Change::Oil),
+        (0..300_u16).prop_map(Change::BootMs),
+        (0..100_u16).prop_map(|ms| Change::AnswerMs(ms, 2 * ms)),
+        (0..30_u16).prop_map(Change::CycleMs),
     ]
 }
 
@@ -191,7 +191,7 @@ struct DeviceSeen {
     view: Option<View>,
     outputs: Option<Outputs>,
     inputs: Inputs,
-    plant: Vec<Plant>,
+    plant: Vec<Change>,
     mode: BusErrorMode,
     pending: usize,
     word_writes: u64,

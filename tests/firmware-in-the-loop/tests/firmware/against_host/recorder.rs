@@ -3,7 +3,7 @@
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::boards::Noticed;
 use firmware_in_the_loop::rig::ImageRig;
-use hal_sim::world::Plant;
+use hal_sim::world::Change;
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::time::{Duration, Instant, after, since};
 
@@ -48,7 +48,7 @@ pub enum Event {
     /// Its controller has this error mode now.
     Mode(BusErrorMode),
     /// A line was typed.
-    Typed(Plant),
+    Typed(Change),
     /// Its platform has called the device.
     Called(Call),
 }

@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use firmware_in_the_loop::rig::Device;
-use hal_sim::world::Plant;
+use hal_sim::world::Change;
 use protocol_core::actuator::SpoolFault;
 use protocol_core::device::{Kind, Protocol};
 use protocol_core::frame::{Frame, Id, extended, standard};
@@ -17,7 +17,7 @@ pub enum Step {
     /// So many microseconds pass.
     Pass(u64),
     /// A line is typed at the console.
-    Type(Plant),
+    Type(Change),
     /// The power is cut, and comes back.
     PowerCycle,
 }
@@ -220,7 +220,7 @@ impl Traffic<'_> {
             // An EMCY.
             self.pass(10_000);
             let fault = self.random.bool();
-            self.set_plant(Plant::InternalFault(fault));
+            self.set_plant(Change::InternalFault(fault));
         }
     }
 
@@ -228,14 +228,14 @@ impl Traffic<'_> {
         let switch = self.random.bool();
         let spool = [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
         let plant = match (self.random.u32(..8), self.is_valve()) {
-            (0, _) => Plant::InternalFault(switch),
-            (1, _) => Plant::MemoryFails(switch && self.one_in(2)),
-            (2 | 3, true) => Plant::SupplyMv(self.pick(&[24_000, 24_000, 8_999, 9_000, 36_000, 36_001, 0])),
-            (4, true) => Plant::TemperatureC(self.pick(&[25, 25, -41, -40, 120, 121])),
-            (5, true) => Plant::Spool(if switch { SpoolFault::None } else { self.pick(&spool) }),
-            (_, true) => Plant::Lever(self.pick(&[None, None, Some(4000), Some(-16384)])),
-            (2 | 3, false) => Plant::AngleCdeg(self.random.u32(..36_000)),
-            (4, false) => Plant::MeasuringError(switch),
+            (0, _) => Change::InternalFault(switch),
+            (1, _) => Change::MemoryFails(switch && self.one_in(2)),
+            (2 | 3, true) => Change::SupplyMv(self.pick(&[24_000, 24_000, 8_999, 9_000, 36_000, 36_001, 0])),
+            (4, true) => Change::TemperatureC(self.pick(&[25, 25, -41, -40, 120, 121])),
+            (5, true) => Change::Spool(if switch { SpoolFault::None } else { self.pick(&spool) }),
+            (_, true) => Change::Lever(self.pick(&[None, None, Some(4000), Some(-16384)])),
+            (2 | 3, false) => Change::AngleCdeg(self.random.u32(..36_000)),
+            (4, false) => Change::MeasuringError(switch),
             (_, false) => {
                 let speed = self.pick(&[0, 0, 0, 1, -60, 3000]);
                 self.turns = speed != 0;
@@ -243,14 +243,14 @@ impl Traffic<'_> {
                 let id = self.sdo_id();
                 self.steps.push(Step::Send(Frame::full(id, [0x80, 0, 0, 0, 0, 0, 0, 0])));
                 self.pass(2000);
-                Plant::SpeedRpm(speed)
+                Change::SpeedRpm(speed)
             }
         };
         self.set_plant(plant);
     }
 
     /// Types a line, and waits: the console takes one line after the other.
-    fn set_plant(&mut self, plant: Plant) {
+    fn set_plant(&mut self, plant: Change) {
         self.steps.push(Step::Type(plant));
         self.pass(20_000);
     }
