@@ -320,11 +320,11 @@ fn the_next_position_of_a_spool_and_of_shafts() {
             assert!(next == limit || rig.state(device).position != before || rig.world.next_event() <= next);
         }
     }
-    // A spool at rest keeps its position.
+    // A spool at rest keeps its position, and so does its shaft. A linked shaft is followed in small steps.
     rig.act(&Act::Cycle);
     rig.pass(Duration::from_millis(500));
-    let limit = after(rig.world.now(), Duration::from_secs(3600));
-    for (node, _) in rig.devices.clone() {
+    for ((node, _), seconds) in rig.devices.clone().into_iter().zip([3600, 1]) {
+        let limit = after(rig.world.now(), Duration::from_secs(seconds));
         assert_eq!(rig.world.next_position(node, limit), limit);
     }
 }
