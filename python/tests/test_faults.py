@@ -206,5 +206,5 @@ def test_a_fault_that_cannot_be_is_refused(sim: Simulator) -> None:
     with pytest.raises(InvalidValue, match=r"insert: '220#0\.\.' is not a frame"):
         sim.bus.insert(0x220, "0..")
     sim.bus.lose(0x220, name="one")
-    with pytest.raises(Conflict, match="a fault named 'one' is active"):
+    with pytest.raises(Conflict, match="a fault named 'one' is already active"):
         sim.bus.lose(0x221, name="one")

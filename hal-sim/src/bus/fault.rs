@@ -166,7 +166,7 @@ pub enum FaultEffect {
 #[non_exhaustive]
 pub enum FaultError {
     /// Another active fault has the same name.
-    #[error("a fault named '{0}' is active")]
+    #[error("a fault named '{0}' is already active")]
     Taken(Arc<str>),
     /// [`MAX_FAULTS`] faults are already active.
     #[error("{MAX_FAULTS} faults are active: end one first")]

@@ -127,13 +127,13 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
         message(
             format!("DM1_{address:02X}"),
             global(Priority::DEFAULT, Pgn::DM1),
-            "The active fault of the highest priority, every 1000 ms while a fault is active",
+            "The active fault with the highest priority, on each change and every 1000 ms while a fault is active",
             troubles(),
         ),
         message(
             format!("DM2_{address:02X}"),
             global(Priority::DEFAULT, Pgn::DM2),
-            "Previously active faults, on request; several faults are sent in packets, and these signals are the first 8 bytes",
+            "Previously active faults, on request; several faults need a multi-packet message, whose first 8 bytes these signals describe",
             troubles(),
         ),
         message(

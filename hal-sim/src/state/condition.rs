@@ -72,7 +72,7 @@ pub struct StateCondition {
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<bool>)]
     pub solenoids: Option<Option<bool>>,
-    /// The LED, or one of its members.
+    /// The LED: its colour, whether it flashes, or both.
     #[serde(default, deserialize_with = "present_object", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<LedCondition>)]
     pub led: Option<Option<LedCondition>>,
@@ -117,7 +117,7 @@ pub struct Limits {
     pub max: Option<i16>,
 }
 
-/// The LED, or one of its members.
+/// The LED: its colour, whether it flashes, or both.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LedCondition {

@@ -18,7 +18,7 @@ struct Digits {
     mask: u32,
 }
 
-const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit, and .. at the end for any further bytes";
+const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\", or R or R0 to R8 for a remote frame; when waiting for a frame, also ? for any digit, and .. at the end for any further bytes";
 
 /// A regular expression for the data of a frame: bytes, or a remote frame.
 pub const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";

@@ -140,7 +140,7 @@ impl Reported {
         Self { view: world.view(node), plant: PlantState::of(node, world) }
     }
 
-    /// Returns the state without continuously changing values, such as the position.
+    /// Returns the state for comparisons: position and shaft angle, which change continuously, are 0.
     fn at_rest(&self) -> Self {
         let view = self.view.clone().map(|view| View { position: 0, ..view });
         Self { view, plant: self.plant.at_rest() }

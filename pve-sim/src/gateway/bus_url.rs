@@ -199,7 +199,7 @@ fn interface(name: &str, _: &str) -> Result<BusUrl, String> {
     let allowed = |c: char| c.is_ascii_graphic() && c != '/' && c != ':';
     if name.is_empty() || name.len() > INTERFACE_NAME_MAX || !name.chars().all(allowed) {
         return Err(format!(
-            "'{name}' is not a valid interface name; accepted: 1–{INTERFACE_NAME_MAX} characters, as in vcan0"
+            "'{name}' is not a valid interface name; accepted: 1–{INTERFACE_NAME_MAX} visible characters without / and :, as in vcan0"
         ));
     }
     Ok(BusUrl::Socketcan(name.to_owned()))

@@ -71,7 +71,7 @@ fn split(line: &str) -> Result<Vec<String>, String> {
         }
     }
     if is_quoted {
-        return Err(format!("'{}': a quotation mark is missing", line.trim()));
+        return Err(format!("'{}': the closing quotation mark is missing", line.trim()));
     }
     words.extend(word);
     Ok(words)
@@ -390,7 +390,7 @@ mod tests {
         assert_eq!(answer("end \"lose-220\"", &mut simulation), "lose-220: lose 220 for the gateway; affected 0");
         assert_eq!(answer("insert \"220#0F00 0020\"", &mut simulation), "ok: insert-220");
         let refusal = execute("lose 220 receivers=\"the gateway", &mut simulation).expect_err("one mark");
-        assert_eq!(refusal, "'lose 220 receivers=\"the gateway': a quotation mark is missing");
+        assert_eq!(refusal, "'lose 220 receivers=\"the gateway': the closing quotation mark is missing");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! slcan: the ASCII protocol of serial-line adapters (Lawicel CAN232 and CANUSB), over TCP or on a pseudo-terminal.
 //!
-//! Each line ends with CR. The adapter answers an executed line with CR (after `z` or `Z` for a frame), and a line that
-//! it does not execute with BEL:
+//! Each line ends with CR. The adapter answers each executed line with CR, after `z` or `Z` if the line sent a frame.
+//! The answer to any other line is BEL:
 //!
 //! ```text
 //! client                             adapter
@@ -12,7 +12,7 @@
 //! C          close                   CR
 //! ```
 //!
-//! The gateway serves TCP, or a pseudo-terminal (`pty`, with `terminal`, on Unix).
+//! The gateway serves TCP or, on Unix, a pseudo-terminal (modules `pty` and `terminal`).
 
 mod protocol;
 #[cfg(unix)]

@@ -1,4 +1,5 @@
-//! Decodes the lines of slcan to commands, and encodes frames as lines. No I/O; the only state is an incomplete line.
+//! Decodes slcan lines into commands, and encodes frames as slcan lines. Performs no I/O; the only state is an
+//! incomplete line.
 
 use std::fmt::Write;
 

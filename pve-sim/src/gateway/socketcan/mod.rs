@@ -32,7 +32,7 @@ fn with_remedy(error: io::Error, name: &str) -> io::Error {
         return error;
     }
     io::Error::other(format!(
-        "{error}; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' adds a virtual one"
+        "{error}; 'ip link' lists the interfaces, and 'ip link add {name} up type vcan' adds a virtual one"
     ))
 }
 
@@ -47,7 +47,7 @@ mod tests {
         let told = |errno: Errno| with_remedy(errno.into(), "can0").to_string();
         let missing = told(Errno::NODEV);
         assert!(missing.starts_with("No such device"), "{missing}");
-        let way_out = "; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' adds a virtual one";
+        let way_out = "; 'ip link' lists the interfaces, and 'ip link add can0 up type vcan' adds a virtual one";
         assert!(missing.ends_with(way_out), "{missing}");
         assert!(!told(Errno::ACCESS).contains("ip link"));
     }

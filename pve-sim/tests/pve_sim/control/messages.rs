@@ -65,7 +65,7 @@ fn a_refused_fault_changes_nothing() {
     }
     rig.post("/bus/faults", json!({"lose": "220", "name": "one"}));
     let twice = r#"{"lose": "221", "name": "one"}"#;
-    assert_eq!(rig.refused("POST", "/bus/faults", Some(twice), 409), "a fault named 'one' is active");
+    assert_eq!(rig.refused("POST", "/bus/faults", Some(twice), 409), "a fault named 'one' is already active");
     for number in 1..64 {
         rig.post("/bus/faults", json!({"lose": number}));
     }
