@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use hal_sim::scenario::{OWN, Scenario, Target};
 use hal_sim::simulation::{Command, Executed, Refusal, Reply, Simulation};
 use hal_sim::state::Power;
-use hal_sim::world::SUPPLY_JITTER;
+use hal_sim::world::{Change, SUPPLY_JITTER};
 use hal_sim::{ClientPortId, Memory};
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Kind, Setup};

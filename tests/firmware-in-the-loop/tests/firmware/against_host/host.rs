@@ -12,7 +12,7 @@ use hal_sim::bus::INTERMISSION;
 use hal_sim::world::SimDevice;
 use hal_sim::{Memory, WireEvent, memory};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::plant::{Change, Change};
+use protocol_core::device::plant::{Change, Plant};
 use protocol_core::device::{AnyDevice, Effect, Restart, Setup, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::{Record, RecordKey, StoreError};
@@ -102,7 +102,7 @@ pub struct Host<'a> {
     starting: bool,
     can: Mailboxes,
     memory: Memory,
-    plant: Change,
+    plant: Plant,
     /// The error mode of the image's controller.
     mode: BusErrorMode,
     /// The lines that have not taken effect, each with its instant.
@@ -145,7 +145,7 @@ impl<'a> Host<'a> {
             starting: false,
             can: Mailboxes::default(),
             memory: memory_of(&run.found),
-            plant: Change::healthy(setup.kind),
+            plant: Plant::healthy(setup.kind),
             mode: BusErrorMode::ErrorActive,
             typed: VecDeque::new(),
             turned: false,
