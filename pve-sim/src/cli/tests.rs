@@ -417,7 +417,10 @@ fn interfaces_of_the_kernel() {
         ("--bus socketcan:a --speed step", "--speed step with --bus socketcan:a: this interface needs --speed 1"),
         ("--bus socketcan:a --bus socketcan:b --speed 0.5", "--speed 0.5 with --bus socketcan:a"),
         ("--bus socketcan:vcan0 --bus socketcan:vcan0", "duplicate --bus socketcan:vcan0"),
-        ("--bus socketcan:", "'' is not a valid interface name; accepted: 1–15 visible characters without / and :, as in vcan0"),
+        (
+            "--bus socketcan:",
+            "'' is not a valid interface name; accepted: 1–15 visible characters without / and :, as in vcan0",
+        ),
         ("--bus socketcan:a/b", "'a/b' is not a valid interface name"),
         ("--bus socketcan:sixteen-letters0", "'sixteen-letters0' is not a valid interface name"),
         ("--bus can0", "accepted: socketcand://HOST:PORT/NAME, socketcan:IFACE"),
