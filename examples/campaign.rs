@@ -57,7 +57,7 @@ impl Controller for Master {
         while let Ok(frame) = can.receive() {
             self.hear(&frame, can, now);
         }
-        // The second mistake: nobody looks whether the valve still lives.
+        // The second mistake: the careless master does not monitor the valve.
         let ends = self.heard.iter().zip(SILENCE).filter_map(|(heard, silence)| heard.map(|heard| heard + silence));
         let end = ends.min().filter(|_| self.is_careful && !self.is_stopped).unwrap_or(Instant::MAX);
         if now >= end {
@@ -79,7 +79,7 @@ fn send(can: &mut Client, id: u16, data: &[u8]) {
     can.transmit(&frame).expect("the world is there");
 }
 
-/// A plan of scenarios/campaigns, with these faults instead of its own, at 21 instants.
+/// Returns a plan of scenarios/campaigns, with three faults instead of its own, at every second instant.
 fn plan(name: &str, scenario: &str) -> Plan {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/campaigns/");
     let text = fs::read_to_string(format!("{folder}{name}.toml")).expect("a plan");
@@ -98,7 +98,7 @@ devices = ["pvea-canopen@0x20,name=valve,brown-out-mv=7000"]
 steps = [{ at_ms = 6000 }]
 "#;
 
-/// Runs some cells of each row with the scripted master and with that in Rust. Compares the results.
+/// Runs every fourth cell with the scripted master and with the master in Rust; compares the results.
 fn run(name: &str, is_careful: bool) -> Vec<CellResult> {
     let (scripted, devices) = (plan(name, ""), plan(name, DEVICES));
     let scripted = Campaign::new(&scripted).expect("it passes without a fault");

@@ -33,13 +33,13 @@ valve.emcy.add_callback(emergency)
 valve.nmt.state = "OPERATIONAL"
 
 command = valve.rpdo[1]
-for word in (0x0003, 0x000B):                                      # reset a fault of an earlier visit
+for word in (0x0003, 0x000B):                                      # reset a fault of an earlier run
     command["Device control word"].raw = word
     command.transmit()
 command["Device control word"].raw = 0x000F
 command[SET_POINT].raw = 8192                                      # ±16384 is ±100 %
 command.start(0.1)                                                 # DISABLED, HOLD, ACTIVE, and the spool moves
 arrived.wait(60) or sys.exit("the spool does not move")
-command.stop()                                                     # 250 ms later the valve reports it
+command.stop()                                                     # 250 ms later the valve reports the silence
 silenced.wait(60) or sys.exit("no EMCY")
 network.disconnect()

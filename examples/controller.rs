@@ -10,7 +10,7 @@ impl<C: Can> Controller<C> {
         let id = StandardId::new(id).unwrap();
         self.0.transmit(&Frame::new(id, data).unwrap()).unwrap();
     }
-    /// Sends a set-point, ±16384, and returns the EMCY codes that have come.
+    /// Sends a set-point, ±16384, and returns the codes of the received EMCY frames.
     fn cycle(&mut self, set_point: i16) -> Vec<u16> {
         let [low, high] = set_point.to_le_bytes();
         self.send(0x220, &[0x0F, 0x00, low, high]); // RPDO: control word "active", set-point

@@ -1,5 +1,5 @@
-"""Breaks two valves in every way there is and waits for each outcome: a pattern for a test in CI. Time is stepped, so nothing
-sleeps, and each run is the same.
+"""Injects each fault of two valves and waits for the reaction: a pattern for a test in CI. Time is stepped, so
+that no call sleeps and all runs are equal.
 
     pve-sim --speed step --device pvea-canopen@0x20,name=boom --device pvea-isobus@0x80,name=arm
     python3 examples/faults.py http://127.0.0.1:8408
@@ -19,7 +19,7 @@ HEALTHY = {
 
 
 def call(method, path, body=None):
-    """The answer to a call; the script ends when it is refused."""
+    """Returns the answer to a call; ends the script if the call is refused."""
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(API + path, data, {"Content-Type": "application/json"}, method=method)
     try:
@@ -46,13 +46,13 @@ class Valve:
         return call("POST", "/wait", {"device": self.name, "state": state, "within_ms": within_ms})
 
     def follow(self, set_point):
-        """The master sends a set-point every 100 ms."""
+        """Sends a set-point every 100 ms, as the master does."""
         call("DELETE", "/bus/frames")
         frame = {"id": self.cob_id, "extended": self.extended, "data": set_point, "every_ms": 100}
         call("POST", "/bus/frames", frame)
 
     def at_work(self):
-        """A healthy valve that has followed its master to half the stroke."""
+        """Restores the plant, restarts the valve, and drives the spool to half its stroke."""
         call("DELETE", "/bus/frames")
         self.power(on=False)
         self.plant(**HEALTHY)
@@ -64,7 +64,7 @@ class Valve:
         self.wait(position=8192, solenoids=True, faults=[])
 
     def shuts_down(self, fault, since, within_us):
-        """The fault comes, alone and in time, and the valve lets go."""
+        """Waits until the valve reports this fault alone and releases the spool, and checks the time."""
         state = self.wait(faults=[fault], led={"color": "red"}, solenoids=False)
         assert state["t_us"] - since <= within_us, (fault, state["t_us"] - since)
         print(f"{self.name}: {fault} after {(state['t_us'] - since) / 1000:g} ms")

@@ -11,7 +11,7 @@ messages = cantools.database.load_file(dbc)
 avc, avef, dm1 = map(messages.get_message_by_name, ("AVC0", "AVEF0", "DM1_80"))
 groups = {message.frame_id >> 8 & 0x1FFFF: message for message in (avef, dm1)}
 arrived, silenced = threading.Event(), threading.Event()
-flows = itertools.chain([0, 0], itertools.repeat(50))              # two neutral AVCs end a shutdown of an earlier visit
+flows = itertools.chain([0, 0], itertools.repeat(50))              # two neutral AVCs end a shutdown of an earlier run
 
 def receive(priority, pgn, source, timestamp, data):
     if source != 0x80 or pgn not in groups:
@@ -26,7 +26,7 @@ def receive(priority, pgn, source, timestamp, data):
         arrived.set()
 
 def command(_):
-    if master.state == j1939.ControllerApplication.State.NORMAL:   # with an address of its own
+    if master.state == j1939.ControllerApplication.State.NORMAL:   # after the address claim
         data = avc.encode({"State": "extend", "PortFlow": next(flows), "FailSafeMode": "not available"})
         master.send_pgn(0, avc.frame_id >> 16 & 0xFF, avc.frame_id >> 8 & 0xFF, 3, list(data))
     return True                                                    # again 100 ms later
@@ -39,7 +39,7 @@ tractor.subscribe(receive)
 master.start()                                                     # claims the address
 master.add_timer(0.1, command)
 arrived.wait(60) or sys.exit("the spool does not move")
-master.remove_timer(command)                                       # 250 ms later the valve reports it
+master.remove_timer(command)                                       # 250 ms later the valve reports the silence
 silenced.wait(60) or sys.exit("no DM1")
 tractor.stop()
 tractor.disconnect()

@@ -1,4 +1,4 @@
-"""Draws what boom.py did from a log of pve-sim: step_response.py LOG DEGREES > boom.svg."""
+"""Draws the step response of boom.py from a log of pve-sim: step_response.py LOG DEGREES > boom.svg."""
 
 import sys
 

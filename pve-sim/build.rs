@@ -1,5 +1,5 @@
-//! Hands the commit to a release build, which names it in results (`PVE_SIM_COMMIT`). A debug build would be built anew
-//! after each commit.
+//! Sets `PVE_SIM_COMMIT` for a release build, which names the commit in the results of campaigns. A debug build has no
+//! commit, because each commit would cause a rebuild.
 
 use std::process::Command;
 

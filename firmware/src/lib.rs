@@ -16,7 +16,7 @@ pub mod console;
 pub mod filter_bank;
 pub mod line;
 #[cfg(target_os = "none")]
-#[allow(unsafe_code, reason = "assembler; without it the functions of the compiler take their place")]
+#[allow(unsafe_code, reason = "assembler code replaces the functions of the compiler")]
 mod memory_functions;
 pub mod settings;
 

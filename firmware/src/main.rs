@@ -8,7 +8,7 @@
 //! board/wake_up         events that wake this task
 //! board/link            joining and leaving the bus
 //! board/can             CAN controller
-//! board/local_controls  console and button, for the task of the device
+//! board/local_controls  console and button, for the device task
 //! board/console         task of the console
 //! board/serial          serial port of the console
 //! board/button          task of the user button

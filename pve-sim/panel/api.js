@@ -2,7 +2,7 @@
 
 const BASE = "/api/v1";
 
-/** Calls; returns the answer, or throws an error with the server's words. */
+/** Calls the server; returns the answer, or throws an error with the server's message. */
 export async function call(method, path, body) {
   let response;
   try {
@@ -12,22 +12,21 @@ export async function call(method, path, body) {
       body: body === undefined ? undefined : JSON.stringify(body),
     });
   } catch {
-    throw new Error("the simulator does not answer");
+    throw new Error("no response from the simulator");
   }
   const answer = await response.json().catch(() => ({}));
   if (!response.ok) throw new Error(answer.error ?? `${response.status} ${response.statusText}`);
   return answer;
 }
 
-/** Returns the path of a device. */
 export const devicePath = (name, rest = "") => `/devices/${encodeURIComponent(name)}${rest}`;
 
-/** The time in milliseconds after which a refused stream is tried again. */
+/** The delay before the event stream is opened again, in milliseconds. */
 const RETRY = 2000;
 
 /**
- * Follows the events, for ever. `on` has `open`, which loads what the events go on from, `lost`, and `device`, `frame`, `error`
- * and `missed`, which get what the server tells.
+ * Follows the events forever. `on.open` loads the state before the events, `on.lost` reports a lost connection, and `on.device`,
+ * `on.frame`, `on.error` and `on.missed` receive the data of the events.
  */
 export function follow(on) {
   const source = new EventSource(`${BASE}/events`);

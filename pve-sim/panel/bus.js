@@ -8,9 +8,9 @@ import { attempt, notice } from "./notice.js";
 import { hex, identifier, seconds } from "./words.js";
 
 const BIT_RATES = [1000, 800, 500, 250, 125, 50, 20, 10];
-/** How often the bus is asked for, in milliseconds. */
+/** The interval between requests of the bus state, in milliseconds. */
 const PERIOD = 1000;
-/** How often the time is shown, in milliseconds. */
+/** The interval between updates of the time, in milliseconds. */
 const TICK = 200;
 
 export class Bus {
@@ -32,7 +32,7 @@ export class Bus {
     setInterval(() => this.poll(), PERIOD);
   }
 
-  /** Reads time and bus of a server that is there. */
+  /** Reads time and bus after a connection. */
   async open() {
     const { now_us, speed } = await call("GET", "/time");
     clock.start(now_us, speed);
@@ -43,20 +43,20 @@ export class Bus {
     await this.faults.read();
   }
 
-  /** Stops the clock: the server is away. */
+  /** Stops the clock after a lost connection. */
   close() {
     this.isOpen = false;
     clock.stop();
   }
 
-  /** Reads the bus while the page is visible. A failure needs no notice: the stream of events ends, too. */
+  /** Reads the bus while the page is visible. A failure needs no notice, because the event stream ends, too. */
   poll() {
     if (!this.isOpen || document.hidden) return;
     call("GET", "/bus").then((bus) => this.show(bus), () => {});
     this.faults.read().catch(() => {});
   }
 
-  /** Changes the bus, and shows it. */
+  /** Changes the bus, and shows its new state. */
   async ask(method, path, body) {
     const bus = await attempt(() => call(method, path, body));
     if (bus !== undefined) this.show(bus);

@@ -1,6 +1,6 @@
 // Virtual time, extrapolated between the instants that the server sends.
 
-/** A clock that is behind by more than this, in milliseconds of wall time, is set back. */
+/** The lead over the server beyond which the clock is set back, in milliseconds of wall time. */
 const TOLERANCE = 500;
 
 let t = 0;
@@ -14,7 +14,7 @@ export const clock = {
     return isRunning ? t + (performance.now() - heardAt) * 1000 * factor : t;
   },
 
-  /** Hears an instant that the server tells. */
+  /** Adjusts the clock to an instant from the server. */
   hear(t_us) {
     const now = this.now();
     if (t_us >= now || now - t_us > TOLERANCE * 1000 * factor) {
@@ -23,7 +23,7 @@ export const clock = {
     }
   },
 
-  /** Starts at an instant; `speed` is the server's: a factor, or `"step"`. */
+  /** Starts the clock at an instant; `speed` is a factor or `"step"`. */
   start(t_us, speed) {
     t = t_us;
     heardAt = performance.now();
@@ -31,13 +31,13 @@ export const clock = {
     isRunning = factor > 0;
   },
 
-  /** Stops the clock while the server is away. */
+  /** Stops the clock at the current instant. */
   stop() {
     t = this.now();
     isRunning = false;
   },
 
-  /** Whether time passes by itself. */
+  /** Whether virtual time passes without steps. */
   get isRunning() {
     return isRunning;
   },

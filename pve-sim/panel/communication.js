@@ -5,7 +5,7 @@ import { byId, el, onSubmit, setAttribute, setText } from "./dom.js";
 import { attempt } from "./notice.js";
 
 const KINDS = ["lose", "delay", "repeat", "swap", "corrupt", "insert", "masquerade", "destroy", "omit"];
-/** Parameters whose values stay text, digits or not. */
+/** Parameters whose values are texts, even if they look like numbers. */
 const TEXTS = /^(name|sender|mask|data\..*|identifier\..*)$/;
 
 export class Communication {
@@ -26,7 +26,7 @@ export class Communication {
     });
   }
 
-  /** Shows the faults; a known one keeps its row, with the button that a person holds. */
+  /** Shows the faults. A known fault keeps its row, so that its button keeps the focus. */
   async read() {
     const records = await call("GET", "/bus/faults");
     const gone = new Map(this.rows);
@@ -53,12 +53,12 @@ export class Communication {
   }
 }
 
-/** Reads words as in `ms=5..20 data.toggle=01`. */
+/** Parses words as in `ms=5..20 data.toggle=01`. */
 function parameters(text) {
   const body = {};
   for (const word of text.match(/\S+/g) ?? []) {
     const [, path, value] = /^([\w.]+)=(.+)$/.exec(word) ?? [];
-    if (!path) throw new Error(`${word}: accepted: KEY=VALUE, as in ms=20`);
+    if (!path) throw new Error(`'${word}' is not valid; accepted: KEY=VALUE, as in ms=20`);
     const [key, part] = path.split(".");
     body[key] = part ? { ...body[key], [part]: read(path, value) } : read(path, value);
   }

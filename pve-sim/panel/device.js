@@ -11,7 +11,7 @@ import { PlantControls } from "./plant.js";
 import { Plot } from "./plot.js";
 import { FULL, hex, minus, percent } from "./words.js";
 
-/** A larger step of the angle is a wrap, and a gap in the plot, in 1/100 degree. */
+/** The step of the angle beyond which the angle has wrapped, in 1/100 degree; the plot then has a gap. */
 const WRAP = 18000;
 
 const VALVE_PLOT = { lines: { "Set-point": "target", Position: "position" }, min: -FULL, max: FULL, levels: [-FULL, 0, FULL], title: "±100 %, 20 s" };
@@ -72,7 +72,7 @@ export class Device {
     return el("dl", { class: className }, ...rows);
   }
 
-  /** Shows a state, and drops one that is older than the shown one. */
+  /** Shows a state unless it is older than the shown state. */
   update(state) {
     if (state.t_us < this.state.t_us) return;
     this.tellChange(state);
@@ -141,7 +141,7 @@ export class Device {
     attempt(async () => this.update(await call("POST", devicePath(this.name, "/power"), change)));
   }
 
-  /** Removes the card: the device is gone. */
+  /** Removes the card of a device that no longer exists. */
   end() {
     this.plot.end();
     this.element.remove();

@@ -27,7 +27,6 @@ export class Dial {
     );
   }
 
-  /** Shows a state. */
   show({ plant }) {
     setAttribute(this.pointer, "transform", `rotate(${plant.angle_cdeg / 100})`);
   }

@@ -1,4 +1,4 @@
-// Creates elements, and changes them only where a value is new.
+// Creates elements, and changes them only if a value differs.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -11,20 +11,17 @@ function fill(element, attributes, children) {
   return element;
 }
 
-/** Makes an HTML element; attributes that begin with `on` are listeners. */
+/** Creates an HTML element; attributes that begin with `on` are listeners. */
 export function el(name, attributes = {}, ...children) {
   return fill(document.createElement(name), attributes, children);
 }
 
-/** Makes an SVG element. */
 export function svg(name, attributes = {}, ...children) {
   return fill(document.createElementNS(SVG, name), attributes, children);
 }
 
-/** Returns the element of an id. */
 export const byId = (id) => document.getElementById(id);
 
-/** Sets the text of an element. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
@@ -35,7 +32,7 @@ export function setAttribute(element, name, value) {
   else if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
 }
 
-/** Has a form do something with its values. */
+/** Calls `work` with the values of a form when it is submitted. */
 export function onSubmit(form, work) {
   form.addEventListener("submit", (event) => {
     event.preventDefault();

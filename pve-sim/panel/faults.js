@@ -12,7 +12,7 @@ export class Faults {
     this.element = el("ul", { class: "faults", "aria-label": "Faults" }, ...this.rows.map((row) => row.element));
   }
 
-  /** Shows which are active, and how often each has come. */
+  /** Shows the active faults, and the number of occurrences of each fault. */
   show(faults) {
     faults.forEach(({ active, count }, i) => {
       const row = this.rows[i];

@@ -1,16 +1,16 @@
-// The valve's gauge: a spool in its bore, the set-point below it.
+// The valve's gauge: a spool in its bore, with the set-point below.
 
 import { setAttribute, svg } from "./dom.js";
 import { FULL, minus } from "./words.js";
 
 const WIDTH = 360;
 const MIDDLE = WIDTH / 2;
-/** Where ±100 % is, from the middle. */
+/** The distance of ±100 % from the middle. */
 const STROKE = 96;
 /** Half the length of the spool. */
 const HALF = 62;
 const BORE = { left: 10, right: WIDTH - 10, top: 34, bottom: 66 };
-/** The middles of the ports, which the outer lands close in neutral. */
+/** The ports and their distances from the middle. In neutral, the lands close them. */
 const PORTS = [["A", -42], ["P", 0], ["B", 42]];
 
 const x = (raw) => (raw / FULL) * STROKE;
@@ -63,7 +63,6 @@ export class Gauge {
     );
   }
 
-  /** Shows a state. */
   show({ position, set_point, solenoids }) {
     const at = MIDDLE + x(position ?? 0);
     setAttribute(this.spool, "transform", `translate(${at.toFixed(1)})`);

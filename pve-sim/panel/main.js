@@ -8,17 +8,17 @@ import { byId, setText } from "./dom.js";
 import { advancePlots } from "./plot.js";
 import { Trace } from "./trace.js";
 
-/** With more devices than this their plants are folded. */
+/** The maximum number of devices whose plants are shown unfolded. */
 const UNFOLDED = 4;
-/** Frames of the record that the trace begins with. */
+/** The number of recorded frames with which the trace begins. */
 const RECORD = 500;
 
 const devices = new Map();
 const bus = new Bus();
 const trace = new Trace();
-/** States that came before their cards. */
+/** States that arrived before the cards of their devices. */
 const unplaced = new Map();
-/** Frames that came while the record was on its way; null when it is there. */
+/** Frames that arrived while the record was being loaded; null afterwards. */
 let early = null;
 
 function showLink(link, text) {
@@ -28,7 +28,7 @@ function showLink(link, text) {
   document.documentElement.dataset.link = link;
 }
 
-/** Loads everything after each connection: the simulator can be another one. */
+/** Loads everything after each connection, because the simulator may be a new one. */
 async function open() {
   early = [];
   unplaced.clear();
@@ -43,7 +43,7 @@ async function open() {
   advancePlots();
 }
 
-/** Places a card for each device; an existing card stays, with the control that a person holds. */
+/** Places a card for each device. An existing card stays, so that its controls keep the focus. */
 function place(states) {
   const gone = new Map(devices);
   devices.clear();

@@ -1,11 +1,10 @@
-// One line for a refusal or a new fault: screen readers announce it, and it disappears after a while.
+// The line for refusals and new faults, which screen readers announce and which disappears after a while.
 
 import { byId, setText } from "./dom.js";
 
 const SHOWN = 8000;
 let timer;
 
-/** Shows a line. */
 export function notice(text) {
   const line = byId("notice");
   setText(line, text);
@@ -17,7 +16,7 @@ export function notice(text) {
   }, SHOWN);
 }
 
-/** Does what a person asked for, and shows why it was refused. */
+/** Performs the user's action, and shows the message of its error. */
 export async function attempt(work) {
   try {
     return await work();

@@ -1,9 +1,9 @@
-// Drawing: at most once per animation frame, and only the parts that requested it.
+// Drawing: at most once per animation frame, and only the requested parts.
 
 const parts = new Set();
 let isAsked = false;
 
-/** Has a part's `render(at)` called in the next frame, once however often it asks. */
+/** Requests one call of a part's `render(at)` in the next animation frame; further requests have no effect. */
 export function paint(part) {
   parts.add(part);
   if (isAsked) return;

@@ -8,7 +8,7 @@ import { FULL } from "./words.js";
 const SPOOL = [["", "free"], ["stuck", "stuck"], ["slow", "slow"], ["drifting", "drifting"], ["no-float", "no float"]];
 const MEMORY = [["ok", "works"], ["write-fails", "writes fail"], ["damaged", "damaged"]];
 
-/** The controls, by the fields of `plant`; `unit` is the size of a shown unit in the units of the field. */
+/** The controls, by the fields of `plant`; `unit` is the number of the field's units in a displayed unit. */
 const CONTROLS = {
   supply_mv: (send) => slider("Supply", "V", { min: 0, max: 40, limit: 100, step: 0.1, unit: 1000 }, send),
   temperature_c: (send) => slider("Temperature", "°C", { min: -40, max: 140, step: 1, unit: 1 }, send),
@@ -24,12 +24,12 @@ const CONTROLS = {
 };
 
 export class PlantControls {
-  /** Makes controls for the fields of a plant; `answered` gets the state after a change, or null to show the known one again. */
+  /** Creates controls for the fields of a plant; `answered` receives the state after a change, or null to redraw the known state. */
   constructor(name, plant, answered) {
     Object.assign(this, { name, answered, waiting: {}, sent: null });
     this.controls = new Map();
     this.shown = {};
-    // A control that is not in use shows the value of the device.
+    // A control that loses the focus shows the device's value again.
     this.element = el("div", { class: "plant", onfocusout: () => answered(null) });
     for (const [field, make] of Object.entries(CONTROLS)) {
       if (!(field in plant)) continue;
@@ -39,7 +39,7 @@ export class PlantControls {
     }
   }
 
-  /** Shows a plant; a control that somebody holds stays where it is held. */
+  /** Shows a plant. A control that the user is operating does not change. */
   show(plant) {
     for (const [field, control] of this.controls) {
       const key = JSON.stringify(plant[field]);
@@ -50,7 +50,7 @@ export class PlantControls {
     }
   }
 
-  /** Sends a change. While one is under way the next ones wait, the last value of each field. */
+  /** Sends a change. While a request is pending, the last value of each changed field waits. */
   async change(field, value) {
     this.waiting[field] = value;
     if (this.sent !== null) return;
@@ -68,7 +68,7 @@ export class PlantControls {
 
 const isPressed = (input) => input.matches(":active");
 
-/** Makes a slider with a field for the exact number. */
+/** Creates a slider with a field for the exact number. */
 function slider(label, symbol, { min, max, limit = max, step, unit }, send) {
   const range = el("input", { type: "range", min, max, step, "aria-label": label });
   const number = el("input", { type: "number", step: "any", "aria-label": `${label} in ${symbol}` });
@@ -91,7 +91,7 @@ function slider(label, symbol, { min, max, limit = max, step, unit }, send) {
   };
 }
 
-/** Makes the hand lever: a slider in percent of the stroke, and a button that lets it go. */
+/** Creates the hand lever: a slider in percent of the stroke, and a button that releases the lever. */
 function lever(send) {
   const range = el("input", { type: "range", min: -100, max: 100, step: 1, value: 0, "aria-label": "Hand lever in percent" });
   const release = el("button", { type: "button", onclick: () => send(null) }, "Release");

@@ -1,4 +1,4 @@
-// A plot of the last 20 seconds. Each animation frame draws only a few plots, because they share its time.
+// A plot of the last 20 seconds. Each animation frame draws only a few plots, to limit its time.
 
 import { clock } from "./clock.js";
 import { el } from "./dom.js";
@@ -6,15 +6,15 @@ import { paint } from "./paint.js";
 
 const SPAN_US = 20e6;
 const GRID_US = 5e6;
-/** Samples that a plot keeps: 20 s of 50 a second, and as many changes between. */
+/** The number of kept samples per line: 50 per second for 20 s, and as many changes between them. */
 const CAPACITY = 2048;
-/** How many plots are drawn in a frame of the screen. */
+/** The maximum number of plots drawn in an animation frame. */
 const PER_FRAME = 4;
-/** With reduced motion a plot moves on so seldom, in microseconds. */
+/** The interval between the movements of a plot with reduced motion, in microseconds. */
 const CALM_US = 1e6;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
-/** The plots that are on the screen, the one that was drawn last at the end. */
+/** The visible plots; the most recently drawn plot is the last. */
 const seen = new Set();
 
 const plots = {
@@ -45,20 +45,20 @@ const sizes = new ResizeObserver((entries) => {
   for (const { target } of entries) target.plot.resize();
 });
 
-/** Counts the changes of the colour scheme. */
+/** The number of changes of the colour scheme. */
 let scheme = 0;
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   scheme += 1;
   advancePlots();
 });
 
-/** Draws all plots on the screen again: time has begun to pass, or the colours have changed. */
+/** Redraws all visible plots, because time has begun to pass or the colours have changed. */
 export function advancePlots() {
   for (const plot of seen) plot.isStale = true;
   paint(plots);
 }
 
-/** One line: samples that hold until the next one. */
+/** The samples of one line; each sample is valid until the next. */
 class Series {
   constructor() {
     this.times = new Float64Array(CAPACITY);
@@ -71,7 +71,7 @@ class Series {
     this.count = 0;
   }
 
-  /** Adds a sample unless nothing has changed; NaN is a gap. */
+  /** Adds a sample if the value has changed; NaN is a gap. */
   add(t, value) {
     const last = (this.end + CAPACITY - 1) % CAPACITY;
     if (this.count > 0 && Object.is(this.values[last], value)) return;
@@ -81,11 +81,11 @@ class Series {
     this.count = Math.min(this.count + 1, CAPACITY);
   }
 
-  /** Draws the line as steps; `x` and `y` place a sample. */
+  /** Draws the line as steps; `x` and `y` return the pixels of a sample. */
   trace(context, begin, x, y, right) {
     let index = this.end;
     let left = this.count;
-    // Back to the sample that holds at the left edge.
+    // Searches back for the sample that is valid at the left edge.
     while (left > 0) {
       index = (index + CAPACITY - 1) % CAPACITY;
       left -= 1;
@@ -107,7 +107,7 @@ class Series {
 }
 
 export class Plot {
-  /** A plot of `lines`, colours by labels, from `min` to `max`, with grid lines at `levels`. */
+  /** Creates a plot of `lines` (colours by labels) from `min` to `max`, with grid lines at `levels`. */
   constructor({ lines, min, max, levels, title }) {
     Object.assign(this, { min, max, levels, isStale: true, drawnAt: 0 });
     this.series = Object.keys(lines).map(() => new Series());
@@ -125,19 +125,17 @@ export class Plot {
     sizes.observe(this.canvas);
   }
 
-  /** Adds a value for each line. */
   add(t, values) {
     values.forEach((value, i) => this.series[i].add(t, value));
     this.isStale = true;
     if (seen.has(this)) paint(plots);
   }
 
-  /** Forgets everything. */
   clear() {
     for (const series of this.series) series.clear();
   }
 
-  /** Removes the plot from what is observed and drawn. */
+  /** Ends the observation and drawing of the plot. */
   end() {
     seen.delete(this);
     visibility.unobserve(this.canvas);
@@ -194,7 +192,7 @@ export class Plot {
     });
   }
 
-  /** Returns the colours of the scheme, which the legend has. */
+  /** Returns the colours of the scheme, as the legend shows them. */
   readColors() {
     return {
       grid: getComputedStyle(this.canvas).borderTopColor,

@@ -4,22 +4,22 @@ import { byId, el, setText } from "./dom.js";
 import { paint } from "./paint.js";
 import { hex, seconds } from "./words.js";
 
-/** Lines that are kept, and lines that are shown. */
+/** The numbers of kept and of shown lines. */
 const KEPT = 2000;
 const SHOWN = 120;
-/** How often lines are added, in milliseconds, and how many at once. */
+/** The interval at which lines are added, in milliseconds, and the maximum number of lines added at once. */
 const PERIOD = 50;
 const PORTION = 25;
-/** The list follows the latest line when it is scrolled this near to it, in pixels. */
+/** The distance to its end within which the list follows the latest line, in pixels. */
 const CLOSE = 24;
-/** A frame that comes again as it was within this time, in microseconds of virtual time, is a repeat. */
+/** The time within which an equal frame is a repeat, in microseconds of virtual time. */
 const REPEAT_US = 2e6;
-/** Identifiers of which the last frame is known: more than any real bus has. */
+/** The maximum number of identifiers whose last frame is kept: more than any real bus has. */
 const IDENTIFIERS = 4096;
-/** The meanings that tell of a fault. */
+/** The pattern of meanings that report a fault. */
 const FAULT = /EMCY: (?!no error)|: DM1 (?!no )/;
 
-/** Returns the line of a frame, or of trouble on the bus. */
+/** Returns the line of a frame or an error. */
 function lineOf({ t_us, id, extended, data, from, meaning }) {
   if (id === undefined) return { t_us, id: "error", data: "", from, meaning, isTrouble: true };
   const bytes = data.match(/../g)?.join(" ") ?? "";
@@ -49,7 +49,7 @@ export class Trace {
       const { scrollTop, clientHeight, scrollHeight } = this.roll;
       this.stayAtEnd(scrollTop + clientHeight >= scrollHeight - CLOSE);
     });
-    // The observer runs after the layout, so that reading the height forces none.
+    // The observer runs after the layout, so that reading the height forces no second layout.
     new ResizeObserver(() => {
       if (this.isAtEnd) this.roll.scrollTop = this.roll.scrollHeight;
     }).observe(this.list);
@@ -69,7 +69,7 @@ export class Trace {
     this.roll.toggleAttribute("data-end", isAtEnd);
   }
 
-  /** Begins anew with the frames of the server's record. */
+  /** Replaces all lines by the frames of the server's record. */
   reset(frames) {
     this.latest.clear();
     this.lines = frames.map((frame) => this.read(frame));
@@ -88,11 +88,11 @@ export class Trace {
     return line;
   }
 
-  /** Adds a frame, or trouble. */
+  /** Adds a frame or an error. */
   add(frame) {
     const line = this.read(frame);
     this.lines.push(line);
-    // In portions, because each deletion copies the array.
+    // Lines are deleted in portions, because each deletion copies the array.
     if (this.lines.length > KEPT + SHOWN) this.lines.splice(0, SHOWN);
     if (!this.isPaused && this.passes(line)) {
       this.fresh.push(line);
@@ -152,10 +152,10 @@ export class Trace {
     setText(byId("trace-note"), this.note());
     const isEmpty = this.list.childElementCount === 0;
     byId("trace-empty").hidden = !isEmpty;
-    if (isEmpty) setText(byId("trace-empty"), this.lines.length === 0 ? "No frame yet" : "No recorded frame matches the filter");
+    if (isEmpty) setText(byId("trace-empty"), this.lines.length === 0 ? "No frames yet" : "No recorded frame matches the filter");
   }
 
-  /** Shows a line in a row; the oldest one is used again when there are enough. */
+  /** Shows a line in a row: a new row, or the oldest one if the list is full. */
   append(line) {
     const row = this.list.childElementCount < SHOWN ? newRow() : this.list.firstElementChild;
     const [time, id, data, meaning] = row.children;

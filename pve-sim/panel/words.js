@@ -12,7 +12,7 @@ export const hex = (number, digits) => number.toString(16).toUpperCase().padStar
 /** Returns a number's text with a true minus sign. */
 export const minus = (text) => text.replace("-", "−");
 
-/** Reads an identifier in hex: one of eight digits has 29 bits, as in candump. */
+/** Parses an identifier in hex; eight digits mean 29 bits, as in candump. */
 export function identifier(text) {
   const id = parseInt(text, 16);
   return { id, extended: text.length === 8 };

@@ -1,15 +1,13 @@
-//! A memory kept in a file: a header of 16 bytes and the raw flash image.
+//! The state file of a memory: a header of 16 bytes and the raw flash image.
 //!
-//! Every change writes a complete new file under a unique name, syncs it, renames it over the old one and syncs the
-//! folder (not on Windows). Whenever the process is killed or the machine loses power, the file is the old one or
-//! the new one, and it is the new one once the write has returned. Writing only the changed words would be faster, but
-//! could leave a partial store that the *simulated* flash never saw; at 32 KiB and a few stores a second, the whole
-//! file costs nothing.
+//! Each write creates a complete new file under a unique name, syncs it, renames it over the old file and syncs the
+//! folder (not on Windows). If the process is killed or the machine loses power, the file therefore has the complete
+//! old or the complete new content; after a write has returned, the new one. Writing only the changed words could leave
+//! a partial store that the *simulated* flash never had. The whole file is only 32 KiB, written a few times a second.
 //!
-//! Only one simulator may use the file: a second one would overwrite the changes of the first. The lock is on a
-//! separate file, because each write replaces the state file, which does not exist before the first write. The lock
-//! ends with the process; the lock file stays, because removing it would let two other processes lock two different
-//! files.
+//! Only one simulator may use the file, because a second simulator would overwrite the changes of the first. The lock
+//! is on a separate file: each write replaces the state file, which may not even exist yet. The lock ends with the
+//! process. The lock file stays, because removing it would let two other processes lock two different files.
 
 use std::ffi::OsString;
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
@@ -33,8 +31,8 @@ const KIND_BITS: u32 = 8;
 const HEADER: usize = 16;
 /// The number of random characters in the name of an unfinished file.
 const UNFINISHED_SUFFIX: usize = 6;
-/// The pauses between attempts to rename a file, in milliseconds, because on Windows a program that has the file open
-/// prevents the rename.
+/// The pauses between attempts to rename a file, in milliseconds: on Windows, a program that has the file open prevents
+/// the rename.
 const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
 
 /// The reason why a state file cannot be used. The first field of a variant is the path of the file.
@@ -63,7 +61,7 @@ fn kind(number: u32) -> String {
     kind.map_or_else(|| "an unknown kind".to_owned(), |kind| format!("a {kind}"))
 }
 
-/// The content of a locked state file, which has not been changed yet.
+/// A locked state file with its content. No file has been changed yet.
 #[derive(Debug)]
 pub struct Opened {
     file: StateFile,
@@ -71,13 +69,12 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Removes unfinished files, and returns the memory in the state file; a new memory if the state file does not
-    /// exist.
+    /// Removes unfinished files, and returns the memory in the state file, or a new memory if the file does not exist.
     ///
-    /// A damaged file is renamed to `name.nvm.bad`, and the memory starts empty and marked as damaged.
+    /// A damaged file is renamed to `name.nvm.bad` (or `.bad.2`, …), and the memory starts empty and marked as damaged.
     ///
     /// # Errors
-    /// When the file cannot be written or renamed; it is unchanged then.
+    /// When the file cannot be renamed or written. No content is lost.
     pub fn memory(self) -> Result<Memory, StateFileError> {
         self.file.sweep();
         Ok(Memory::kept_in(Box::new(self.file), self.content)?)
@@ -105,7 +102,7 @@ impl StateFile {
         if file.path.is_symlink() {
             file.path = fs::canonicalize(&file.path).map_err(|error| file.error("resolve the link", error))?;
         }
-        // Before opening: to open a pipe would wait for a writer.
+        // Checked before opening, because opening a pipe would wait for a writer.
         if fs::metadata(&file.path).is_ok_and(|found| !found.is_file()) {
             return Err(file.error("read", io::Error::other("not a file")));
         }
@@ -247,7 +244,7 @@ impl MemoryFile for StateFile {
                     aside.display()
                 )),
                 Err(error) => {
-                    // The reserved name is unused, and its file still empty.
+                    // The file that reserved the name is still empty.
                     let _ = fs::remove_file(&aside);
                     Err(self.error("rename the damaged file", error).into())
                 }

@@ -1,4 +1,4 @@
-"""Devices at another bit rate than the bus: told at the start, with a wait in vain, and at the end of a test."""
+"""Devices at a different bit rate than the bus: told at the start, with a wait in vain, and at the end of a test."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ pub fn answered_or_counted(rig: &mut Rig, requests: &[(&str, &str)], events: &[A
     assert!(missing <= dropped, "{missing} answers are missing, {dropped} frames dropped");
 }
 
-/// Waits for the end of everything that can silence a device: the write in progress, and the delays of LSS.
+/// Waits until nothing silences the device: neither the write in progress nor the delays of LSS.
 pub fn let_be(rig: &mut Rig) {
     /// The maximum of each of the two delays for which LSS silences a device.
     const LSS_DELAY_MAX: Duration = Duration::from_millis(0xFFFF);

@@ -57,7 +57,7 @@ impl Rig {
         Self::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) })
     }
 
-    /// Creates such a valve with another setup.
+    /// Creates a [`Rig::claimed`] with another setup.
     #[must_use]
     pub fn claimed_as(setup: Setup) -> Self {
         let mut rig = Self::power_on(setup);
@@ -122,7 +122,7 @@ impl Rig {
         self.expect_news(frames);
     }
 
-    /// Does the same with this command every 100 ms.
+    /// Does the same as [`advance_news`](Rig::advance_news), with this command every 100 ms.
     #[track_caller]
     pub fn advance_cyclic_news(&mut self, ms: u64, command: &str, frames: &[&str]) {
         self.advance_cyclic(ms, command);

@@ -1,7 +1,7 @@
 //! The common parts of the tests.
 //!
 //! ```text
-//! rig                   one device on a bus of its own
+//! rig                   one device on a bus
 //! inputs                inputs of a valve
 //! hostile               disturbances of any device, for random tests
 //! nmt, lss, sdo, uds    frames of these services, in the notation of the manuals

@@ -21,8 +21,8 @@ const STATUS: usize = 352;
 /// The lines of `status`, or one line of `help`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A received line, with a buffer for the lines of `status`. The only exchange belongs to the task of the console. It
-/// goes to the task of the device with the line, and comes back with the answer.
+/// A received line, with a buffer for the lines of `status`. The only exchange belongs to the console task. It
+/// goes to the device task with the line, and comes back with the answer.
 pub(super) struct Exchange {
     /// The received line.
     pub(super) line: Line,
@@ -30,9 +30,9 @@ pub(super) struct Exchange {
     pub(super) status: Text,
 }
 
-/// The signal that passes a line to the task of the device.
+/// The signal that passes a line to the device task.
 pub(super) type Lines = Signal<CriticalSectionRawMutex, &'static mut Exchange>;
-/// The signal that returns the answer of the task of the device.
+/// The signal that returns the answer of the device task.
 pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange, Answer)>;
 
 /// The answer to a line.

@@ -1,4 +1,4 @@
-//! The task of the device, with the highest priority of all tasks. No other task feeds the watchdog, and this task
+//! The device task, with the highest priority of all tasks. No other task feeds the watchdog, and this task
 //! feeds it only while the memory answers its requests.
 
 use embassy_time::{Duration, Instant};

@@ -63,7 +63,7 @@ pub(super) const fn is_on(led: Led, step: u8) -> bool {
 pub(super) async fn run(mut leds: Leds, lights: &'static Lights) -> ! {
     let mut step = 0;
     loop {
-        // The task of the device, which has a higher priority, has updated the lights when this call returns.
+        // The device task, which has a higher priority, has updated the lights when this call returns.
         notify(Event::Leds);
         if let Some(led) = lights.shown() {
             leds.show(led, step);

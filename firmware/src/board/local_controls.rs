@@ -15,7 +15,7 @@ use super::can::{ERROR_INTERRUPTS, OVERRUNS};
 use super::console::{Answer, Answers, Exchange, Lines, Text};
 use super::link::Link;
 
-/// The console and the button, for the task of the device.
+/// The console and the button, for the device task.
 pub(super) struct LocalControls {
     lines: &'static Lines,
     answers: &'static Answers,

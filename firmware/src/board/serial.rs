@@ -28,7 +28,7 @@ static ARRIVED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 /// Whether characters were damaged or lost.
 static DAMAGED: AtomicBool = AtomicBool::new(false);
 
-/// Handles the UART interrupt, which must preempt the task of the console. This task takes the characters and then
+/// Handles the UART interrupt, which must preempt the console task. This task takes the characters and then
 /// checks for damage.
 pub(super) fn on_interrupt() {
     let status = UART.sr().read();

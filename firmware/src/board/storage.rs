@@ -1,4 +1,4 @@
-//! The task of the memory, which writes the records of the device while the bus keeps running.
+//! The memory task, which writes the records of the device while the bus keeps running.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::{Channel, Receiver, Sender};
@@ -18,7 +18,7 @@ const REQUESTS: usize = 3;
 const LONGEST: Duration = Duration::from_secs(3);
 const _: () = assert!(LONGEST.as_millis() > 4 * LONGEST_ERASE.as_millis());
 
-/// A request of the task of the device.
+/// A request of the device task.
 pub(super) enum Request {
     /// Write this record.
     Store(RecordKey, Record),
@@ -40,12 +40,12 @@ pub(super) enum Done {
     Became(Result<(), StoreError>),
 }
 
-/// The channel from the task of the device to the task of the memory.
+/// The channel from the device task to the memory task.
 pub(super) type Requests = Channel<CriticalSectionRawMutex, Request, REQUESTS>;
-/// The channel from the task of the memory to the task of the device.
+/// The channel from the memory task to the device task.
 pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
 
-/// The memory, for the task of the device.
+/// The memory, for the device task.
 pub(super) struct Client {
     requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,

@@ -1,4 +1,4 @@
-//! The events and the timer that wake the task of the device.
+//! The events and the timer that wake the device task.
 //!
 //! An `AtomicWaker` with `with_deadline` would do the same, but would cost more instructions from interrupt to sleep:
 //! 74 for a frame for another node, 229 for an SDO upload.
@@ -13,7 +13,7 @@ use critical_section::Mutex;
 use embassy_executor::raw::{TaskRef, task_from_waker, wake_task};
 use embassy_time::{Duration, Instant, Timer};
 
-/// An event that wakes the task of the device.
+/// An event that wakes the device task.
 #[derive(Clone, Copy)]
 #[repr(u8)]
 pub(super) enum Event {
@@ -32,10 +32,10 @@ pub(super) enum Event {
 }
 
 static PENDING: AtomicU8 = AtomicU8::new(0);
-/// The task of the device. A waker in its place would cost twice as much.
+/// The device task. A waker in its place would cost twice as much.
 static TASK: Mutex<Cell<Option<TaskRef>>> = Mutex::new(Cell::new(None));
 
-/// Wakes the task of the device with an event.
+/// Wakes the device task with an event.
 pub(super) fn notify(event: Event) {
     PENDING.fetch_or(event as u8, Ordering::Release);
     if let Some(task) = critical_section::with(|cs| TASK.borrow(cs).get()) {
@@ -58,14 +58,14 @@ impl Events {
     }
 }
 
-/// The wake-up of the task of the device, by events and by its only timer.
+/// The wake-up of the device task, by events and by its only timer.
 pub(super) struct WakeUp {
     /// The time to which the timer was set last.
     armed: Instant,
 }
 
 impl WakeUp {
-    /// Creates the wake-up. The caller must be the task of the device.
+    /// Creates the wake-up. The caller must be the device task.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
             let task = task_from_waker(context.waker());

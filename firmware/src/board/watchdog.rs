@@ -1,4 +1,4 @@
-//! The watchdog, which resets the processor if the task of the device does not run or the memory does not answer.
+//! The watchdog, which resets the processor if the device task does not run or the memory does not answer.
 
 use embassy_stm32::pac::DBGMCU;
 use embassy_stm32::peripherals::IWDG;
@@ -9,7 +9,7 @@ use super::link::LONGEST_SETTLE;
 use super::nucleo::{STANDSTILL, WATCHDOG_US};
 use super::storage::Client;
 
-/// The maximum time between two feedings by an idle task of the device.
+/// The maximum time between two feedings by an idle device task.
 pub(super) const FEED: Duration = Duration::from_millis(100);
 
 /// The nominal and the highest frequency of the oscillator of the watchdog (LSI), in kHz (DS9405, DS10693). The

@@ -227,7 +227,7 @@ impl Fault {
             return refuse("a mask needs an identifier");
         }
         if self.times().into_iter().flatten().any(|time| time > LONGEST_TIME) {
-            return refuse("times must not exceed one day");
+            return refuse("durations must not exceed one day");
         }
         match &self.kind {
             FaultKind::Delay { delay: Delay::Uniform(from, to), .. } if from > to => {

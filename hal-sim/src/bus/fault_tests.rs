@@ -295,7 +295,7 @@ fn a_bad_fault_is_refused() {
         (Fault { count: Some(0), ..Fault::new("x", all()) }, "count must be at least 1"),
         (Fault::new("x", FaultKind::Omit { receivers: Vec::new() }), "omit needs receivers"),
         (Fault::new("x", FaultKind::Corrupt(Corruption::default())), "corrupt needs at least one mask"),
-        (Fault { from: Duration::MAX, ..Fault::new("x", all()) }, "times must not exceed one day"),
+        (Fault { from: Duration::MAX, ..Fault::new("x", all()) }, "durations must not exceed one day"),
         (Fault::new("x", FaultKind::Repeat { times: 0, after: millis(1) }), "times must be from 1 to 1000"),
     ];
     for (fault, reason) in cases {

@@ -75,7 +75,7 @@ pub(super) enum ReadySet {
 /// A fault: a change of the plant or of the power of a device, or a communication fault.
 #[derive(Debug, Deserialize, ToSchema)]
 #[schema(as = FaultTable)]
-#[expect(dead_code, reason = "a schema, which `schemas` completes by the keys of communication faults")]
+#[expect(dead_code, reason = "a schema, to which `schemas` adds the keys of communication faults")]
 struct FaultTable {
     /// Changes the plant of the device.
     plant: Option<PlantChange>,

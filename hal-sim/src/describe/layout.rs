@@ -145,7 +145,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
         message(
             format!("Acknowledgement_{address:02X}"),
             global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT),
-            "Response to a request that has no response message of its own",
+            "Response to a request without a dedicated response message",
             vec![
                 Signal::raw("Control", 0, 8).values([
                     (Control::Positive as u32, "done"),

@@ -104,7 +104,7 @@ impl FromStr for DeviceSpec {
                 ("noise", Some(noise)) => spec.roughness.noise = roughness(kind, noise, "noise")?,
                 ("dead-band", Some(band)) => spec.roughness.dead_band = roughness(kind, band, "dead-band")?,
                 ("oil", None) if matches!(kind, Kind::Hat(_)) => {
-                    return Err(format!("'oil' applies to a valve; a {kind} has none"));
+                    return Err(format!("'oil' applies to a valve's spool; a {kind} has none"));
                 }
                 ("oil", None) => spec.has_oil = true,
                 ("blank", None) if !kind.can_be_blank() => {

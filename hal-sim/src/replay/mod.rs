@@ -136,7 +136,7 @@ pub enum ReplayError {
         name: String,
     },
     /// After the last round, the client had still sent log frames with identifiers that a simulated device sends too.
-    #[error("{}: frames of the devices were still sent as frames of other nodes after {ROUNDS} rounds: {ids}", path.display())]
+    #[error("{}: the devices still sent identifiers of other nodes after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
         path: PathBuf,

@@ -256,7 +256,7 @@ impl Simulation {
             && !self.spares_others(&fault)
         {
             return Err(Refusal::Conflict(format!(
-                "real devices may be on the bus: only lose with simulated devices as receivers is possible without {option}"
+                "the bus may have real devices; only 'lose' with simulated devices as receivers is accepted without {option}"
             )));
         }
         let record = FaultRecord::from(FaultState { fault: fault.clone(), struck: 0, is_over: false });

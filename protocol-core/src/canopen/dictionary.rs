@@ -329,7 +329,7 @@ impl<B: Copy> Row<B> {
     /// Panics for a text; in a const this is a compile error.
     #[must_use]
     pub(super) const fn with(self, number: u32) -> Self {
-        assert!(!self.entry.is_text(), "the number of a text is its length");
+        assert!(!self.entry.is_text(), "the number of a text entry must be its length");
         Self { entry: Entry { number, ..self.entry }, ..self }
     }
 

@@ -8,7 +8,7 @@ use crate::time::Instant;
 
 /// A device of any product. The value has the size of the largest product.
 #[derive(Clone, Debug)]
-#[allow(clippy::large_enum_variant, reason = "a board has one device, and no allocator to put it elsewhere")]
+#[allow(clippy::large_enum_variant, reason = "a board has one device and no allocator")]
 pub enum AnyDevice {
     /// A valve on CANopen.
     PveCanopen(PveCanopen),

@@ -25,10 +25,10 @@ pub struct Options {
     pub verbose: bool,
 }
 
-/// The reason why scenarios did not run, or their results were not saved.
+/// The reason why the scenarios did not run or the JUnit file was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum BatchError {
-    /// Unreadable files, with a line for each. No scenario was run.
+    /// Some files cannot be read; one line for each. No scenario was run.
     #[error("{}", .0.join("\n"))]
     Unreadable(Vec<String>),
     /// The file of `--junit` cannot be written.

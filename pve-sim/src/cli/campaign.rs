@@ -16,7 +16,7 @@ pub(super) struct CampaignArgs {
     #[command(subcommand)]
     command: Option<CampaignCommand>,
 
-    /// The plan; the format: docs/campaigns.md
+    /// The plan; docs/campaigns.md describes its format
     #[arg(value_name = "PLAN.toml", value_hint = ValueHint::FilePath, required_unless_present = "schema")]
     plan: Option<PathBuf>,
 

@@ -118,7 +118,7 @@ struct Cli {
 enum Command {
     /// Runs devices on a bus (the default command)
     Run(Box<RunArgs>),
-    /// Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each
+    /// Plays a use case (of the manuals, an ISOBUS valve or an angle sensor) in virtual time, and explains each
     /// frame; exit 1 if a frame differs
     UseCase {
         /// The use case, or all; without it, the titles are listed

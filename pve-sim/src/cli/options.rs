@@ -48,7 +48,7 @@ pub struct RunArgs {
     ///              250k on ISOBUS), an angle sensor any rate of --bit-rate
     ///   stroke-ms=N, return-ms=N
     ///              valves only, 10–5000 ms: the time of the spool from neutral to full stroke,
-    ///              by default 250; the time of its return by the springs, by default 150
+    ///              by default 250; the time of the springs for its return, by default 150
     ///   boot-ms=N  0–60000 ms from power-up to the start of the program, by default 0
     ///   answer-ms=N or A..B
     ///              0–60000 ms, the delay of each answer (SDO, LSS, UDS, J1939), by default 0
@@ -56,9 +56,9 @@ pub struct RunArgs {
     ///   brown-out-mv=N
     ///              valves only: the supply below which the valve is off; by default never off
     ///   noise=N, dead-band=N
-    ///              valves 0–16384: how far the spool trembles, and the changes of the set-point
-    ///              that it does not follow; angle sensors 0–9000 1/100 degree: the noise of the
-    ///              measurement, and the play of the shaft; by default 0
+    ///              valves 0–16384: how far the spool trembles, and the set-point changes that it
+    ///              ignores; angle sensors 0–9000 1/100 degree: the noise of the measurement, and
+    ///              the play of the shaft; by default 0
     ///   oil        valves only: cold oil slows the spool down
     ///   blank      CANopen only: a device without a node ID, for configuration by LSS
     ///

@@ -1,8 +1,8 @@
 //! The world's side of the control interface: executes messages, and monitors the world for clients that wait or
 //! follow the events.
 //!
-//! The world executes each message at the virtual instant of its arrival, and an answer describes a single instant.
-//! Only the server accesses the world, and it never waits for a client.
+//! The world executes each message at the virtual instant of its arrival. Each answer describes a single instant. The
+//! server never waits for a client.
 
 pub(crate) mod events;
 mod server;
@@ -36,7 +36,7 @@ pub enum Message {
     Time(Answer<Time>),
     /// Reads the verdict on the judged cell.
     Cell(Answer<JudgedCell>),
-    /// Reads the latest frames, up to this number.
+    /// Reads the latest frames and errors, up to this number.
     Trace(usize, Answer<Excerpt>),
     /// Subscribes to all future events.
     Subscribe(Answer<Subscription>),
@@ -64,7 +64,7 @@ impl fmt::Display for Speed {
     }
 }
 
-/// The cell of a campaign that is judged.
+/// The judged cell of a campaign.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct JudgedCell {
     /// Whether the verdict is final.
@@ -75,7 +75,7 @@ pub struct JudgedCell {
     pub result: Option<Judged>,
 }
 
-/// The verdict on a cell. Times are in microseconds after the fault; null: the reaction did not come.
+/// The verdict on a cell. Times are in microseconds after the fault; null if the reaction did not occur.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Judged {
     /// The verdict, as in docs/campaigns.md.
@@ -84,7 +84,7 @@ pub struct Judged {
     pub detected_us: Option<u64>,
     /// The time from the fault to the safe state.
     pub safe_us: Option<u64>,
-    /// The frames that a communication fault affected; 1 for another fault that acted.
+    /// The number of frames that a communication fault affected; 1 for any other fault once it has acted.
     pub struck: u64,
 }
 

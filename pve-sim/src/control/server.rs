@@ -13,11 +13,11 @@ use protocol_core::time::{Instant, NEVER};
 #[derive(Debug)]
 pub(crate) struct ControlServer {
     speed: Speed,
-    /// The event stream. Show each event in order, before [`poll`](Self::poll).
+    /// The event stream.
     pub(crate) events: Events,
     /// The pending commands.
     pending: Vec<(Ticket, Answer<Reply>)>,
-    /// The queue of commands that take time; stepped time executes them one after the other.
+    /// The queued commands of stepped time, which are executed one after the other.
     queue: VecDeque<(Command, Answer<Reply>)>,
     /// The judge of a campaign's cell, if there is one.
     judge: Option<Judge>,
@@ -57,7 +57,7 @@ impl ControlServer {
                     let reason = format!("the cell is decided: {}; time has stopped", result.verdict);
                     return drop(answer.send(Err(Refusal::Conflict(reason))));
                 }
-                // The limit on waiting calls bounds the remaining queue.
+                // The queue is bounded by the limit on waiting calls.
                 self.queue.retain(|(_, answer)| !answer.is_closed());
                 self.queue.push_back((command, answer));
             }
@@ -123,7 +123,7 @@ impl ControlServer {
         self.events.poll(simulation);
     }
 
-    /// Returns the time of the next position sample of the event stream, or that at which the judge has to look.
+    /// Returns the time of the next position sample or of the judge's next check, whichever is earlier.
     pub(crate) fn due(&self) -> Instant {
         self.judge.as_ref().map_or(NEVER, Judge::due).min(self.events.due())
     }

@@ -15,7 +15,7 @@ use super::{Gateway, slcan, socketcand, udp_multicast};
 /// The name of a bus whose URL contains no name.
 const UNNAMED: &str = "pve0";
 
-/// The maximum length of the name of a socketcand bus, in characters: fits a trace line and the field of every client.
+/// The maximum length of the name of a socketcand bus, in characters: fits a trace line and every client's name field.
 const BUS_NAME_MAX: usize = 32;
 
 /// The maximum length of a Linux interface name, in characters.
@@ -63,7 +63,8 @@ impl BusUrl {
         false
     }
 
-    /// Returns whether other programs share the bus. If it were joined twice, each frame would circulate forever.
+    /// Returns whether other programs share the bus. If such a bus were given twice, each frame would circulate
+    /// forever.
     #[must_use]
     pub const fn is_shared(&self) -> bool {
         self.is_interface() || matches!(self, Self::UdpMulticast(_))
@@ -102,7 +103,7 @@ impl BusUrl {
     }
 }
 
-/// The default of `--bus`: the port of socketcand's own daemon, on loopback only.
+/// The default of `--bus`: the port of the reference daemon, on loopback only.
 impl Default for BusUrl {
     fn default() -> Self {
         Self::Socketcand(Endpoint { host: "127.0.0.1".to_owned(), port: 29536 }, UNNAMED.to_owned())

@@ -4,7 +4,7 @@
 //! writes the first bytes: a request line begins with a method and a space (RFC 9112 3; `fetch` accepts any token as
 //! the method, even `t1230`), TLS begins with 0x16, STUN over TCP (WebRTC) with 0x00. The guard closes a connection
 //! whose first bytes cannot come from a client of the protocol, before any byte takes effect. Undecided bytes already
-//! reach the dialogue, so a protocol must stay undecided until its first request is complete, and not act before.
+//! reach the dialogue, which must therefore not act before the byte that identifies its client.
 
 use std::io;
 use std::pin::Pin;
@@ -31,7 +31,7 @@ pub enum Verdict {
 /// A function that judges one byte of a connection, given that all earlier bytes were undecided.
 pub type Judge = fn(u8) -> Verdict;
 
-/// A reader that fails from the first foreign byte on, and discards the read that contains the byte.
+/// A reader that discards the read with the first foreign byte, and fails from then on.
 #[derive(Debug)]
 pub(super) struct Guarded<R> {
     reader: R,

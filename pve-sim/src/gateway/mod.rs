@@ -33,7 +33,7 @@ use tokio::sync::Semaphore;
 
 use crate::inbox::{ClientEnd, ClientId, ToWorld, WorldSender};
 
-/// An open gateway that does not serve clients yet. Dropping it closes the gateway.
+/// An open gateway that does not serve clients yet. Dropping the value closes the gateway.
 pub struct Gateway {
     /// The URL of the bus with the bound port.
     pub url: String,
@@ -65,14 +65,14 @@ trait Member: Send + Sized {
     fn exchange(&mut self, id: ClientId, client_end: ClientEnd, world: &WorldSender)
     -> impl Future<Output = ()> + Send;
 
-    /// Joins the world immediately, so that the gateway receives the first frame of a world started later. The returned
-    /// future passes frames forever.
+    /// Joins the world, and returns a future that passes frames forever. The join precedes the future, so that the
+    /// gateway receives the first frame of a world that starts later.
     fn run(mut self, world: WorldSender) -> impl Future<Output = ()> + Send {
         let mut joined = world.join();
         async move {
             loop {
                 let (id, client_end) = joined;
-                // Receives the permit that the world returns for joining.
+                // Offsets the refund for joining, as `join` requires.
                 client_end.permits.spend().await;
                 self.exchange(id, client_end, &world).await;
                 // An overrun drops the pending frames, and the gateway joins again.

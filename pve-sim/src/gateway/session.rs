@@ -1,4 +1,4 @@
-//! The session of one client over a stream: it joins the world, exchanges messages in its protocol, and leaves.
+//! The session of one client over a stream: joins the world, exchanges messages in the client's protocol, and leaves.
 
 use std::pin::pin;
 use std::time::Duration;

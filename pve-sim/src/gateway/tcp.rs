@@ -18,7 +18,7 @@ use super::guard::{ForeignWarning, Guarded};
 use super::session::{Dialogue, End, Limits, serve};
 use crate::inbox::WorldSender;
 
-/// The delay after a failed accept, such as without a free descriptor.
+/// The delay after a failed accept, for example while no file descriptor is free.
 const RETRY: Duration = Duration::from_millis(50);
 
 /// The time that a new client waits for a place, because the world may not yet have processed the disconnection of
@@ -34,7 +34,7 @@ pub(super) const OPEN_TIMEOUT: Duration = Duration::from_secs(60);
 /// The time limit for reading the last answers after the client's end of stream.
 pub(super) const DRAIN_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// An address to listen at.
+/// An address to listen on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Endpoint {
     /// A name, an IPv4 address, or an IPv6 address in brackets.
@@ -142,8 +142,8 @@ async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemap
 }
 
 fn halves(stream: TcpStream) -> (QuickAck, OwnedWriteHalf) {
-    // Without TCP_NODELAY, frames would wait for the acknowledgement of earlier ones. If the socket refuses the option,
-    // the client is merely served later.
+    // Without TCP_NODELAY, frames would wait for the acknowledgement of earlier frames. If the socket refuses the
+    // option, frames are only delayed.
     let _ = stream.set_nodelay(true);
     let (reader, writer) = stream.into_split();
     (QuickAck(reader), writer)

@@ -39,7 +39,7 @@ impl Connection {
         PendingCall(self)
     }
 
-    /// Returns a permit to wait for virtual time; `None` if all are taken.
+    /// Returns a permit to wait for virtual time; `None` if all permits are taken.
     pub(super) fn wait(&self) -> Option<SemaphorePermit<'_>> {
         self.waits.try_acquire().ok()
     }

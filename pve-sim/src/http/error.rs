@@ -112,7 +112,7 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> fo
             Err(error) => return Err(Failure::Request(error.status(), error.body_text())),
         };
         Schemas::of::<T>().check(&T::name(), &value, "null").map_err(Invalid::from)?;
-        // Parsed from the text first: a JSON value would keep only the last of duplicate members.
+        // The text is parsed first, because a JSON value has only the last of duplicate members.
         match serde_json::from_slice(&bytes) {
             Err(error) if !error.to_string().starts_with(TWICE) => serde_json::from_value(value),
             read => read,

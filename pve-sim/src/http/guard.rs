@@ -55,8 +55,8 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
     }
 }
 
-/// Returns whether a host, with or without a port, is loopback or the local address of the connection. False for a host
-/// with further parts, such as a user or an address zone.
+/// Returns whether a host, with or without a port, is loopback or the local address of the connection. Returns `false`
+/// for a host with further parts, such as a user or an address zone.
 fn is_own(host: &str, local: IpAddr) -> bool {
     let name = match host.rsplit_once(':') {
         // A colon inside an IPv6 address.

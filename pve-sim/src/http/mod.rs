@@ -1,9 +1,10 @@
 //! The control interface over HTTP, under `/api/v1`, and the panel, which uses it.
 //!
 //! ```text
-//! server      the socket                connection the connections, limited in number
+//! server      the socket
+//! connection  the connections, limited in number
 //! guard       the guard against foreign hosts and pages
-//! error       refusals as JSON, and the readers of requests
+//! error       refusals as JSON, and the extractors of requests
 //! routes/     the calls, by resource, their description in OpenAPI, and the panel at `/`
 //! ```
 

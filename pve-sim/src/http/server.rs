@@ -18,7 +18,7 @@ use super::connection::{Connection, Connections, Tracked};
 use super::routes::router;
 use crate::inbox::WorldSender;
 
-/// The delay after a failed accept, such as without a free descriptor.
+/// The delay after a failed accept, for example while no file descriptor is free.
 const RETRY: Duration = Duration::from_millis(50);
 
 /// The time limit for receiving the head of a request.

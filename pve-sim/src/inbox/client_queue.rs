@@ -1,4 +1,4 @@
-//! The link between a client and the world: a bounded queue towards the client, and permits for its messages.
+//! The link between a client and the world: a bounded queue to the client, and permits for the client's messages.
 
 use std::sync::Arc;
 
@@ -6,24 +6,25 @@ use tokio::sync::{Notify, Semaphore, SemaphorePermit, mpsc};
 
 use super::ToClient;
 
-/// The queue capacity of a client: more than a second of a fully loaded bus at 500 kbit/s, in addition to the buffers
-/// of the system.
+/// The queue capacity of a client: more than a second of a fully loaded bus at 500 kbit/s. The operating system's
+/// buffers add to it.
 pub const QUEUE: usize = 8192;
 
-/// The maximum number of a client's messages pending for the world and the bus; beyond it, its socket is not read.
+/// The maximum number of messages of a client that the world has not processed or sent yet. At this limit, the gateway
+/// stops reading the client's socket.
 pub const PERMITS: usize = 1024;
 
 /// The maximum number of messages to a client in one write.
 pub(crate) const BATCH: usize = 256;
 
-/// The world's end of the queue to one client.
+/// The world's end of the link to one client.
 #[derive(Clone, Debug)]
 pub struct ClientQueue {
     queue: mpsc::Sender<ToClient>,
     permits: Permits,
 }
 
-/// The client's end of a [`ClientQueue`]. It closes when the world drops the queue.
+/// The client's end of a [`ClientQueue`]. The queue ends when the world drops its end.
 #[derive(Debug)]
 pub struct ClientEnd {
     /// The messages to the client.
@@ -32,14 +33,14 @@ pub struct ClientEnd {
     pub permits: Permits,
 }
 
-/// The send permits of a client, and the signal that disconnects it.
+/// The send permits of a client, and the signal that disconnects the client.
 #[derive(Clone, Debug)]
 pub struct Permits {
     dismissed: Arc<Notify>,
     free: Arc<Semaphore>,
 }
 
-/// The client reads too slowly and is being disconnected.
+/// The error of a full queue: the client reads too slowly and is being disconnected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overrun;
 
@@ -59,7 +60,7 @@ impl ClientQueue {
     pub fn post(&self, message: ToClient) -> Result<(), Overrun> {
         match self.queue.try_send(message) {
             Ok(()) => Ok(()),
-            // The session has already ended, and reports that separately.
+            // The session has already ended, and reports its end separately.
             Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
             Err(mpsc::error::TrySendError::Full(_)) => {
                 self.permits.dismissed.notify_one();
@@ -75,13 +76,13 @@ impl ClientQueue {
 }
 
 impl Permits {
-    /// Waits for a permit to send one message to the world, and spends it. The world returns the permit when it has
-    /// processed the message.
+    /// Waits for a permit to send one message to the world, and spends the permit. The world refunds the permit when it
+    /// has processed the message.
     pub async fn spend(&self) {
         spend(self.permit().await);
     }
 
-    /// Waits for a permit without spending it. Dropping it returns the permit.
+    /// Waits for a permit without spending it. A dropped permit is free again.
     pub(crate) async fn permit(&self) -> Option<SemaphorePermit<'_>> {
         self.free.acquire().await.ok()
     }
@@ -92,7 +93,6 @@ impl Permits {
     }
 }
 
-/// Spends a permit.
 pub(crate) fn spend(permit: Option<SemaphorePermit<'_>>) {
     if let Some(permit) = permit {
         permit.forget();

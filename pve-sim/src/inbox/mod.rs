@@ -1,8 +1,8 @@
 //! The messages between clients and the world, and their two paths.
 //!
-//! The world runs on a thread of its own and never waits for a client. Requests of a client reach it as [`ToWorld`]
-//! messages over one channel, the [`WorldSender`], each with the wall instant of its arrival; messages to the client go
-//! into its own bounded queue, its [`ClientQueue`]. A client whose queue is full is disconnected.
+//! The world runs on a separate thread and never waits for a client. Clients send [`ToWorld`] messages through one
+//! channel, the [`WorldSender`], which adds the wall instant of each arrival. The world posts its answers and frames to
+//! the bounded [`ClientQueue`] of each client. A client whose queue is full is disconnected.
 
 mod client_queue;
 
@@ -22,7 +22,7 @@ use tokio::sync::oneshot;
 use crate::control::Message;
 use hal_sim::log::{ErrorClass, Timestamp};
 
-/// The client number, unique in the process.
+/// The number of a client, unique in the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientId(u64);
 
@@ -48,7 +48,7 @@ pub enum ToWorld {
     Unlisten(ClientId, Reply),
     /// The client receives this reply once all earlier messages have taken effect.
     Reply(ClientId, Reply),
-    /// The client has disconnected; its pending frames are still sent, but not retried.
+    /// The client has disconnected. Its pending frames are still sent, but not retransmitted after an error.
     Leave(ClientId),
     /// A client asks for the bit rate of the bus.
     AskBitRate(oneshot::Sender<BitRate>),
@@ -58,7 +58,7 @@ pub enum ToWorld {
     Control(Message),
     /// A line that the user typed; the sender is dropped once the line has taken effect.
     Typed(String, oneshot::Sender<()>),
-    /// The simulator ends: see [`WorldSender::end`].
+    /// Wakes up the world after [`WorldSender::end`].
     End,
 }
 
@@ -89,7 +89,7 @@ pub enum Note {
     None,
     /// The next message follows after a pause.
     Pause(Duration),
-    /// Whether later frames have time stamps.
+    /// Later frames have time stamps (`true`) or none.
     Stamps(bool),
 }
 
@@ -116,7 +116,7 @@ pub struct Inbox {
     ending: Arc<AtomicBool>,
 }
 
-/// A message with its arrival.
+/// A message with its arrival time.
 #[derive(Debug)]
 pub struct Arrival {
     /// The wall instant of the arrival.
@@ -139,7 +139,8 @@ impl WorldSender {
         let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
     }
 
-    /// Joins as a new client that receives all later frames. The world returns a permit for joining.
+    /// Joins as a new client that receives all later frames. The caller must spend one permit, because the world
+    /// refunds one for the `Listen` message, which this function sends without a permit.
     #[must_use]
     pub fn join(&self) -> (ClientId, ClientEnd) {
         let (to_client, client_end) = ClientQueue::new();
@@ -149,10 +150,9 @@ impl WorldSender {
         (id, client_end)
     }
 
-    /// Ends the simulator before the world processes its pending messages.
+    /// Ends the simulator without waiting for pending messages.
     pub fn end(&self) {
         self.ending.store(true, Ordering::Release);
-        // Wakes up a waiting world.
         self.tell(ToWorld::End);
     }
 }

@@ -51,7 +51,7 @@ pub fn set(http: SocketAddr, device: &str, words: &[PlantWord]) -> Result<(), Re
     Simulator::at(http, RESPONSE_TIMEOUT).change_plant(device, &change).map(drop)
 }
 
-/// Returns the states of the named device or, for `None`, of all devices in the simulator at `http`, for stdout: as a
+/// Returns the state of the named device, or of all devices for `None`, in the simulator at `http`: as a readable
 /// table, or as the JSON of the control interface.
 ///
 /// # Errors
@@ -88,7 +88,7 @@ impl Simulator {
         format!("http://{}/api/v1/devices{path}", self.address)
     }
 
-    /// Returns the body of a successful answer.
+    /// Returns the body of a successful response.
     fn answer(&self, answer: Result<http::Response<Body>, ureq::Error>) -> Result<String, RemoteError> {
         let mut answer = answer.map_err(|error| self.failure(error))?;
         let body = answer.body_mut().read_to_string().map_err(|error| self.failure(error))?;

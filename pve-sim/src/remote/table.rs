@@ -22,7 +22,7 @@ pub(super) fn of(answer: &str) -> Result<String, String> {
     let answer: Value = serde_json::from_str(answer).map_err(|error| error.to_string())?;
     let devices = answer.as_array().map_or(std::slice::from_ref(&answer), Vec::as_slice);
     let rows: Option<Vec<Row>> = once(Some(HEAD.map(str::to_owned))).chain(devices.iter().map(row)).collect();
-    let rows = rows.ok_or("the answer did not match a list of device states")?;
+    let rows = rows.ok_or("the answer contains no device states")?;
     let widths = rows.iter().fold([0; COLUMNS], |mut widths, row| {
         widths.iter_mut().zip(row).for_each(|(width, cell)| *width = (*width).max(cell.chars().count()));
         widths

@@ -9,9 +9,9 @@ use serde_json::Value;
 /// A plant word with its value, as in `supply_mv=8000`. The simulator validates both.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlantWord {
-    /// The word.
+    /// The word, such as `supply_mv`.
     pub name: String,
-    /// The value.
+    /// The text of the value.
     pub value: String,
 }
 

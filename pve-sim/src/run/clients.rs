@@ -28,7 +28,7 @@ pub(super) struct Clients {
     /// The clients' controller. Its received frames are discarded, because clients receive all frames and error frames
     /// from the events, in order.
     port: ClientPortId,
-    /// The sender of the frame in the controller.
+    /// The client whose frame is in the controller.
     sending: Option<ClientId>,
     /// The frames handed to the world but not yet sent, with their senders. There can be several, because faults delay
     /// and repeat frames.
@@ -41,9 +41,9 @@ pub(super) struct Clients {
     dropped: usize,
     /// The number of frames that clients have sent so far.
     count: u64,
-    /// Whether a communication fault prevents the clients from receiving the next frame.
+    /// Set while a communication fault hides the current frame from the clients.
     is_lost: bool,
-    /// Whether the clients accept the current frame, although other receivers see an error in its last but one bit.
+    /// Set while the clients accept the current frame although other receivers see an error in its last bit but one.
     accepts_omitted: bool,
 }
 
@@ -88,7 +88,7 @@ impl Clients {
         }
     }
 
-    /// Executes a message of a client; `Err` if the client was dismissed.
+    /// Executes a message of a client; returns an error if the client is dismissed.
     pub(super) fn apply(&mut self, message: ToWorld, world: &mut World) -> Result<(), Overrun> {
         match message {
             ToWorld::Join(id, to_client) => {
@@ -208,11 +208,11 @@ impl Clients {
         }
     }
 
-    /// If the controller is empty, because its frame was sent or is held back by a fault, refunds the permit for that
-    /// frame and loads the next frame. Call this after every event, before the next frame starts.
+    /// If the controller is empty, refunds the permit for its last frame and loads the next frame. The last frame has
+    /// been sent, or is delayed by a fault. Call this after every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
         if world.pending(self.port) == 0 {
-            // The remaining copies of a repeated frame exceed the limit and are never sent.
+            // Copies that have not been sent exceeded the world's limit of delayed frames.
             self.sent.clear();
         }
         while world.is_controller_empty(self.port) {
@@ -225,9 +225,9 @@ impl Clients {
         }
     }
 
-    /// Loads the most urgent queued frame into the controller; returns `false` if no frame is queued.
+    /// Loads the most urgent of the clients' first queued frames into the controller, and of equally urgent frames the
+    /// oldest. Returns `false` if no frame is queued.
     fn load(&mut self, world: &mut World) -> bool {
-        // The most urgent of the first queued frames of all clients; among equals, the oldest.
         let heads = self.waiting.iter().filter_map(|(id, queue)| Some((*id, queue.front()?)));
         let next = heads.min_by_key(|(_, head)| (head.frame.arbitration(), head.number));
         let Some(id) = next.map(|(id, _)| id) else { return false };

@@ -169,8 +169,8 @@ fn accepted(node: Option<NodeId>, world: &World) -> String {
     format!("accepted: {words}status, help")
 }
 
-/// Returns one line about a device: its state, its error mode and its plant. Words of the simulator alone are left out
-/// unless they were changed.
+/// Returns one line about a device: its state, its error mode and its plant. The line omits unchanged words that only
+/// the simulator has.
 fn status(id: NodeId, world: &mut World) -> String {
     let mut text = format!("{}: ", world.name(id));
     // Writing to a string cannot fail.
@@ -192,7 +192,7 @@ fn status(id: NodeId, world: &mut World) -> String {
     text
 }
 
-/// Returns a device's state in the words of the control interface, without the members that its kind lacks.
+/// Returns a device's state in the words of the control interface. Members that the kind lacks are omitted.
 fn shown(view: &View) -> String {
     let node_id = view.node_id.map_or_else(|| "none".to_owned(), |node_id| format!("0x{node_id:02X}"));
     let mut text = format!("node_id {node_id}, bit_rate {}", view.bit_rate.bits_per_second());

@@ -41,7 +41,7 @@ pub struct Driver<O> {
     arrivals: VecDeque<Arrival>,
     /// The end of the start-up, when all devices have power.
     open: Instant,
-    /// The time at which the trace was last printed.
+    /// The wall time of the last flush in [`wait`](Self::wait).
     last_flush: WallInstant,
 }
 
@@ -97,8 +97,8 @@ impl<O: Platform> Driver<O> {
         Ok(driver)
     }
 
-    /// Adds a control interface. `speed` must be the driver's speed, or [`Speed::Step`]: only calls advance the time
-    /// then.
+    /// Adds a control interface. `speed` must be the driver's speed, or [`Speed::Step`], with which only calls advance
+    /// time.
     #[must_use]
     pub fn controlled(mut self, speed: Speed) -> Self {
         self.is_stepped = speed == Speed::Step;
@@ -122,11 +122,11 @@ impl<O: Platform> Driver<O> {
     }
 
     /// Lets the gateways join, then powers the first device immediately, and the others at random moments within
-    /// [`SUPPLY_JITTER`]; in a cell of a campaign, all of them at random moments.
+    /// [`SUPPLY_JITTER`]. In a cell of a campaign, all devices are powered at random moments.
     fn power_on(&mut self) {
         self.accept_joins();
         let world = self.simulation.world_mut();
-        // The devices of a scenario have power as in the scenario.
+        // In a cell, all devices get power at random moments, as in its scenario.
         let is_judged = self.control.as_ref().is_some_and(ControlServer::is_judged);
         if let Some(first) = world.devices().next().filter(|_| !is_judged) {
             world.power(first, true);
@@ -203,8 +203,8 @@ impl<O: Platform> Driver<O> {
         self.flush();
     }
 
-    /// Waits for a message or the next event. First flushes the output if the last flush was [`MAX_SLEEP`] ago, or if the
-    /// wait can be that long.
+    /// Waits for a message or the next event. First flushes the output if the last flush was [`MAX_SLEEP`] ago, or if
+    /// the wait can be that long.
     ///
     /// At a speed up to 1 without listeners, the thread wakes up only for messages and clock readings. Each event still
     /// takes effect at its own virtual instant.
@@ -323,7 +323,7 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Warns about memories that could not be saved; returns whether there were any.
+    /// Prints the pending warnings of all memories; returns whether there were any.
     fn warn_of_memories(&mut self) -> bool {
         let mut warned = false;
         let world = self.simulation.world_mut();

@@ -59,7 +59,7 @@ impl Typing {
             let typed = edit(&screen, &modes, &world, &devices);
             restore(&modes);
             if typed == Typed::Interrupt {
-                // To all processes of the job, as the terminal would.
+                // Interrupts all processes of the job, as the terminal would.
                 system::interrupt();
             }
             if matches!(typed, Typed::Interrupt | Typed::Signal) {
@@ -88,8 +88,8 @@ fn restore(modes: &Modes) {
 fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[NamedDevice]>) -> Typed {
     let (mut lines, mut history) = (Lines::default(), Vec::new());
     loop {
-        // A background job must not touch its terminal. Each time in the foreground has a new editor, because the
-        // screen may wait until an editor is dropped.
+        // A background job must not touch its terminal. After each return to the foreground a new editor is created,
+        // because the screen may wait until the old editor is dropped.
         system::wait_for_foreground();
         if let Some(found) = system::Modes::of_the_terminal() {
             found.without_suspend_key();
@@ -140,11 +140,11 @@ impl Editor {
     fn new(screen: &Screen, devices: &Arc<[NamedDevice]>, history: &[String]) -> Option<Self> {
         let config = Config::builder()
             .auto_add_history(true)
-            // A list of candidates would page, and block the trace.
+            // A list of candidates would wait for keys between its pages, and block the trace.
             .completion_type(CompletionType::Circular)
             .bracketed_paste(false)
             .keyseq_timeout(Some(KEY_MS))
-            // The editor asks for the colours of the prompt at each redraw, which is when it fetches the trace.
+            // With colours, the editor calls `highlight_prompt` at each redraw, which adds the trace.
             .color_mode(ColorMode::Forced)
             .build();
         let mut editor = rustyline::Editor::with_config(config).ok()?;

@@ -9,12 +9,13 @@ use hal_sim::state::{FaultRecord, FaultRequest, Invalid};
 /// The name of the schema of a request.
 const SCHEMA: &str = "CommunicationFault";
 
-/// The help on lines about communication faults.
+/// The help text for lines about communication faults.
 pub(super) const HELP: &str =
-    "lose 220 3             adds a communication fault to the next 3 frames 220: lose, delay, repeat, swap, corrupt,
-                       destroy or omit an identifier or all, or insert a frame; with KEY=VALUE as in
+    "lose 220 3             adds a communication fault to the next 3 frames 220; also delay, repeat, swap, corrupt,
+                       destroy and omit, each with an identifier or all, and insert and masquerade, each with
+                       a frame as in insert 220#0F000020; further keys as KEY=VALUE, as in
                        delay 1A0 ms=20 sender=boom, or corrupt all data.toggle=01 probability=0.1
-faults                 the communication faults
+faults                 lists the communication faults
 end NAME, end all      ends a communication fault, or all of them";
 
 /// Executes a line about communication faults; `None` for any other line.
@@ -66,7 +67,7 @@ fn request(kind: &str, frames: &str, rest: &[&str]) -> Result<Command, String> {
         let (key, value) = match word.split_once('=') {
             Some(pair) => pair,
             None if place == 0 => ("count", *word),
-            None => return Err(format!("'{word}' is not understood; accepted: KEY=VALUE, as in ms=20")),
+            None => return Err(format!("'{word}' is not valid; accepted: KEY=VALUE, as in ms=20")),
         };
         let is_new = match key.split_once('.') {
             Some((object, key)) => {
@@ -157,7 +158,7 @@ mod tests {
         for (line, reason) in [
             ("lose 88888888", "id \"88888888\" is not valid; "),
             ("lose 220 x", "count \"x\" is not valid; "),
-            ("lose 220 1 2", "'2' is not understood"),
+            ("lose 220 1 2", "'2' is not valid"),
             ("lose 220 1 count=2", "duplicate key 'count'"),
             ("lose 220 cuont=2", "unknown key 'cuont'; did you mean 'count'?"),
             ("lose 220 receivers=bucket", "no device or client 'bucket'"),

@@ -1,4 +1,4 @@
-//! The file of `--log`: every frame, in the format that the extension of the file selects.
+//! The file of `--log`: every frame, in the format that the file's extension selects.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter};
@@ -57,8 +57,8 @@ impl Log {
     /// exist.
     ///
     /// # Errors
-    /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is
-    /// repeated: links and folders may have appeared since.
+    /// [`RunError::File`] when the file cannot be opened, or as [`check`](Self::check), whose checks are repeated
+    /// because links and folders may have appeared since.
     pub(super) fn create(
         log: &LogOptions,
         state: Option<&Path>,

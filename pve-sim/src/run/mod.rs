@@ -3,18 +3,19 @@
 //! ```text
 //! mod         a run, from its options to its end
 //! options     the options of run
-//! setup       devices with their memories, put into a world
+//! setup       the simulation, built from the options
 //! end         the end of a run: a signal, or a closed stdout
-//! driver      the thread of the world: its time, its clients, its trace
+//! driver      the loop of the world's thread
 //! timekeeper  the virtual time of a run, its pace, and lost time
-//! platform    the wall clock and the messages of clients, as the driver sees them
+//! platform    the wall clock and the messages of clients, which tests of the driver replace
 //! clients     the clients of all gateways, on the world's thread
 //! trace       the bus on stdout and in the log
 //! stdin       the lines on stdin
 //! editor      the line editor on a terminal, with history and completion
 //! screen      the terminal: the trace above the line being typed
-//! console     executes the lines
-//! printer     stdout and stderr, on a thread of their own, so that neither blocks the world
+//! console     executes the lines of the console
+//! fault_words executes the console's lines about communication faults
+//! printer     writes stdout and stderr on a separate thread, so that neither blocks the world
 //! log         the file of --log
 //! system      the differences between operating systems
 //! ```
@@ -74,8 +75,8 @@ use trace::Trace;
 /// The reason why the simulator could not start, in one line.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The address of a bus is in use or not of this machine, or its interface does not exist. Includes the address of
-    /// the control interface if that address is also in use.
+    /// A bus cannot be opened: its address is in use or not of this machine, or its interface does not exist. The last
+    /// field is the address of the control interface, if that address is also in use.
     #[error("{0}: {1}{hint}", hint = also_in_use(*.2))]
     Bind(BusUrl, #[source] io::Error, Option<SocketAddr>),
     /// The address of the control interface is in use or not of this machine.
@@ -134,7 +135,7 @@ pub fn run(options: &RunOptions) -> Result<bool, RunError> {
     run_of(options, None)
 }
 
-/// Runs a cell of a campaign as [`run`] does: `simulation` has the devices, unpowered, and `judge` injects the fault.
+/// Runs a cell of a campaign as [`run`] does. `simulation` contains the unpowered devices; `judge` injects the fault.
 ///
 /// # Errors
 /// [`RunError`], as [`run`].
@@ -187,8 +188,8 @@ async fn start(
         control = Some((server.address().map_err(bind)?, server));
     }
     let http = control.as_ref().map(|(address, _)| *address);
-    // Not earlier: a second simulator that finds the port in use must not touch the files of the first, and no file may
-    // be created before the check of the log.
+    // The log is checked after the ports are bound, because a second simulator that finds a port in use must not touch
+    // the files of the first. The check comes before any file is created.
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }

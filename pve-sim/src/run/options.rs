@@ -47,12 +47,12 @@ pub struct RunOptions {
 /// The use of colour, which also selects the human-readable layout of the trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum ColorChoice {
-    /// Laid out on a terminal, with colour unless the environment disables it.
+    /// The layout on a terminal only, with colour unless the environment disables colour.
     #[default]
     Auto,
-    /// Laid out with colour, even into a pipe.
+    /// The layout everywhere, even in a pipe, with colour.
     Always,
-    /// Laid out on a terminal, without colour.
+    /// The layout on a terminal only, without colour.
     Never,
 }
 

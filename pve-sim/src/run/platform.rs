@@ -1,4 +1,4 @@
-//! The platform of the driver: the wall clock, and messages of clients.
+//! The platform of the driver: the wall clock and the messages of clients.
 
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant as WallInstant};
@@ -21,7 +21,7 @@ pub trait Platform {
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival>;
 }
 
-/// The spin before an event while a client listens: the usual wake-up delay of a thread.
+/// The duration of the spin before an event while a client listens: the usual wake-up delay of a thread.
 pub(super) const SPIN: Duration = Duration::from_micros(50);
 
 /// The wall clock of the system, and the inbox of the world.

@@ -68,7 +68,7 @@ impl Printer {
 
     /// Prints a text on stderr, because on stdout a reader could mistake the text for a frame.
     pub(super) fn note(&self, text: String) {
-        // If even this text finds no space, nobody reads stderr.
+        // If the queue is full, nobody reads stdout or stderr, and the text is dropped.
         let _ = self.queue.try_send(Text::Note(text));
     }
 

@@ -1,8 +1,8 @@
 //! One terminal for the trace and the line being typed: text is printed above that line.
 //!
-//! `rustyline` prints above the line by messages, and loses a message that it has not read by the end of the line. Text
-//! waits here instead: the editor fetches it at each redraw, a message only triggers a redraw, and the rest is printed
-//! at the end of the line.
+//! `rustyline` prints messages above the line, and loses a message that it has not read by the end of the line. The
+//! screen therefore keeps the text: the editor fetches it at each redraw, a message only triggers a redraw, and the
+//! remaining text is printed at the end of the line.
 
 use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -31,7 +31,7 @@ pub(super) struct Screen {
 struct Shared {
     state: Mutex<State>,
     changed: Condvar,
-    /// The printer whose message makes the line editor redraw its line. Locked until the editor has taken the message.
+    /// The printer of the current editor, if any; locked until the editor has taken the message.
     redraw: Mutex<Option<Redraw>>,
 }
 
@@ -92,8 +92,8 @@ impl Screen {
         self.shared.changed.notify_all();
     }
 
-    /// Prevents further lines, after waiting at most [`DRAW_TIMEOUT`] for an editor that is about to draw its line. Returns
-    /// whether a line is being typed, in which case the editor has changed the terminal modes.
+    /// Prevents further lines, after waiting at most [`DRAW_TIMEOUT`] for an editor that is about to draw its line.
+    /// Returns whether a line is being typed, in which case the editor has changed the terminal modes.
     pub(super) fn close(&self) -> bool {
         let state = self.state();
         let is_begun = |state: &mut State| state.line == Line::Begun;

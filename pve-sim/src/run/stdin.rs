@@ -21,8 +21,8 @@ pub(super) fn listen(world: WorldSender) {
     });
 }
 
-/// Executes the lines of an input one at a time. A program that writes lines faster than the world executes them is
-/// blocked, and messages of other clients can take effect between two lines.
+/// Executes the lines of an input one at a time. A program that writes too fast is therefore blocked, and messages of
+/// other clients can take effect between two lines.
 fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
     let mut lines = Lines::default();
     let mut bytes = [0; LINE];

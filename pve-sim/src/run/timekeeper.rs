@@ -21,7 +21,7 @@ const STALL: WallDuration = WallDuration::from_millis(50);
 /// a late wake-up.
 pub(super) const MAX_SLEEP: WallDuration = WallDuration::from_millis(20);
 
-/// The working time after which the speed counts as too high, unless the world is catching up.
+/// The working time after which the speed counts as too high if the world is not catching up.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
 /// The minimum wall time between two warnings about stalls.
@@ -31,7 +31,7 @@ const WARNING_INTERVAL: WallDuration = WallDuration::from_secs(60);
 pub(super) struct Timekeeper {
     /// The virtual seconds per wall second.
     speed: f64,
-    /// A wall instant and its virtual instant, from which time continues.
+    /// A wall instant and the virtual instant at that time, from which all other instants are computed.
     anchor: (WallInstant, Instant),
     /// The time of the last clock reading.
     last_reading: WallInstant,

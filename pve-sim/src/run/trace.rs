@@ -15,7 +15,7 @@ use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::simulation::{Happened, Simulation};
 use hal_sim::trace::Layout;
 
-/// The number of pending bytes at which lines are printed.
+/// The number of pending bytes at which the lines are printed.
 const BATCH: usize = 32 * 1024;
 
 /// Returns the layout of stdout; `None` unless stdout is a terminal or colour is always used.

@@ -166,7 +166,7 @@ fn another_server_is_exit_1_with_the_remedy() {
     assert!(told.contains(&bus) && told.ends_with(" as --http ADDR:PORT"), "{told}");
     for (answer, reason) in [
         ("200 OK\r\ncontent-length: 2\r\n\r\nhi", "expected value"),
-        ("200 OK\r\ncontent-length: 2\r\n\r\n{}", "did not match"),
+        ("200 OK\r\ncontent-length: 2\r\n\r\n{}", "no device states"),
         ("404 Not Found\r\ncontent-length: 2\r\n\r\nno", "404 Not Found"),
         ("302 Found\r\nlocation: /\r\ncontent-length: 0\r\n\r\n", "302 Found"),
     ] {

@@ -63,7 +63,7 @@ fn the_dialogue_with_an_adapter() {
         ("S9", BELL),
         ("M00000000", BELL),
         ("mFFFFFFFF", BELL),
-        // another bit rate than that of the bus
+        // a different bit rate than the bus
         ("S4", "\r"),
         ("O", BELL),
         ("L", BELL),

@@ -19,7 +19,7 @@ def find_binary() -> str:
         return given
     found = _installed() or shutil.which(_NAME)
     if found is None:
-        raise StartError("pve-sim was not found by PVE_SIM, in this package or in PATH")
+        raise StartError("pve-sim was not found: PVE_SIM is not set, and neither this package nor PATH has it")
     return found
 
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class Bus:
     """The bus of a simulator: a call returns a python-can client, and every method adds a communication fault.
 
-    A fault affects frames with an identifier, a number or a text in hex; None or "all" means all frames. It ends by
-    `end`, or with its `with` block, which raises `FaultWithoutEffect` if no frame was affected.
+    A fault affects the frames with an identifier, a number or a text in hex; None or "all" means all frames. The fault
+    ends by `end`, or with its `with` block, which raises `FaultWithoutEffect` if no frame was affected.
 
     Every fault accepts `name`; `count`, the maximum number of affected frames; `probability`, 0 to 1, with `seed`;
     `from_ms`, the time until it begins, and `for_ms`, its duration. All but `insert` and `masquerade` also accept
@@ -67,7 +67,7 @@ class Bus:
         Args:
             id: The identifier.
             ms: The delay, or the smallest and the largest delay.
-            burst_ms: Frames wait for the next multiple of this period, and come in bursts.
+            burst_ms: The period of bursts: frames wait for its next multiple.
             overtake: Whether later frames with the same identifier may overtake the frame.
             parameters: The common parameters of `Bus`.
         """
@@ -118,7 +118,7 @@ class Bus:
 
         Args:
             id: The identifier.
-            data: The changes of the data, up to eight bytes, first byte first.
+            data: The changes of the data, up to eight bytes, the first byte first.
             dlc: The changes of the data length code.
             identifier: The changes of the identifier.
             parameters: The common parameters of `Bus`.
@@ -151,11 +151,11 @@ class Bus:
         every_ms: int | None = None,
         **parameters: Unpack[FaultLimits],
     ) -> CommunicationFault:
-        """Inserts a frame with an identifier of a device, so that it appears to come from this device."""
+        """Inserts a frame with an identifier of a device, so that the frame appears to come from that device."""
         return self._faults.add(_request("masquerade", _frame(id, data), parameters, every_ms=every_ms))
 
     def destroy(self, id: int | str | None = None, **parameters: Unpack[FrameFault]) -> CommunicationFault:
-        """Destroys attempts to send, by a bit error. The controller retries; 32 errors in a row take it bus-off.
+        """Destroys transmission attempts with bit errors. The controller retries; 32 errors in a row take it bus-off.
 
         Args:
             id: The identifier.

@@ -13,21 +13,21 @@ from ._binary import find_binary
 from ._errors import InvalidValue, StartError
 from ._simulator import Simulator
 
-#: A controller: drives the valves of a simulator in stepped time. It may end, or go on for ever.
+#: A controller that drives the valves of a simulator in stepped time. It may return at any time, or never.
 Controller = Callable[[Simulator], object]
 
 
 @dataclass(frozen=True)
 class CellResult:
-    """The verdict on a cell. Times are in microseconds after the fault; None: the reaction did not come."""
+    """The verdict on a cell. Times are in microseconds after the fault; None if the reaction did not occur."""
 
     #: "no-effect", "safe", "late", "safe-undetected", "not-safe", "undetected", "hung" or "not-injected".
     verdict: str
     detected_us: int | None
     safe_us: int | None
-    #: The frames that a communication fault affected; 1 for another fault that acted.
+    #: The number of frames that a communication fault affected; 1 for any other fault once it has acted.
     struck: int
-    #: The exception of a controller that failed: its verdict is "hung".
+    #: The exception of a controller that failed; the verdict is then "hung".
     error: Exception | None = None
 
     @property
@@ -54,15 +54,15 @@ class Cell:
         return f"{self.fault}@{self.at_us / 1000:g}ms"
 
     def simulator(self) -> Simulator:
-        """Returns the devices of the plan in stepped time. The fault comes at its instant by itself."""
+        """Returns the devices of the plan in stepped time. The simulator injects the fault at its instant."""
         options = ["--plan", self.plan, "--cell", str(self.number)]
         return Simulator(speed="step", options=options, executable=self.executable)
 
     def run(self, controller: Controller) -> CellResult:
         """Lets a controller drive the devices, and returns the verdict.
 
-        When the cell is decided, the controller's next call that takes time raises `Conflict`, which ends it. When it
-        returns earlier, time goes on without it.
+        Once the cell is decided, the controller's next call that takes time raises `Conflict`, which ends the
+        controller. If the controller returns earlier, time continues without it.
         """
         with self.simulator() as sim:
             error: Exception | None = None
@@ -89,7 +89,7 @@ def campaign(plan: str | os.PathLike[str], *, executable: str | os.PathLike[str]
     """Returns the cells of a plan: each fault at each instant, with each seed.
 
     Raises:
-        InvalidValue: the plan cannot be read; the text has the line and what is accepted.
+        InvalidValue: the plan cannot be read; the message has the line and the accepted values.
     """
     command = [os.fspath(executable or find_binary()), "campaign", os.fspath(plan), "--list"]
     try:

@@ -83,14 +83,15 @@ class Valve(Device[ValveState]):
     """A valve."""
 
     def plant(self, **change: Unpack[ValveChange]) -> ValveState:
-        """Changes words of the plant of the valve: all of them, or none.
+        """Changes plant words of the valve: all of them, or none.
 
         `supply_mv` 0 to 100000 mV; `temperature_c` -273 to 1000 °C; `spool` "ok", "stuck", "slow", "drifting" or
-        "no-float", alone or as `{"fault": …}`, or None for "ok"; `lever` the position that the spool is pushed to by
-        hand, -16384 to 16384, or None; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`;
-        `brown_out_mv` the supply below which it is off, 1 to 100000, or None; `oil` whether cold oil slows the spool;
-        `boot_ms` 0 to 60000 ms from power to the start; `answer_ms` the delay of answers, 0 to 60000 ms, or the smallest
-        and the largest in a list; `cycle_ms` the cycle of the program, 0 to 1000 ms.
+        "no-float", alone or as `{"fault": …}`, or None for "ok"; `lever` the position to which a hand pushes the spool,
+        -16384 to 16384, or None to release it; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`;
+        `brown_out_mv` the supply below which the valve is off, 1 to 100000 mV, or None; `oil` whether cold oil slows
+        the spool down; `boot_ms` 0 to 60000 ms from power-up to the start of the program; `answer_ms` the answer delay,
+        0 to 60000 ms, or a list of the smallest and the largest delay; `cycle_ms` the cycle time of the program, 0 to
+        1000 ms.
 
         Raises:
             InvalidValue: an unknown field, or a value out of range.
@@ -101,7 +102,7 @@ class Valve(Device[ValveState]):
         return self._plant(fields)
 
     def wait(self, *, within_ms: int = 5000, **state: Unpack[ValveCondition]) -> ValveState:
-        """Waits for a condition, and returns the state at the first instant at which it holds, which can be now.
+        """Waits for a condition, and returns the state at the first instant at which it holds, possibly the current.
 
         Values must be equal. `position` and `set_point` also accept `{"min": …, "max": …}`, `led` accepts some of its
         fields, and `faults` is the exact set of active faults.
@@ -121,12 +122,12 @@ class Sensor(Device[SensorState]):
     """An angle sensor."""
 
     def plant(self, **change: Unpack[SensorChange]) -> SensorState:
-        """Changes words of the plant of the sensor: all of them, or none.
+        """Changes plant words of the sensor: all of them, or none.
 
         `angle_cdeg` 0 to 35999 1/100 degree; `speed_rpm` -2147483648 to 2147483647 turns a minute, positive clockwise;
         `measuring_error`; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`; `boot_ms` 0 to
-        60000 ms from power to the start; `answer_ms` the delay of answers, 0 to 60000 ms, or the smallest and the largest
-        in a list; `cycle_ms` the cycle of the program, 0 to 1000 ms.
+        60000 ms from power-up to the start of the program; `answer_ms` the answer delay, 0 to 60000 ms, or a list of the
+        smallest and the largest delay; `cycle_ms` the cycle time of the program, 0 to 1000 ms.
 
         Raises:
             InvalidValue: an unknown field, or a value out of range.
@@ -147,10 +148,10 @@ class Devices(dict[str, D]):
         self._known = known
 
     def __missing__(self, name: str) -> D:
-        raise UnknownDevice(f"no such device {name!r}; there are: {', '.join(self._known)}")
+        raise UnknownDevice(f"no device {name!r}; accepted: {', '.join(self._known)}")
 
     def first(self, what: str) -> D:
         """Returns the first device."""
         for device in self.values():
             return device
-        raise UnknownDevice(f"there is no {what}; there are: {', '.join(self._known)}")
+        raise UnknownDevice(f"the simulator has no {what}, only: {', '.join(self._known)}")

@@ -17,7 +17,7 @@ class StartError(SimulatorError):
 
 
 class SimulatorEnded(SimulatorError):
-    """pve-sim was closed, or ended by itself. The message includes its exit status and the end of its stderr."""
+    """pve-sim was closed, or ended by itself; the message then has its exit status and the end of its stderr."""
 
 
 class Refused(SimulatorError):
@@ -29,7 +29,7 @@ class InvalidValue(Refused, ValueError):
 
 
 class Conflict(Refused):
-    """A call that the current state does not allow: a frame that cannot be sent, or an advance of unstepped time."""
+    """A call that the current state does not allow, such as a frame that cannot be sent or `advance` in real time."""
 
 
 class UnknownDevice(SimulatorError, KeyError):
@@ -41,7 +41,7 @@ class UnknownDevice(SimulatorError, KeyError):
 
 
 class NotHeard(SimulatorError):
-    """A device runs, or ran, at another bit rate than the bus. The message includes the remedy."""
+    """A device runs, or ran, at a different bit rate than the bus. The message includes the remedy."""
 
 
 class FaultWithoutEffect(SimulatorError):
@@ -49,7 +49,7 @@ class FaultWithoutEffect(SimulatorError):
 
 
 class WaitTimeout(SimulatorError, TimeoutError):
-    """A state or a frame did not come in time. The message includes the last state or frame."""
+    """An awaited state or frame did not occur in time. The message includes the last state or frame."""
 
     #: The instant of the time limit, in microseconds of virtual time.
     t_us: int = 0

@@ -34,7 +34,7 @@ class FrameFault(FaultLimits, total=False):
 
     #: The bits of the identifier to compare.
     mask: int | str
-    #: Whether the identifier has 29 bits; by default by its size.
+    #: Whether the identifier has 29 bits; by default, its size decides.
     extended: bool
     #: The device or client whose frames are affected.
     sender: str
@@ -65,7 +65,7 @@ class IdentifierMasks(TypedDict, total=False):
 
 
 class CommunicationFault:
-    """A communication fault. It lasts until `end`, the end of its `with` block, or the end of the simulator."""
+    """A communication fault, which lasts until `end`, the end of its `with` block, or the end of the simulator."""
 
     def __init__(self, faults: Faults, record: Json, probability: float = 1) -> None:
         self._faults = faults
@@ -168,7 +168,7 @@ class Faults:
         return fault
 
     def _forget(self, name: str) -> None:
-        """Marks a fault as removed from the bus. Its count is final only if it was over before."""
+        """Marks a fault as removed from the bus. Its count is final only if the fault was already over."""
         fault = self._known.pop(name, None)
         if fault is not None:
             fault._is_uncounted = not fault._is_over

@@ -37,7 +37,7 @@ _END_S = 10.0
 #: The time from a broken connection to the end of the process, in seconds.
 _ENDING_S = 2.0
 
-#: The number of lines of stdout and of stderr that are kept.
+#: The number of kept lines of stdout, and of stderr.
 _KEPT = 200
 
 _READY = re.compile(r"pve-sim ready (?P<buses>(?:bus=\S+ )+)http=(?P<http>\S+)\s*$")
@@ -49,11 +49,11 @@ class Process:
     def __init__(self, arguments: Sequence[str], executable: str | None) -> None:
         command = [executable or find_binary(), *arguments]
         self._closed = False
-        #: The devices that may run at another bit rate than the bus, and those already reported.
+        #: The devices that may run at a different bit rate than the bus, and those already reported.
         self.not_heard: frozenset[str] = frozenset()
-        # A group of its own, because Ctrl-C goes to all processes of the terminal's group, and this process may still
-        # need the simulator. When this process is killed, the broken pipe of stdout ends pve-sim. Linux could send a
-        # signal at the death of the parent, but would send it at the end of the thread that started pve-sim.
+        # pve-sim has a separate process group, because Ctrl-C goes to all processes of the terminal's group, and this
+        # process may still need the simulator. If this process is killed, the broken pipe of stdout ends pve-sim. The
+        # parent-death signal of Linux is not used: the end of the thread that started pve-sim would send it.
         apart: dict[str, Any] = {"start_new_session": True}
         if sys.platform == "win32":
             apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
@@ -135,7 +135,7 @@ class Process:
         raise self._refused(answer.status, text)
 
     def check_heard(self) -> None:
-        """Raises `NotHeard` for unreported devices that run, or ran, at another bit rate than the bus."""
+        """Raises `NotHeard` for unreported devices that run, or ran, at a different bit rate than the bus."""
         __tracebackhide__ = True
         devices = self.call("GET", "/bus")["not_heard"]
         told = [device for device in devices if device["device"] not in self.not_heard]
@@ -169,7 +169,7 @@ class Process:
         return connection.getresponse()
 
     def _refused(self, status: int, text: bytes) -> SimulatorError:
-        """Returns the error of an answer. Status 503: a capacity is exhausted, or the simulator is ending."""
+        """Returns the error of an answer. Status 503 means an exhausted capacity, or a simulator that is ending."""
         refusal = _refusal(status, json.loads(text)["error"])
         return self._ending(refusal) if status == 503 else refusal
 
@@ -177,7 +177,7 @@ class Process:
         return self._ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
 
     def _ending(self, otherwise: SimulatorError) -> SimulatorError:
-        """Returns the error of an ended process if this process is ending: its connections break before it exits."""
+        """Returns the error of an ended simulator if it ends soon, because its connections break before it exits."""
         try:
             if not self._closed:
                 self._popen.wait(timeout=_ENDING_S)
@@ -187,7 +187,7 @@ class Process:
 
 
 class _Drain:
-    """Reads a pipe in a thread, so that it never fills up, and keeps its last lines."""
+    """Reads a pipe in a thread, so that the pipe never fills up, and keeps its last lines."""
 
     def __init__(self, pipe: IO[str] | None, first: queue.SimpleQueue[str] | None = None) -> None:
         self._lines: deque[str] = deque(maxlen=_KEPT)

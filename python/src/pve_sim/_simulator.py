@@ -47,7 +47,7 @@ running: WeakSet[Simulator] = WeakSet()
 class Simulator:
     """Devices on a virtual CAN bus. Runs until `close`, the end of `with`, or the end of this process.
 
-    It uses free ports, so any number of simulators can run side by side. All times are virtual.
+    A simulator uses free ports, so that any number can run side by side. All times are virtual.
     """
 
     def __init__(
@@ -76,11 +76,11 @@ class Simulator:
             log: The file to which every frame is written.
             options: Further options of the command.
             executable: The command; by default that of the environment variable `PVE_SIM`, of this package, or in PATH.
-            not_heard: The devices, a name or several, that may run at another bit rate than the bus.
+            not_heard: The devices, a name or several, that may run at a different bit rate than the bus.
 
         Raises:
             StartError: the command was not found, or did not start; the message includes its stderr.
-            NotHeard: a device runs at another bit rate than the bus.
+            NotHeard: a device runs at a different bit rate than the bus.
         """
         arguments = ["run", "--bus", "socketcand://127.0.0.1:0/pve0", "--http", "127.0.0.1:0", "--color", "never"]
         values = {"--speed": speed, "--bit-rate": bit_rate, "--seed": seed, "--state": state, "--log": log}
@@ -166,7 +166,7 @@ class Simulator:
         return client
 
     def faults(self) -> list[CommunicationFault]:
-        """Returns the communication faults, including those whose count or duration is over."""
+        """Returns the communication faults, including those that have reached their count or duration."""
         return self._faults.read()
 
     def end_faults(self) -> list[CommunicationFault]:
@@ -182,9 +182,9 @@ class Simulator:
         return BusState.of(self._process.call("PATCH", "/bus", {"bit_rate": bit_rate}))
 
     def disturb(self, frames: int, id: int | str | None = None, *, extended: bool | None = None) -> BusState:
-        """Destroys the next attempts to send frames, of an identifier or any; replaces an earlier disturbance.
+        """Destroys the next transmission attempts, of one identifier or of any; replaces an earlier disturbance.
 
-        32 in a row take a sender bus-off; 0 ends a disturbance.
+        32 destroyed attempts in a row take a sender bus-off; 0 ends the disturbance.
         """
         body: Json = {"frames": frames}
         if id is not None:
@@ -203,17 +203,17 @@ class Simulator:
         extended: bool | None = None,
         every_ms: int | None = None,
     ) -> int:
-        """Sends a frame as a client, and returns its end on the bus, in microseconds.
+        """Sends a frame as a client, and returns the instant of its end on the bus, in microseconds.
 
         Args:
             id: The identifier; a text is in hex: "220".
             data: Up to eight bytes; a text is in hex: "0F 00 00 20".
             extended: Whether the identifier has 29 bits; by default, for a number above 0x7FF and for a text of eight
                 digits.
-            every_ms: Repeats the frame with this period, and replaces an earlier cyclic frame with the identifier.
+            every_ms: The period of a cyclic frame, which replaces an earlier one with the same identifier.
 
         Raises:
-            Conflict: the frame was not on the bus within 1 s, and is withdrawn.
+            Conflict: the frame was not sent within 1 s, and was withdrawn.
         """
         body: Json = {**identifier(id, extended), "data": hexadecimal(data)}
         if every_ms is not None:
@@ -254,7 +254,7 @@ class Simulator:
             within_ms: The time limit, in milliseconds of virtual time.
 
         Raises:
-            WaitTimeout: the frame did not come in time. The message includes the last other frame with the identifier.
+            WaitTimeout: the frame did not occur in time. The message includes the last other frame with the identifier.
         """
         __tracebackhide__ = True
         frame = identifier(id, extended)
@@ -285,7 +285,7 @@ class Simulator:
             return "".join(self._process.printed(limit)).rstrip()
 
     def events(self) -> Events:
-        """Follows the events from now on; the first ones are the states of all devices."""
+        """Returns the stream of events, which begins with the states of all devices."""
         return Events(self._process)
 
     # Time.
@@ -317,7 +317,8 @@ class Simulator:
         The start, a wait that times out, and the end of the simulator check this, too.
 
         Raises:
-            NotHeard: a device runs, or ran, at another rate, and `not_heard` does not name it. It is reported once.
+            NotHeard: a device runs, or ran, at another rate, and `not_heard` does not name it. Each device is reported
+                once.
         """
         self._process.check_heard()
 
@@ -327,7 +328,7 @@ class Simulator:
         Further calls do nothing.
 
         Raises:
-            NotHeard: a device ran at another bit rate; the process has ended anyway.
+            NotHeard: a device ran at another bit rate; the process has ended nevertheless.
         """
         deaf: NotHeard | None = None
         try:

@@ -42,23 +42,23 @@ class ValvePlant:
 
     supply_mv: int
     temperature_c: int
-    #: The fault of the spool; None for a healthy one.
+    #: The fault of the spool; None for a healthy spool.
     spool: SpoolFault | None
-    #: The position that the spool is pushed to by hand, -16384 to 16384; None if it is released.
+    #: The position to which a hand pushes the spool, -16384 to 16384; None if the lever is released.
     lever: int | None
     internal_fault: bool
     memory: Memory
     #: Whether the CAN controller is kept bus-off.
     bus_off: bool
-    #: The supply below which the valve is off; None: it is never off.
+    #: The supply below which the valve is off; None if the valve is never off.
     brown_out_mv: int | None
     #: Whether cold oil slows the spool down.
     oil: bool
-    #: From power to the start of the program.
+    #: The time from power-up to the start of the program, in milliseconds.
     boot_ms: int
-    #: The delay of answers, or the smallest and the largest.
+    #: The answer delay in milliseconds, or the smallest and the largest delay.
     answer_ms: int | list[int]
-    #: The cycle of the program; 0 acts at once.
+    #: The cycle time of the program in milliseconds; 0 if the program acts immediately.
     cycle_ms: int
 
 
@@ -75,11 +75,11 @@ class SensorPlant:
     memory: Memory
     #: Whether the CAN controller is kept bus-off.
     bus_off: bool
-    #: From power to the start of the program.
+    #: The time from power-up to the start of the program, in milliseconds.
     boot_ms: int
-    #: The delay of answers, or the smallest and the largest.
+    #: The answer delay in milliseconds, or the smallest and the largest delay.
     answer_ms: int | list[int]
-    #: The cycle of the program; 0 acts at once.
+    #: The cycle time of the program in milliseconds; 0 if the program acts immediately.
     cycle_ms: int
 
 
@@ -91,9 +91,9 @@ class DeviceState:
     t_us: int
     name: str
     kind: str
-    #: The node ID, on ISOBUS the address, in force.
+    #: The current node ID; on ISOBUS, the current address.
     node_id: int | None
-    #: The bit rate in force, in bit/s.
+    #: The current bit rate, in bit/s.
     bit_rate: int | None
     powered: bool
     #: The NMT state; None on ISOBUS.
@@ -161,7 +161,7 @@ def _common(state: Json) -> Json:
 
 
 def _fields(kind: type, values: Json) -> Json:
-    """Returns the values of the fields of a class; other values, as from a newer pve-sim, are ignored."""
+    """Returns the values of the fields of a class. Other values, for example from a newer pve-sim, are ignored."""
     return {name: values[name] for name in kind.__dataclass_fields__}  # type: ignore[attr-defined]
 
 
@@ -298,7 +298,7 @@ class BusError:
 
 @dataclass(frozen=True)
 class Unheard:
-    """A device that runs, or ran, at another bit rate than the bus."""
+    """A device that runs, or ran, at a different bit rate than the bus."""
 
     #: The name of the device.
     device: str
@@ -312,7 +312,7 @@ class Unheard:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """The disturbance of the bus: the next attempts to send are destroyed."""
+    """The disturbance of the bus, which destroys the next transmission attempts."""
 
     #: The remaining number of attempts.
     frames: int
@@ -332,7 +332,7 @@ class BusState:
     #: The bus load of the last second, in percent.
     load: int
     disturb: Disturbance
-    #: The devices that run at another bit rate than the bus, or did for more than a second.
+    #: The devices that run, or ran for more than a second, at a different bit rate than the bus.
     not_heard: tuple[Unheard, ...]
 
     @classmethod

@@ -69,7 +69,7 @@ def valve(pve_sim: Simulator) -> Valve:
 def pytest_runtest_call() -> Generator[None, Any, Any]:
     """Ends the communication faults that a test has added, because tests may share a simulator.
 
-    Fails a test in which a device ran at another bit rate than the bus: the absence of its frames proves nothing.
+    Fails a test in which a device ran at a different bit rate than the bus: the absence of its frames proves nothing.
     """
     before = _faults()
     try:

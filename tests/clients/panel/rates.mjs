@@ -1,4 +1,4 @@
-// A device at another bit rate than the bus is named with the remedy, from the start and after a change, as long as that lasts.
+// A device at a different bit rate than the bus is named with the remedy, from the start and after a change, as long as that lasts.
 
 import assert from "node:assert/strict";
 import { simulate, until, withPage } from "./rig.mjs";

@@ -32,9 +32,9 @@ complete -c pve-sim -n "__fish_pve_sim_needs_command" -l bit-rate -d 'The bit ra
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l speed -d 'The speed of virtual time: a factor of wall time above 0, or step: only the control interface advances time, and the frames of clients wait for the next advance' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l seed -d 'The seed of all random values: 0–18446744073709551615' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l log -d 'Write every frame to FILE, in the format of its extension: .asc (ASC), .pcapng (pcapng), any other (candump -L)' -r -F
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -l color -d 'Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never' -r -f -a "auto\t'Laid out on a terminal, with colour unless the environment disables it'
-always\t'Laid out with colour, even into a pipe'
-never\t'Laid out on a terminal, without colour'"
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l color -d 'Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never' -r -f -a "auto\t'The layout on a terminal only, with colour unless the environment disables colour'
+always\t'The layout everywhere, even in a pipe, with colour'
+never\t'The layout on a terminal only, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l plan -d 'Run the devices of a campaign\'s scenario, inject the fault of a cell and judge the controller: docs/campaigns.md' -r -F
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -l cell -d 'The cell: its number, or ROW@MICROSECONDS' -r
@@ -50,7 +50,7 @@ complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-remote -d 'Allow 
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -s V -l version -d 'Print version'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "run" -d 'Runs devices on a bus (the default command)'
-complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "use-case" -d 'Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "use-case" -d 'Plays a use case (of the manuals, an ISOBUS valve or an angle sensor) in virtual time, and explains each frame; exit 1 if a frame differs'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "campaign" -d 'Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read'
 complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "decode" -d 'Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed'
@@ -70,9 +70,9 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l bit-rate -d 'The
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l speed -d 'The speed of virtual time: a factor of wall time above 0, or step: only the control interface advances time, and the frames of clients wait for the next advance' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l seed -d 'The seed of all random values: 0–18446744073709551615' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l log -d 'Write every frame to FILE, in the format of its extension: .asc (ASC), .pcapng (pcapng), any other (candump -L)' -r -F
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l color -d 'Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never' -r -f -a "auto\t'Laid out on a terminal, with colour unless the environment disables it'
-always\t'Laid out with colour, even into a pipe'
-never\t'Laid out on a terminal, without colour'"
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l color -d 'Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never' -r -f -a "auto\t'The layout on a terminal only, with colour unless the environment disables colour'
+always\t'The layout everywhere, even in a pipe, with colour'
+never\t'The layout on a terminal only, without colour'"
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l http -d 'The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l plan -d 'Run the devices of a campaign\'s scenario, inject the fault of a cell and judge the controller: docs/campaigns.md' -r -F
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l cell -d 'The cell: its number, or ROW@MICROSECONDS' -r
@@ -132,7 +132,7 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand dbc" -s h -l help -d 'Pr
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand completions" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand man" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "run" -d 'Runs devices on a bus (the default command)'
-complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "use-case" -d 'Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "use-case" -d 'Plays a use case (of the manuals, an ISOBUS valve or an angle sensor) in virtual time, and explains each frame; exit 1 if a frame differs'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "scenario" -d 'Runs scenario files in virtual time: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "campaign" -d 'Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario campaign decode replay set status eds dbc completions man help" -f -a "decode" -d 'Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed'

@@ -23,9 +23,9 @@ _pve-sim() {
 '--speed=[The speed of virtual time\: a factor of wall time above 0, or step\: only the control interface advances time, and the frames of clients wait for the next advance]:FACTOR|step:_default' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
 '--log=[Write every frame to FILE, in the format of its extension\: .asc (ASC), .pcapng (pcapng), any other (candump -L)]:FILE:_files' \
-'--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
-always\:"Laid out with colour, even into a pipe"
-never\:"Laid out on a terminal, without colour"))' \
+'--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"The layout on a terminal only, with colour unless the environment disables colour"
+always\:"The layout everywhere, even in a pipe, with colour"
+never\:"The layout on a terminal only, without colour"))' \
 '(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '(--device --link --bit-rate --state --seed --allow-clash --no-http)--plan=[Run the devices of a campaign'\''s scenario, inject the fault of a cell and judge the controller\: docs/campaigns.md]:PLAN.toml:_files' \
 '--cell=[The cell\: its number, or ROW@MICROSECONDS]:CELL:_default' \
@@ -61,9 +61,9 @@ _arguments "${_arguments_options[@]}" : \
 '--speed=[The speed of virtual time\: a factor of wall time above 0, or step\: only the control interface advances time, and the frames of clients wait for the next advance]:FACTOR|step:_default' \
 '--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
 '--log=[Write every frame to FILE, in the format of its extension\: .asc (ASC), .pcapng (pcapng), any other (candump -L)]:FILE:_files' \
-'--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
-always\:"Laid out with colour, even into a pipe"
-never\:"Laid out on a terminal, without colour"))' \
+'--color=[Colour in the trace\: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a pipe) or never]:WHEN:((auto\:"The layout on a terminal only, with colour unless the environment disables colour"
+always\:"The layout everywhere, even in a pipe, with colour"
+never\:"The layout on a terminal only, without colour"))' \
 '(--no-http)--http=[The address of the control interface; port 0 selects a free port \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '(--device --link --bit-rate --state --seed --allow-clash --no-http)--plan=[Run the devices of a campaign'\''s scenario, inject the fault of a cell and judge the controller\: docs/campaigns.md]:PLAN.toml:_files' \
 '--cell=[The cell\: its number, or ROW@MICROSECONDS]:CELL:_default' \
@@ -117,7 +117,7 @@ _arguments "${_arguments_options[@]}" : \
 '--schema[Print the format of a plan as a JSON schema, for editors]' \
 '-h[Print help]' \
 '--help[Print help]' \
-'::plan -- The plan; the format\: docs/campaigns.md:_files' \
+'::plan -- The plan; docs/campaigns.md describes its format:_files' \
 ":: :_pve-sim__subcmd__campaign_commands" \
 "*::: :->campaign" \
 && ret=0
@@ -301,7 +301,7 @@ esac
 _pve-sim_commands() {
     local commands; commands=(
 'run:Runs devices on a bus (the default command)' \
-'use-case:Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs' \
+'use-case:Plays a use case (of the manuals, an ISOBUS valve or an angle sensor) in virtual time, and explains each frame; exit 1 if a frame differs' \
 'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read' \
 'campaign:Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read' \
 'decode:Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed' \
@@ -352,7 +352,7 @@ _pve-sim__subcmd__eds_commands() {
 _pve-sim__subcmd__help_commands() {
     local commands; commands=(
 'run:Runs devices on a bus (the default command)' \
-'use-case:Plays a use case of the manuals, of an ISOBUS valve or of an angle sensor in virtual time, and explains each frame; exit 1 if a frame differs' \
+'use-case:Plays a use case (of the manuals, an ISOBUS valve or an angle sensor) in virtual time, and explains each frame; exit 1 if a frame differs' \
 'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if a scenario fails; exit 2, without running any, if a file cannot be read' \
 'campaign:Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read' \
 'decode:Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed' \

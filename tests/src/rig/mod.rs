@@ -1,7 +1,6 @@
-//! A device on a bus of its own, in virtual time. A free bus takes each frame at once, and the memory is a map of
-//! records.
+//! One device on a bus, in virtual time. A free bus accepts each frame immediately, and the memory is a map of records.
 //!
-//! Controller, mailboxes and the course of a write are those of hal-sim. All platforms share the pump.
+//! The controller, its mailboxes and the course of a write are those of hal-sim; the pump is that of all platforms.
 
 mod frames;
 mod memory;
@@ -54,7 +53,7 @@ impl Rig {
         Self::booted_as(Setup::new(Kind::PveaCanopen))
     }
 
-    /// Creates such a `pveo-canopen`.
+    /// Creates a new `pveo-canopen` at node 0x20, booted, without its two frames.
     #[must_use]
     pub fn booted_pveo() -> Self {
         Self::booted_as(Setup::new(Kind::PveoCanopen))
@@ -194,7 +193,7 @@ impl Rig {
         self.device.as_dyn().outputs().valve().expect("a valve")
     }
 
-    /// Returns the node ID in force.
+    /// Returns the current node ID.
     #[must_use]
     pub fn node_id(&self) -> Option<u8> {
         self.device.as_dyn().node_id()

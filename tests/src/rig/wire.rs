@@ -8,13 +8,13 @@ use protocol_core::controller::{BitRate, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-/// A controller on a bus of its own. A free bus takes every frame at once; a held one leaves frames in the mailboxes.
+/// A controller on a bus. A free bus accepts every frame immediately; a held bus leaves frames in the mailboxes.
 #[derive(Debug)]
 pub(super) struct Wire {
     port: Port,
     pub(super) filters: Filters,
     pub(super) held: bool,
-    /// Whether the controller is bus-off, in which it sends nothing.
+    /// Set while the controller is bus-off and sends nothing.
     pub(super) bus_off: bool,
     pub(super) now: Instant,
     pub(super) sent: VecDeque<(Instant, Frame)>,
@@ -42,7 +42,7 @@ impl Wire {
         self.port.clear();
     }
 
-    /// Sends the most urgent frame of the mailboxes, if the bus takes it. Returns whether there was one.
+    /// Sends the most urgent frame of the mailboxes if the bus accepts it. Returns whether a frame was sent.
     pub(super) fn send_one(&mut self) -> bool {
         if self.held || self.bus_off {
             return false;

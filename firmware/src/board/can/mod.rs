@@ -70,7 +70,7 @@ fn CAN1_SCE() {
 }
 
 /// Enables the interrupts of the error modes that are not reached, and disables the others, which would occur again at
-/// every error. The task of the device polls for recovery.
+/// every error. The device task polls for recovery.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
     CAN1.ier().modify(|ier| {

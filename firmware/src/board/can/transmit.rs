@@ -22,7 +22,7 @@ use crate::board::wake_up::{Event, notify};
 /// The three flags of the transmit status register that mark a mailbox as empty.
 const ALL_EMPTY: u32 = 0b111 << 26;
 
-/// The transmit half, which the transmit interrupt and the task of the device share. [`Tx::transmit`] reads flags that
+/// The transmit half, which the transmit interrupt and the device task share. [`Tx::transmit`] reads flags that
 /// the interrupt clears, in order to abort a mailbox. Without a critical section a frame could be sent twice.
 static TRANSMISSION: Mutex<RefCell<Option<Transmission>>> = Mutex::new(RefCell::new(None));
 

@@ -45,7 +45,7 @@ pub enum Command {
     Listen,
     /// `C`: closes the channel.
     Close,
-    /// `tIIILDD…`, `TIIIIIIIILDD…`, `rIIIL`, `RIIIIIIIIL`
+    /// `tIIILDD…`, `TIIIIIIIILDD…`, `rIIIL`, `RIIIIIIIIL`: sends a frame.
     Send(Frame),
     /// `F`: reads the status flags.
     Flags,
@@ -68,8 +68,8 @@ pub struct Refused;
 /// Parses lines from a byte stream, independent of read boundaries.
 #[derive(Debug, Default)]
 pub struct Parser {
-    /// The incomplete line, at most [`LINE_MAX`] + 1 bytes. A line of that length is too long; its further bytes are
-    /// dropped, and it is refused.
+    /// The incomplete line, at most [`LINE_MAX`] + 1 bytes. A line of that length is too long: further bytes are
+    /// dropped, and the line is refused.
     line: Vec<u8>,
 }
 

@@ -97,7 +97,7 @@ impl Session {
         let Some(rate) = self.rate else { return true };
         let (asked, answer) = oneshot::channel();
         client.world.tell(ToWorld::AskBitRate(asked));
-        // The world has ended: it will not answer, and the client will be disconnected.
+        // Without an answer, the world has ended, and the client will be disconnected.
         let Ok(bus) = answer.await.map(|bus| bus.bits_per_second()) else { return false };
         if bus != rate && !std::mem::replace(&mut self.has_warned, true) {
             client.world.tell(ToWorld::Warn(format!(

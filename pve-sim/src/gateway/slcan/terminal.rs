@@ -95,7 +95,7 @@ fn make() -> io::Result<(OwnedFd, PathBuf)> {
     Ok((end, device))
 }
 
-/// Opens the device that clients open, without making it the controlling terminal of this process.
+/// Opens the device that clients open, but not as the controlling terminal of this process.
 fn open(device: &Path) -> io::Result<File> {
     let no_control = i32::try_from(OFlags::NOCTTY.bits()).unwrap_or_default();
     OpenOptions::new().read(true).write(true).custom_flags(no_control).open(device)
@@ -115,7 +115,7 @@ pub(super) struct WithoutEcho(Receiver);
 impl AsyncRead for WithoutEcho {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let poll = Pin::new(&mut self.0).poll_read(cx, buf);
-        // A client can switch the echo on at any time. This read contains any echo so far.
+        // A client can switch the echo on at any time. Bytes echoed until now may be in this read.
         if poll.is_ready()
             && let Ok(mut attributes) = tcgetattr(&self.0)
             && attributes.local_modes.contains(LocalModes::ECHO)

@@ -22,7 +22,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub(super) struct Interface {
     name: String,
-    /// The socket. The crate's own asynchronous socket would not report that an interface goes down.
+    /// The socket. The asynchronous socket of the crate `socketcan` does not report that an interface goes down.
     socket: AsyncFd<CanSocket>,
     health: Health,
     /// The time of the next retry for a missing interface; `None` while the socket is bound.

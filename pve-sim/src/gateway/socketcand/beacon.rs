@@ -19,8 +19,8 @@ pub(super) struct Beacon {
 }
 
 impl Beacon {
-    /// Creates the beacon of a bus served at an address. A bus on loopback is announced only on this machine. So is a
-    /// bus at all addresses, as 127.0.0.1.
+    /// Creates the beacon of a bus served at an address. A bus on loopback or on all addresses is announced only on
+    /// this machine; the latter as 127.0.0.1.
     ///
     /// # Errors
     /// When the address is not IPv4 (IPv6 has no broadcast), or the system refuses the socket.

@@ -40,9 +40,9 @@ pub enum RequestError {
     #[error("wrong number of arguments")]
     Arguments,
     /// Not a hex number of at most 29 bits.
-    #[error("bad identifier")]
+    #[error("bad identifier; accepted: 0 to 1FFFFFFF in hex")]
     Identifier,
-    /// An identifier above 7FF without the mark of an extended one.
+    /// An identifier above 7FF that is not marked as extended.
     #[error("an identifier above 7FF needs eight digits")]
     NotExtended,
     /// Not a length of a classic CAN frame.
@@ -52,7 +52,7 @@ pub enum RequestError {
     #[error("length and number of bytes differ")]
     Count,
     /// Not a hex number of at most eight bits.
-    #[error("bad data byte")]
+    #[error("bad data byte; accepted: 00 to FF")]
     Byte,
     /// More than [`MESSAGE_MAX`] bytes without an end.
     #[error("message too long")]
@@ -186,8 +186,8 @@ fn hex(word: &str, bits: u32) -> Option<u32> {
     u32::try_from(narrow).ok().filter(|_| fits)
 }
 
-/// Writes `< frame 18A 1795223549.715344 0102 >`: the bytes without blanks, and two blanks before the end of an empty
-/// frame.
+/// Writes `< frame 18A 1795223549.715344 0102 >`, without blanks between the bytes. An empty frame ends with two blanks
+/// before `>`.
 ///
 /// Writes nothing for a remote frame, which the protocol cannot express.
 pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {

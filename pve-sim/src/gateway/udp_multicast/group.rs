@@ -146,7 +146,7 @@ fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     socket.set_reuse_address(true)?;
     #[cfg(unix)]
     socket.set_reuse_port(true)?;
-    // Only Unix can bind to a group, which filters out other datagrams to the port.
+    // Unix can bind to a group; the socket then receives no other datagrams to the port.
     let bound = if cfg!(unix) { group } else { SocketAddr::new(unspecified(group), group.port()) };
     socket.bind(&bound.into())?;
     match group.ip() {

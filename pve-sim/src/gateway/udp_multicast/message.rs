@@ -9,7 +9,7 @@ use hal_sim::log::Timestamp;
 /// A sent message, with all keys.
 #[derive(Debug, Serialize)]
 struct Sent<'a> {
-    /// The time in seconds since 1970; python-can replaces it by the arrival time.
+    /// The time in seconds since 1970; python-can replaces this time by that of the arrival.
     timestamp: f64,
     arbitration_id: u32,
     is_extended_id: bool,
@@ -66,7 +66,7 @@ pub enum NoFrame {
 /// # Errors
 /// [`NoFrame`] for everything but a classic CAN frame.
 pub fn parse(datagram: &[u8]) -> Result<Frame, NoFrame> {
-    // Serde would also accept a list as the members in order.
+    // Serde would also accept a list of the members' values.
     if !matches!(datagram.first(), Some(0x80..=0x8F | 0xDE | 0xDF)) {
         return Err(NoFrame::Nonsense);
     }

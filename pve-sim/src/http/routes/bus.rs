@@ -24,7 +24,7 @@ pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> R
     control.execute(Command::BitRate(change.bit_rate()?)).await
 }
 
-/// Destroys the next attempts to send a frame, by a bit error each; replaces an earlier disturbance
+/// Destroys the next transmission attempts with one bit error each; replaces an earlier disturbance
 #[utoipa::path(
     post, path = "/bus/disturb", operation_id = "disturbBus", tag = "bus",
     request_body = Disturb,
@@ -34,7 +34,7 @@ pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> R
     control.execute(Command::Disturb(disturb.disturbance()?)).await
 }
 
-/// The communication faults, including those that are over
+/// The communication faults, including those that have ended
 #[utoipa::path(
     get, path = "/bus/faults", operation_id = "listFaults", tag = "bus",
     responses((status = 200, body = Vec<FaultRecord>))
@@ -50,7 +50,7 @@ pub(super) async fn faults(control: Control) -> Result<Json<Vec<FaultRecord>>, F
     responses(
         (status = 200, body = FaultRecord),
         (status = 400, body = Error),
-        (status = 409, body = Error, description = "A fault of this name is active, 64 faults are active, or the bus is a real one"),
+        (status = 409, body = Error, description = "A fault of this name is active, 64 faults are active, or the bus may have real devices"),
     )
 )]
 pub(super) async fn add_fault(control: Control, Body(request): Body<FaultRequest>) -> Result<Json<Reply>, Failure> {

@@ -1,4 +1,4 @@
-//! `/cell`: the cell of a campaign that is judged.
+//! `/cell`: the judged cell of a campaign.
 
 use axum::Json;
 
@@ -6,12 +6,12 @@ use super::Control;
 use crate::control::{JudgedCell, Message};
 use crate::http::error::{Error, Failure};
 
-/// The cell of a campaign that is judged, with its verdict once it is final
+/// The judged cell of a campaign, with its verdict once the verdict is final
 #[utoipa::path(
     get, path = "/cell", operation_id = "showCell", tag = "time",
     responses(
         (status = 200, body = JudgedCell),
-        (status = 409, body = Error, description = "No cell is judged: no --plan")
+        (status = 409, body = Error, description = "No cell is judged without --plan and --cell")
     )
 )]
 pub(super) async fn show(control: Control) -> Result<Json<JudgedCell>, Failure> {

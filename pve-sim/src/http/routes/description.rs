@@ -59,7 +59,7 @@ static DESCRIPTION: LazyLock<Value> = LazyLock::new(|| {
     describe::<frames::FrameToSend>(schemas);
     describe::<wait::Wait>(schemas);
     describe::<time::Advance>(schemas);
-    // An error of a wait has the form of an error of its body, too.
+    // The error of a wait also matches the schema of the other error, which `oneOf` would forbid.
     schemas["NotInTime"] = json!({ "anyOf": schemas["NotInTime"]["oneOf"] });
     let paths = description["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
     paths.filter_map(Value::as_object_mut).flat_map(|path| path.values_mut()).for_each(add_refusals);
@@ -85,7 +85,7 @@ fn add_refusals(call: &mut Value) {
         (
             "403",
             true,
-            "The Host is neither loopback nor the address of this server, or the request is from a page of another origin",
+            "The Host is neither loopback nor the address of this server, or the request comes from a page of another origin",
         ),
         ("405", true, "Method not supported"),
         ("408", has_body, "The body was not received within 10 s"),
@@ -102,7 +102,7 @@ fn add_refusals(call: &mut Value) {
             response["description"] = description.into();
         }
     }
-    // A response still without a description is a success, or a 404 about a device.
+    // Only successes and the status 404 for a device have no description yet.
     let responses = call["responses"].as_object_mut().into_iter().flatten();
     for (status, response) in responses.filter(|(_, response)| response["description"] == "") {
         let description = if status == "404" { "No device of this name" } else { "Done" };

@@ -18,18 +18,19 @@ use crate::http::error::{Error, Failure};
 /// The interval between comments on a quiet bus, which reveal a disconnected client.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
-/// The data of a `lost` event: the client was too slow.
+/// The data of a `lost` event, for a client that was too slow.
 #[derive(Serialize, ToSchema)]
 pub(super) struct LostEvent {
     /// The number of lost events.
     events: u64,
 }
 
-/// Streams server-sent events from now on
+/// Streams the events of the simulation as server-sent events
 ///
-/// First a `device` event for each device; then `frame` for each frame on the bus, `device` for each change of a
-/// device, with its position up to 50 times a second, and `error` as in the trace: the first error frame of each
-/// destroyed frame, and changes of error modes. A client that is too slow loses events; `lost` has their number.
+/// The first events are a `device` event for each device. Later events are `frame` for each frame on the bus, `device`
+/// for each change of a device, with its position up to 50 times a second, and `error` as in the trace: for the first
+/// error frame of each destroyed frame, and for each change of an error mode. A client that is too slow loses events; a
+/// `lost` event has their number.
 #[utoipa::path(
     get, path = "/events", operation_id = "followEvents", tag = "events",
     responses(

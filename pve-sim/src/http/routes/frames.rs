@@ -24,7 +24,7 @@ pub(super) struct FrameToSend {
     /// Up to eight bytes, in hex; `R`, `R1` … for a remote frame.
     #[schema(value_type = Data)]
     data: String,
-    /// The period of a cyclic frame.
+    /// The period of a cyclic frame, in milliseconds.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     every_ms: Option<u32>,
@@ -38,13 +38,13 @@ pub(super) struct WhichFrames {
     /// The identifier in hex, with or without 0x; all identifiers by default.
     #[param(pattern = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$")]
     id: Option<String>,
-    /// Whether the identifier has 29 bits; by default, if it has eight digits or is above 0x7FF.
+    /// Whether the identifier has 29 bits; by default, true for eight digits and for values above 0x7FF.
     extended: Option<bool>,
 }
 
 /// Sends a frame as a client would
 ///
-/// Answers when the frame was sent; with `every_ms`, when the first frame was sent. With `--speed step` this advances
+/// Answers when the frame (with `every_ms`, the first frame) has been sent. With `--speed step` this call advances
 /// time.
 #[utoipa::path(
     post, path = "/bus/frames", operation_id = "sendFrame", tag = "bus",
@@ -60,7 +60,7 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
     let period = frame.every_ms.map(|period| Duration::from_millis(period.into()));
     let one = Pattern::of_data(id, Some(&frame.data))?.frame();
     let frame = one.ok_or_else(|| {
-        Failure::bad_request(format!("data \"{}\" is not valid; accepted: bytes in hex only", frame.data))
+        Failure::bad_request(format!("data \"{}\" is not valid; accepted: bytes in hex, without ? and ..", frame.data))
     })?;
     control.execute(Command::Send(frame, period)).await
 }
@@ -104,7 +104,7 @@ impl ToSchema for Data {}
 
 impl ToSchema for DataPattern {}
 
-/// Returns the schema of texts.
+/// Returns the schema of texts that match a pattern.
 fn text(pattern: &str) -> RefOr<Schema> {
     Object::builder().schema_type(Type::String).pattern(Some(pattern)).into()
 }

@@ -96,7 +96,7 @@ pub(super) fn router(world: WorldSender) -> Router {
 }
 
 async fn not_found() -> Failure {
-    Failure::Request(StatusCode::NOT_FOUND, "there is no such resource; see /api/v1/openapi.json".to_owned())
+    Failure::Request(StatusCode::NOT_FOUND, "no such resource; see /api/v1/openapi.json".to_owned())
 }
 
 async fn method_not_allowed() -> Failure {

@@ -25,14 +25,14 @@ pub(super) async fn show(control: Control) -> Result<Json<Time>, Failure> {
     control.ask(Message::Time).await.map(Json)
 }
 
-/// Advances virtual time, with `--speed step`; answers afterwards
+/// Advances virtual time, and answers afterwards; requires `--speed step`
 #[utoipa::path(
     post, path = "/time", operation_id = "advanceTime", tag = "time",
     request_body = Advance,
     responses(
         (status = 200, body = Time),
         (status = 400, body = Error),
-        (status = 409, body = Error, description = "Time advances automatically, without --speed step")
+        (status = 409, body = Error, description = "Time advances automatically without --speed step")
     )
 )]
 pub(super) async fn advance(

@@ -17,7 +17,7 @@ const LIMIT: usize = 100;
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct Part {
-    /// The number of entries, up to the latest one; 100 by default. The last 4096 are kept.
+    /// The number of latest entries, 100 by default. The simulator keeps the last 4096.
     #[param(maximum = 4294967295_i64)]
     #[schema(maximum = 4294967295_i64)]
     limit: Option<u32>,

@@ -40,8 +40,8 @@ pub(super) struct FrameToCome {
     /// Whether the identifier has 29 bits.
     #[serde(default, deserialize_with = "given")]
     extended: Option<bool>,
-    /// The data, in hex: exactly these bytes; `..` at the end stands for any further bytes, `?` for any digit, `R`,
-    /// `R1` … for a remote frame. By default, any data.
+    /// The data: exactly these bytes in hex. `?` stands for any digit, and `..` at the end for any further bytes; `R`,
+    /// `R1` … stand for a remote frame. By default, any data.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<DataPattern>)]
     data: Option<String>,
@@ -69,7 +69,8 @@ enum NotInTime {
 
 /// Waits until a device is in a state, or a frame is on the bus
 ///
-/// Answers at the first instant at which the condition holds, which can be now. With `--speed step` this advances time.
+/// Answers at the first instant at which the condition holds, which can be the current instant. With `--speed step`
+/// this call advances time.
 #[utoipa::path(
     post, path = "/wait", operation_id = "wait", tag = "wait",
     request_body = Wait,
@@ -77,7 +78,7 @@ enum NotInTime {
         (status = 200, body = Waited),
         (status = 400, body = Error, description = "An unknown key or value"),
         (status = 404, body = Error),
-        (status = 408, body = NotInTime, description = "The condition did not hold within the time limit: the differences; or the body was not received in time")
+        (status = 408, body = NotInTime, description = "The condition did not hold within the time limit (the error states the differences), or the body was not received in time")
     )
 )]
 pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Json<Reply>, Failure> {
@@ -121,7 +122,7 @@ fn condition(members: Map<String, Value>) -> Result<StateCondition, Failure> {
     serde_json::from_value(Value::Object(members)).map_err(|error| Failure::bad_request(error.to_string()))
 }
 
-/// Returns the members of a state that differ from the wanted ones, in words.
+/// Returns a text that lists the members of a state that differ from the wanted members.
 fn differences(wanted: Map<String, Value>, state: &DeviceState) -> String {
     let mut seen = json!(state);
     seen["faults"] = state.faults.iter().filter(|fault| fault.active).map(|fault| fault.fault).collect();

@@ -1,4 +1,4 @@
-//! Unix: signals and poll.
+//! Unix: signals, polling, terminal modes and file locks.
 
 use std::fs::{File, Metadata, OpenOptions, TryLockError};
 use std::io;
@@ -116,8 +116,8 @@ pub(in crate::run) fn suspend() {
         let continued = signal(SignalKind::from_raw(Signal::CONT.as_raw()));
         let _ = kill_current_process_group(Signal::TSTP);
         if let Ok(mut continued) = continued {
-            // A different thread may take the signal and stop this one later. Until then this thread must not touch the
-            // terminal, which the shell is about to take.
+            // Another thread may take the signal, which then stops this thread a little later. Until then, this thread
+            // must not touch the terminal, which the shell is about to take.
             let _ = timeout(STOP, continued.recv()).await;
         }
     });
@@ -169,7 +169,7 @@ pub(in crate::run) fn max_open_files() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
-/// Removes the timer slack of this thread: Linux would delay each wake-up by 50 µs to combine several.
+/// Sets the timer slack of this thread to 1 ns: Linux would delay each wake-up by up to 50 µs to combine several.
 pub(in crate::run) fn disable_timer_slack() {
     #[cfg(target_os = "linux")]
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));

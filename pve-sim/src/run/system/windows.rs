@@ -1,4 +1,4 @@
-//! Windows: events of the console.
+//! Windows: events of the console, and exclusive files.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io;
