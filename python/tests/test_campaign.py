@@ -83,6 +83,23 @@ def test_a_careful_controller_is_seen_to_detect(plan: Path) -> None:
     assert lost.run(careful).struck == 20
 
 
+def test_a_fault_that_does_not_act_proves_nothing(plan: Path) -> None:
+    plan.write_text(PLAN.replace('lose = "220", count', 'lose = "7FF", count'))
+    result = pve_sim.campaign(plan)[2].run(careful)
+    assert (result.verdict, result.struck, result.passed) == ("not-injected", 0, False)
+
+
+def test_a_controller_receives_each_frame_once_and_no_lost_one(plan: Path) -> None:
+    with Simulator("pvea-canopen@0x20", speed="step") as sim:
+        sim.advance(50)
+        with sim.bus.lose(0x5A0):
+            sim.send(0x620, "4018 1001 0000 0000")
+            assert [frame.id for frame in iter(lambda: sim.receive(5), None)] == [0x720, 0x0A0]
+        start = sim.now_us()
+        assert sim.receive(0.25) is None
+        assert sim.now_us() == start + 250
+
+
 def test_a_controller_that_fails_hangs(plan: Path) -> None:
     def fails(sim: Simulator) -> None:
         sim.advance(100)

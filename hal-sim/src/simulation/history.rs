@@ -9,6 +9,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::Kind;
+use crate::bus::FaultEffect;
 use crate::explain::{Explainer, Node};
 use crate::log::{ErrorClass, write_hex};
 use crate::trace::{Errors, Layout};
@@ -92,6 +93,8 @@ pub struct Happened {
 pub struct History {
     /// The name of the controller that sends the frames of commands.
     own: String,
+    /// Whether a communication fault loses the next frame for that controller.
+    is_lost: bool,
     /// The devices by name, each with its index in the explainer.
     places: HashMap<Arc<str>, (NodeId, usize)>,
     errors: Errors,
@@ -112,6 +115,8 @@ struct Entry {
     what: Kept,
     /// The index of the sending device, with its node ID after the event.
     device: Option<(usize, Option<u8>)>,
+    /// Whether the controller for the frames of commands received the frame.
+    is_received: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -182,6 +187,7 @@ impl History {
     /// Records a frame or a reported error. Returns the event with its message, if any.
     pub(super) fn keep(&mut self, event: Event, world: &World) -> Happened {
         let error = self.errors.note(&event);
+        let is_received = self.receives(&event);
         let device = self.places.get(&event.who).copied();
         let what = match (&event.what, &error) {
             (EventKind::Frame { frame, .. }, _) => Some(Kept::Frame(*frame)),
@@ -191,9 +197,22 @@ impl History {
         if let Some(what) = what {
             let node_id = |node| world.device(node).and_then(|device| device.node_id());
             let device = device.map(|(node, place)| (place, node_id(node)));
-            self.push(Entry { at: event.at, who: Arc::clone(&event.who), what, device });
+            self.push(Entry { at: event.at, who: Arc::clone(&event.who), what, device, is_received });
         }
         Happened { is_from_device: device.is_some(), event, error }
+    }
+
+    /// Returns whether an event is a frame that the controller for the frames of commands receives. The event of a fault
+    /// that loses a frame precedes the event of this frame.
+    fn receives(&mut self, event: &Event) -> bool {
+        match &event.what {
+            EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } => {
+                self.is_lost |= receivers.is_empty() || receivers.iter().any(|name| **name == *self.own);
+                false
+            }
+            EventKind::Frame { .. } => !std::mem::take(&mut self.is_lost) && *event.who != *self.own,
+            _ => false,
+        }
     }
 
     fn push(&mut self, entry: Entry) {
@@ -247,6 +266,18 @@ impl History {
             let counts = since.map_or(!is_own, |since| entry.at > since && (is_own || entry.device.is_some()));
             counts.then_some(Heard { number, at: entry.at, frame })
         })
+    }
+
+    /// Returns the first frame from event `number` onwards that the controller for the frames of commands received, with
+    /// the number of the event after it. The frame is explained as if it were sent now.
+    pub(super) fn received_since(&self, number: u64) -> Option<(FrameRecord, u64)> {
+        let skipped = self.place(number);
+        let mut numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
+        let (number, entry) = numbered.find(|(_, entry)| entry.is_received)?;
+        match entry.record(&self.latest) {
+            TraceRecord::Frame(record) => Some((record, number + 1)),
+            TraceRecord::Error(_) => None,
+        }
     }
 
     /// Returns the index of an event among the recorded entries; 0 for a dropped event, the number of entries for a

@@ -55,6 +55,8 @@ pub struct Simulation {
     devices: Vec<(NodeId, Kind)>,
     sender: Option<Sender>,
     waits: Waits,
+    /// The number of the first event after the last frame of [`Condition::Received`].
+    received: u64,
     profiles: Profiles,
     rates: RateWatch,
     history: History,
@@ -79,6 +81,7 @@ impl Simulation {
             devices: Vec::new(),
             sender: None,
             waits: Waits::default(),
+            received: 0,
             profiles: Profiles::default(),
             rates: RateWatch::default(),
             history: History::default(),
@@ -303,13 +306,26 @@ impl Simulation {
     fn wait(&mut self, awaited: Awaited, within: Duration) -> Ticket {
         let ticket = self.ticket();
         self.waits.begin(awaited, after(self.world.now(), within), ticket);
+        self.receive();
         self.poll();
         ticket
+    }
+
+    /// Completes the oldest wait for a received frame, if there is such a frame.
+    fn receive(&mut self) {
+        let Self { waits, history, received, completed, .. } = self;
+        let next = || {
+            let (record, next) = history.received_since(*received)?;
+            *received = next;
+            Some(record)
+        };
+        waits.receive(next, completed);
     }
 
     fn awaited(&self, condition: Condition) -> Result<Awaited, Refusal> {
         match condition {
             Condition::Frame(pattern) => Ok(Awaited::Frame(pattern, None)),
+            Condition::Received => Ok(Awaited::Received),
             Condition::State(name, condition) => {
                 let device = self.find(&name)?;
                 condition.check(&name, device.1, "null").map_err(|invalid| Refusal::Invalid(invalid.0))?;
@@ -360,6 +376,7 @@ impl Simulation {
             let explainer = self.history.explainer();
             let record = || passed.record(explainer.explain(&passed.frame, Some(&passed.from)));
             self.waits.show(&passed, record, &mut self.completed);
+            self.receive();
         }
         Some(happened)
     }

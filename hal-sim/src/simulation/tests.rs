@@ -7,7 +7,7 @@ use protocol_core::encoder::STEPS;
 use protocol_core::wire::valve::{EstimatedFlow, State};
 
 use super::*;
-use crate::state::{FloatWord, PlantChange, SetPointValue, StateCondition};
+use crate::state::{FaultRequest, FloatWord, PlantChange, SetPointValue, StateCondition};
 use crate::world::{ClientPortId, Link};
 
 /// An action on a device.
@@ -483,4 +483,38 @@ fn a_bus_with_real_devices_is_protected_from_faults() {
     }
     assert!(add(lose(&["boom"])).is_ok());
     assert_eq!(simulation.faults().count(), 1);
+}
+
+/// Each received frame counts once, also one that ended before the wait: none of the own frames, and none that a fault
+/// loses.
+#[test]
+fn a_controller_receives_each_frame_once() {
+    let mut simulation = Simulation::new(BitRate::Kbit250, 1);
+    simulation.add(&NamedDevice::new("boom", Kind::from_name("pvea-canopen").expect("a kind")), Memory::in_ram());
+    simulation.send_as("master");
+    simulation.power_up(Duration::from_millis(1));
+    simulation.run(Command::Advance(Duration::from_millis(50))).expect("time passes");
+    let lose = |simulation: &mut Simulation, fault: &str| {
+        let lose = serde_json::from_str::<FaultRequest>(fault);
+        simulation.run(Command::Fault(lose.expect("JSON").fault().expect("a fault"))).expect("a fault");
+    };
+    lose(&mut simulation, r#"{"lose": "5A0", "receivers": ["boom"]}"#);
+    let ask = |simulation: &mut Simulation| {
+        simulation.run(Command::Send("620: 40 18 10 01 00 00 00 00".parse().expect("a frame"), None)).expect("sent");
+        simulation.run(Command::Advance(Duration::from_millis(5))).expect("time passes");
+    };
+    ask(&mut simulation);
+    lose(&mut simulation, r#"{"lose": "5A0"}"#);
+    ask(&mut simulation);
+    let received =
+        std::iter::from_fn(|| match simulation.run(Command::Wait(Condition::Received, Duration::from_millis(5))) {
+            Ok(Reply::Frame(frame)) => Some(frame.id),
+            _ => None,
+        });
+    assert_eq!(received.collect::<Vec<_>>(), [0x720, 0x0A0, 0x5A0]);
+    simulation.run(Command::EndFaults(None)).expect("they end");
+    simulation.run(Command::Send("620: 40 18 10 01 00 00 00 00".parse().expect("a frame"), None)).expect("sent");
+    // The answer comes during the wait.
+    let waited = simulation.run(Command::Wait(Condition::Received, Duration::from_millis(5)));
+    assert!(matches!(&waited, Ok(Reply::Frame(frame)) if frame.id == 0x5A0), "{waited:?}");
 }

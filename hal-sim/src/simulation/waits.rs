@@ -26,6 +26,8 @@ pub(super) enum Awaited {
     State(StateWatch),
     /// A frame that matches a pattern, with the last non-matching frame of the same identifier.
     Frame(Pattern, Option<Frame>),
+    /// A frame that the controller for the frames of commands receives.
+    Received,
     /// The end of a requested advance of time.
     Time,
 }
@@ -55,12 +57,24 @@ impl Waits {
                 Awaited::Frame(pattern, other) => {
                     is_over(*until, world).then(|| Err(timed_out(missing(pattern, other.as_ref()), None, world)))
                 }
+                Awaited::Received => {
+                    is_over(*until, world).then(|| Err(timed_out("no frame was received".to_owned(), None, world)))
+                }
                 Awaited::Time => {
                     is_over(*until, world).then(|| Ok(Reply::Advanced(Advanced { now_us: world.now().as_micros() })))
                 }
             };
             end.map(|end| completed.push((*ticket, end))).is_none()
         });
+    }
+
+    /// Completes the oldest wait for a received frame with the frame that `next` returns, if any.
+    pub(super) fn receive(&mut self, next: impl FnOnce() -> Option<FrameRecord>, completed: &mut Completed) {
+        if let Some(place) = self.0.iter().position(|wait| matches!(wait.what, Awaited::Received))
+            && let Some(record) = next()
+        {
+            completed.push((self.0.remove(place).ticket, Ok(Reply::Frame(record))));
+        }
     }
 
     /// Completes the waits whose pattern matches a frame that was just sent.
@@ -87,7 +101,7 @@ impl Waits {
     pub(super) fn due(&self, world: &World) -> Instant {
         let due = |Wait { what, until, .. }: &Wait| match what {
             Awaited::State(watch) => watch.due(*until, world),
-            Awaited::Frame(..) | Awaited::Time => *until,
+            Awaited::Frame(..) | Awaited::Received | Awaited::Time => *until,
         };
         self.0.iter().map(due).min().unwrap_or(NEVER)
     }

@@ -269,6 +269,19 @@ class Simulator:
         error.t_us = answer["t_us"]
         raise error
 
+    def receive(self, within_ms: float = 5000) -> Frame | None:
+        """Returns the next frame that a controller in stepped time receives; None: no frame in time.
+
+        Each frame is returned once, from the start on: also a frame that ended during another call, no frame of `send`,
+        and none that a communication fault loses for all receivers. The last 4096 frames are kept.
+
+        Args:
+            within_ms: The time limit, in milliseconds of virtual time; a fraction is rounded to microseconds.
+        """
+        wanted = {"received": True, "within_ms": within_ms}
+        answer: Json = self._process.call("POST", "/wait", wanted, takes_time=True)
+        return None if "error" in answer else Frame.of(answer)
+
     def trace(self, limit: int = 100) -> list[Frame | BusError]:
         """Returns the last frames and errors of the bus, oldest first; 4096 are kept."""
         entries: list[Json] = self._process.call("GET", f"/trace?limit={limit}")

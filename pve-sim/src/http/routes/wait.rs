@@ -2,7 +2,8 @@
 
 use axum::Json;
 use protocol_core::time::Duration;
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
@@ -12,7 +13,7 @@ use crate::http::error::{Body, Error, Failure};
 use hal_sim::simulation::{Command, FrameRecord, Refusal, Reply, TimedOut};
 use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition, given, given_object};
 
-/// A wait: for a state of a device, or for a frame.
+/// A wait: for a state of a device, for a frame, or for the next received frame.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Wait {
@@ -26,9 +27,23 @@ pub(super) struct Wait {
     /// The frame.
     #[serde(default, deserialize_with = "given_object")]
     frame: Option<FrameToCome>,
-    /// The time limit in milliseconds of virtual time.
-    #[schema(maximum = 4294967295_i64)]
-    within_ms: u32,
+    /// The next frame that this interface receives as a node of the bus: each frame once, in order, from the start. Its own
+    /// frames do not count, nor those that a communication fault loses for all receivers.
+    #[serde(default, deserialize_with = "given")]
+    received: Option<bool>,
+    /// The time limit in milliseconds of virtual time; a fraction is rounded to microseconds.
+    #[serde(deserialize_with = "milliseconds")]
+    #[schema(value_type = f64, minimum = 0, maximum = 4294967295_i64)]
+    within_ms: Duration,
+}
+
+/// Deserialises a time in milliseconds.
+fn milliseconds<'de, D: Deserializer<'de>>(value: D) -> Result<Duration, D::Error> {
+    let ms = f64::deserialize(value)?;
+    if !(0.0..=f64::from(u32::MAX)).contains(&ms) {
+        return Err(D::Error::custom(format!("within_ms must be 0 to {} milliseconds, not {ms}", u32::MAX)));
+    }
+    Ok(Duration::from_micros((ms * 1e3).round() as u64))
 }
 
 /// A frame to wait for.
@@ -82,16 +97,18 @@ enum NotInTime {
     )
 )]
 pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Json<Reply>, Failure> {
-    let within = Duration::from_millis(wait.within_ms.into());
+    let within = wait.within_ms;
     let condition = match wait {
-        Wait { device: Some(device), state: Some(state), frame: None, .. } => {
+        Wait { device: Some(device), state: Some(state), frame: None, received: None, .. } => {
             return for_state(&control, device, state, within).await;
         }
-        Wait { device: None, state: None, frame: Some(FrameToCome { id, extended, data }), .. } => {
+        Wait { device: None, state: None, frame: Some(FrameToCome { id, extended, data }), received: None, .. } => {
             Condition::Frame(Pattern::of_data(id.id(extended)?, data.as_deref())?)
         }
+        Wait { device: None, state: None, frame: None, received: Some(true), .. } => Condition::Received,
         _ => {
-            let accepted = "the body must be {\"device\", \"state\", \"within_ms\"} or {\"frame\", \"within_ms\"}";
+            let accepted = "the body must be {\"device\", \"state\", \"within_ms\"}, {\"frame\", \"within_ms\"} or \
+                            {\"received\": true, \"within_ms\"}";
             return Err(Failure::bad_request(accepted));
         }
     };
