@@ -3,7 +3,7 @@
 use std::fs;
 
 use embedded_can::{Frame as _, Id, StandardId, nb::Can};
-use hal_sim::campaign::{Campaign, CellResult, Controller, Plan, Verdict};
+use hal_sim::campaign::{self, Campaign, CellResult, Controller, Plan, Verdict};
 use hal_sim::{Client, Duration, Frame, Instant};
 
 /// A master: configures the heartbeat of its valve, holds the spool, then moves it to and fro.
@@ -79,17 +79,12 @@ fn send(can: &mut Client, id: u16, data: &[u8]) {
     can.transmit(&frame).expect("the world is there");
 }
 
-/// Returns a plan of scenarios/campaigns, with three faults instead of its own, at every second instant.
-fn plan(name: &str, scenario: &str) -> Plan {
+/// Returns a plan of scenarios/campaigns, at more instants. `scenario` replaces the text of its scenario.
+fn plan(name: &str, scenario: Option<&str>) -> Plan {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/campaigns/");
-    let text = fs::read_to_string(format!("{folder}{name}.toml")).expect("a plan");
-    let faults = r#"faults = [{ plant = { internal_fault = true } }, { power = { on = false } }, { plant = { temperature_c = 130 } }]"#;
-    let text = text.replace("faults = [\"all-of-pve\"]", faults).replace("step_ms = 50", "step_ms = 100");
-    let read = |path: &str| match scenario {
-        "" => fs::read_to_string(format!("{folder}{path}")).map_err(|error| error.to_string()),
-        scenario => Ok(scenario.to_owned()),
-    };
-    Plan::parse(&text, read).expect("a plan")
+    let file = |name: &str| fs::read_to_string(format!("{folder}{name}")).expect("a file");
+    let text = file(&format!("program-{name}.toml")).replace("step_ms = 400", "step_ms = 100");
+    Plan::parse(&text, |path| Ok(scenario.map_or_else(|| file(path), str::to_owned))).expect("a plan")
 }
 
 /// The devices without a master: the controller is in Rust.
@@ -98,40 +93,71 @@ devices = ["pvea-canopen@0x20,name=valve,brown-out-mv=7000"]
 steps = [{ at_ms = 6000 }]
 "#;
 
-/// Runs every fourth cell with the scripted master and with the master in Rust; compares the results.
-fn run(name: &str, is_careful: bool) -> Vec<CellResult> {
-    let (scripted, devices) = (plan(name, ""), plan(name, DEVICES));
+/// Returns the cells of a row, in the order of their instants.
+fn cells<M: campaign::Master>(campaign: &Campaign<'_, M>, row: usize) -> Vec<CellResult> {
+    let mut cells = Vec::new();
+    campaign.row(row, &mut |cell| cells.push(cell));
+    cells.sort_by_key(|cell| cell.at_us);
+    cells
+}
+
+/// Returns the worst cell; of equally bad cells, the first.
+fn worst(cells: &[CellResult]) -> &CellResult {
+    cells.iter().max_by_key(|cell| (cell.severity(), std::cmp::Reverse(cell.at_us))).expect("a cell")
+}
+
+/// Returns the instants from which the verdict is another one, with this verdict.
+fn changes(cells: &[CellResult]) -> Vec<(u64, Verdict)> {
+    let pairs = cells.windows(2).filter(|pair| pair[0].verdict != pair[1].verdict);
+    pairs.map(|pair| (pair[1].at_us, pair[1].verdict)).collect()
+}
+
+/// Runs the plan with the master in Rust, and with the same master as scenario. Checks that both agree to 1 ms, and
+/// returns the cells of each row.
+fn run(name: &str, is_careful: bool) -> Vec<Vec<CellResult>> {
+    let (scripted, devices) = (plan(name, None), plan(name, Some(DEVICES)));
     let scripted = Campaign::new(&scripted).expect("it passes without a fault");
     let make = || Master { is_careful, ..Master::default() };
     let forked = Campaign::with_controller(&devices, make).expect("it passes without a fault");
-    let mut results = Vec::new();
-    for number in (0..scripted.cells()).step_by(4) {
-        let cell = scripted.numbered(number).expect("a cell");
-        let [script, rust] = [scripted.cell(cell), forked.cell(cell)].map(|result| result.expect("a result"));
-        assert_eq!((script.verdict, &script.fault), (rust.verdict, &rust.fault), "{script:?} {rust:?}");
-        for (script, rust) in [(script.detected_us, rust.detected_us), (script.safe_us, rust.safe_us)] {
-            let difference = script.unwrap_or(0).abs_diff(rust.unwrap_or(0));
-            assert!(script.is_some() == rust.is_some() && difference <= 1000, "{script:?} {rust:?}");
+    let near = |one: Option<u64>, other: Option<u64>| match (one, other) {
+        (Some(one), Some(other)) => one.abs_diff(other) <= 1000,
+        (one, other) => one == other,
+    };
+    let rows = 0..scripted.rows().len();
+    let compared = rows.map(|row| {
+        let (script, rust) = (cells(&scripted, row), cells(&forked, row));
+        for one in &script {
+            let Some(other) = rust.iter().find(|cell| cell.at_us == one.at_us) else { continue };
+            assert_eq!((one.verdict, &one.fault), (other.verdict, &other.fault), "{one:?} {other:?}");
+            assert!(near(one.detected_us, other.detected_us) && near(one.safe_us, other.safe_us), "{one:?} {other:?}");
         }
-        results.push(rust);
-    }
-    results
+        let (one, other) = (worst(&script), worst(&rust));
+        assert!(one.verdict == other.verdict && near(one.reaction_us(), other.reaction_us()), "{one:?} {other:?}");
+        let (script, changed) = (changes(&script), changes(&rust));
+        let are_near =
+            |(one, other): (&(u64, Verdict), &(u64, Verdict))| one.1 == other.1 && one.0.abs_diff(other.0) <= 1000;
+        assert!(script.len() == changed.len() && script.iter().zip(&changed).all(are_near), "{script:?} {changed:?}");
+        rust
+    });
+    compared.collect()
 }
 
 #[test]
 fn the_careful_master_passes() {
-    assert!(run("valve-careful", true).iter().all(|cell| cell.verdict == Verdict::Safe));
+    assert!(run("careful", true).iter().flatten().all(|cell| cell.verdict == Verdict::Safe));
 }
 
 #[test]
 fn both_mistakes_of_the_careless_master_are_found() {
-    let results = run("valve-careless", false);
-    let undetected = |fault: &str, at: &dyn Fn(u64) -> bool| {
-        let cells: Vec<&CellResult> =
-            results.iter().filter(|cell| cell.fault.contains(fault) && at(cell.at_us)).collect();
-        !cells.is_empty() && cells.iter().all(|cell| cell.verdict == Verdict::SafeUndetected)
-    };
-    assert!(undetected("internal_fault", &|at| at < 1_490_000), "an EMCY in HOLD is ignored: {results:?}");
-    assert!(!undetected("internal_fault", &|at| at > 1_500_000), "an EMCY in ACTIVE is not: {results:?}");
-    assert!(undetected("power off", &|_| true), "a heartbeat that ends is not noticed: {results:?}");
+    let rows = run("careless", false);
+    let of = |fault: &str| rows.iter().find(|cells| cells[0].fault.contains(fault)).expect("a row");
+    let worst_of = |fault: &str| (worst(of(fault)).at_us, worst(of(fault)).verdict);
+    // An EMCY in HOLD is ignored, until the master activates the valve at 1.5 s.
+    assert_eq!(worst_of("internal_fault"), (500_000, Verdict::SafeUndetected));
+    let [(end, Verdict::Safe)] = changes(of("internal_fault"))[..] else { panic!("{:?}", of("internal_fault")) };
+    assert!((1_498_000..=1_500_000).contains(&end), "{end}");
+    // A heartbeat that ends is never noticed.
+    for fault in ["power off", "bus_off"] {
+        assert_eq!((worst_of(fault), changes(of(fault))), ((500_000, Verdict::SafeUndetected), Vec::new()));
+    }
 }

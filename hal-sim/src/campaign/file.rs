@@ -41,7 +41,7 @@ pub(super) struct PlanFile {
     #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) observe_ms: Option<u32>,
-    /// The controller program and its arguments, in which "{bus}" stands for the URL of the bus.
+    /// The controller program and its arguments, in which "{bus}" stands for the URL of the bus, and "{speed}" for `speed`. The program runs in the folder of the plan.
     #[serde(default)]
     pub(super) controller: Option<Vec<String>>,
     /// The speed of virtual time relative to wall time; 1 by default. Only valid together with `controller`.

@@ -153,6 +153,18 @@ impl Golden {
         self.devices.iter().map(|node| Sample::of(simulation.world().peek(*node).as_ref()).state)
     }
 
+    /// Returns whether each device is in its state of `before`, or in a state that it has in the golden run between two
+    /// instants, with the bits of [`states`](Self::states).
+    pub(super) fn is_among(&self, before: &[u32], (from, to): (Instant, Instant), simulation: &Simulation) -> bool {
+        let number = |at: Instant| (at.as_ticks() / SAMPLE.as_ticks()) as usize;
+        let count = self.devices.len().max(1);
+        let golden = self.samples.chunks(count).take(number(to) + 1).skip(number(from));
+        self.states(simulation).iter().zip(before).enumerate().all(|(place, (state, before))| {
+            let mut golden = golden.clone().filter_map(|sample| sample.get(place));
+            state == before || golden.any(|sample| sample.state & LASTING == *state)
+        })
+    }
+
     /// Returns whether each device matches the golden run at the current sample instant. A change may come up to one
     /// sample early or late, because an additional frame on the bus delays other frames.
     pub(super) fn is_as(&self, simulation: &Simulation) -> bool {

@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::CampaignError;
 use super::plan::{Prepared, prepare};
 use super::results::Cell;
+use super::run::until_signal;
 use super::sink::reaction;
 use crate::control::Speed;
 
@@ -66,9 +67,11 @@ pub fn run_cell(options: &CellOptions, out: &mut dyn Write) -> Result<bool, Camp
     let Prepared { campaign, manifest, live, .. } = prepare(&options.plan, options.seed, true)?;
     let place = options.which.of(&campaign).ok_or_else(|| unknown(&campaign))?;
     let row = &campaign.rows()[place.row];
-    let (cell, trace) = match (&live, options.which) {
+    let (cell, trace) = match (live, options.which) {
         (Some(live), Which::Number(number)) => {
-            live.run(number, place.at.as_micros()).map_err(|error| CampaignError::Program(error.to_string()))?
+            let ended = until_signal(move || live.run(number, place.at.as_micros()));
+            let ran = ended.ok_or_else(|| CampaignError::Program("interrupted".to_owned()))?;
+            ran.map_err(|error| CampaignError::Program(error.to_string()))?
         }
         (Some(_), Which::At(..)) => {
             return Err(CampaignError::Refused(

@@ -3,21 +3,23 @@
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader};
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use hal_sim::campaign::Verdict;
 
+use super::process::Group;
 use super::program::Program;
 use super::results::Cell;
 use crate::control::{Judged, JudgedCell};
 
 /// The time between two requests for the verdict.
 const PAUSE: Duration = Duration::from_millis(20);
-/// The wall-clock time that a simulator may take for its verdict, beyond the duration of the cell.
+/// The wall-clock time beyond the duration of the cell after which a program hangs. Virtual time begins when the program
+/// has joined the bus.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// The number of lines kept, from the end of the trace.
 const KEPT: usize = 200;
@@ -34,7 +36,7 @@ pub(super) struct Live {
 
 /// A simulator that judges a cell.
 struct Simulator {
-    process: Child,
+    _group: Group,
     /// The URLs of the bus and of the control interface.
     bus: String,
     http: String,
@@ -42,6 +44,12 @@ struct Simulator {
 }
 
 impl Live {
+    /// Returns the folder of the plan, in which the program runs.
+    fn folder(&self) -> PathBuf {
+        let folder = self.plan.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.map_or_else(|| PathBuf::from("."), Path::to_owned)
+    }
+
     /// Runs a cell. Returns its result, and its trace with the output of the program.
     pub(super) fn run(&self, number: u64, at_us: u64) -> io::Result<(Cell, String)> {
         let mut simulator = Simulator::start(self, number)?;
@@ -49,21 +57,19 @@ impl Live {
         let name = |error: io::Error| {
             io::Error::new(error.kind(), format!("controller {}: {error}", words.first().map_or("", String::as_str)))
         };
-        let mut program = Program::start(words, &simulator.bus).map_err(name)?;
+        let values = [("{bus}", simulator.bus.clone()), ("{speed}", self.speed.to_string())];
+        let mut program = Program::start(words, &values, &self.folder()).map_err(name)?;
         let began = Instant::now();
         let judged = loop {
             // The program's end is read before the verdict, so that an earlier verdict counts.
-            let ended = program.ended();
+            let has_ended = program.has_ended();
             let cell = simulator.ask()?;
             if let Some(judged) = cell.result {
                 break judged;
             }
-            if ended.is_some() {
-                break Judged { verdict: Verdict::Hung.to_string(), detected_us: None, safe_us: None, struck: 0 };
-            }
             let longest = Duration::from_micros(cell.until_us).div_f64(self.speed.max(1e-6)) + PATIENCE;
-            if began.elapsed() > longest {
-                return Err(io::Error::other(format!("cell {number}: no verdict within {longest:.0?}")));
+            if has_ended || began.elapsed() > longest {
+                break Judged { verdict: Verdict::Hung.to_string(), detected_us: None, safe_us: None, struck: 0 };
             }
             thread::sleep(PAUSE);
         };
@@ -88,8 +94,8 @@ impl Simulator {
         }
         // The simulator ends when its stdout has no reader, so it also ends with this process.
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut process = command.spawn()?;
-        let mut stdout = BufReader::new(process.stdout.take().ok_or(io::ErrorKind::BrokenPipe)?);
+        let mut group = Group::start(&mut command)?;
+        let mut stdout = BufReader::new(group.child().stdout.take().ok_or(io::ErrorKind::BrokenPipe)?);
         let mut ready = String::new();
         stdout.read_line(&mut ready)?;
         let word = |mark: &str| ready.split_whitespace().find_map(|word| word.strip_prefix(mark)).map(str::to_owned);
@@ -107,7 +113,7 @@ impl Simulator {
                 }
             }
         });
-        Ok(Self { process, bus, http, trace })
+        Ok(Self { _group: group, bus, http, trace })
     }
 
     fn ask(&mut self) -> io::Result<JudgedCell> {
@@ -119,12 +125,5 @@ impl Simulator {
     fn end(self) -> String {
         let trace = self.trace.lock().unwrap_or_else(PoisonError::into_inner);
         trace.iter().cloned().collect::<Vec<_>>().join("\n")
-    }
-}
-
-impl Drop for Simulator {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
     }
 }

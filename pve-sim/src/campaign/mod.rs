@@ -6,7 +6,7 @@
 //! merge    joins the results of shards        sink/     the reports: page, CSV, JSON, JUnit, summary
 //! cores    tasks on threads, in order         progress  the progress line
 //! plan     the plan and its golden runs       live      a cell whose controller is a program
-//! program  a controller program with its children
+//! program  a controller program               process   started processes, with their children
 //! explore  the search for pairs of faults
 //! ```
 
@@ -17,6 +17,7 @@ mod live;
 mod manifest;
 mod merge;
 mod plan;
+mod process;
 mod program;
 mod progress;
 mod results;

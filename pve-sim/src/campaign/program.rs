@@ -2,75 +2,57 @@
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader, Read};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
+
+use super::process::Group;
 
 /// The number of lines kept, from the end of a program's output.
 const KEPT: usize = 50;
 
-/// The process IDs of the programs not yet ended by [`Program::end`] or a drop.
-static RUNNING: Mutex<Vec<u32>> = Mutex::new(Vec::new());
-
 /// A started controller program.
 #[derive(Debug)]
 pub(super) struct Program {
-    child: Child,
+    group: Group,
     said: Arc<Mutex<VecDeque<String>>>,
     readers: Vec<JoinHandle<()>>,
 }
 
 impl Program {
-    /// Starts a program; `{bus}` in its arguments becomes the URL of the bus. On Unix the program has its own process
-    /// group.
-    pub(super) fn start(words: &[String], bus: &str) -> io::Result<Self> {
-        let mut words = words.iter().map(|word| word.replace("{bus}", bus));
-        let mut command = Command::new(words.next().unwrap_or_default());
-        command.args(words).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        alone(&mut command);
-        let mut child = command.spawn()?;
-        RUNNING.lock().unwrap_or_else(PoisonError::into_inner).push(child.id());
+    /// Starts a program in a folder, with values for the placeholders in its arguments.
+    pub(super) fn start(words: &[String], values: &[(&str, String)], folder: &Path) -> io::Result<Self> {
+        let filled = |word: &String| values.iter().fold(word.clone(), |word, (name, value)| word.replace(name, value));
+        let mut words = words.iter().map(filled);
+        let program = words.next().unwrap_or_default();
+        // A name without a folder is looked up in PATH.
+        let has_folder = Path::new(&program).components().count() > 1;
+        let path = if has_folder { std::path::absolute(folder.join(program))? } else { program.into() };
+        let mut command = Command::new(path);
+        command.args(words).current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut group = Group::start(&mut command)?;
         let said = Arc::new(Mutex::new(VecDeque::new()));
         let mut readers = Vec::new();
-        readers.extend(child.stdout.take().map(|pipe| read(pipe, said.clone())));
-        readers.extend(child.stderr.take().map(|pipe| read(pipe, said.clone())));
-        Ok(Self { child, said, readers })
+        readers.extend(group.child().stdout.take().map(|pipe| read(pipe, said.clone())));
+        readers.extend(group.child().stderr.take().map(|pipe| read(pipe, said.clone())));
+        Ok(Self { group, said, readers })
     }
 
-    /// Returns the exit status of a program that has ended.
-    pub(super) fn ended(&mut self) -> Option<ExitStatus> {
-        self.child.try_wait().ok().flatten()
+    /// Returns whether the program has ended. Its children may still run.
+    pub(super) fn has_ended(&mut self) -> bool {
+        self.group.has_ended()
     }
 
     /// Ends the program with its children; returns the last lines of its output.
     pub(super) fn end(mut self) -> String {
-        self.kill();
+        self.group.end();
         // A child that has left the group may keep the pipe open.
         for reader in self.readers.drain(..).filter(JoinHandle::is_finished) {
             let _ = reader.join();
         }
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         said.iter().cloned().collect::<Vec<_>>().join("\n")
-    }
-
-    fn kill(&mut self) {
-        kill_group(self.child.id());
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-        RUNNING.lock().unwrap_or_else(PoisonError::into_inner).retain(|pid| *pid != self.child.id());
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        self.kill();
-    }
-}
-
-/// Ends all programs with their children. Called before this process ends.
-pub(super) fn end_all() {
-    for pid in RUNNING.lock().unwrap_or_else(PoisonError::into_inner).iter() {
-        kill_group(*pid);
     }
 }
 
@@ -88,47 +70,22 @@ fn read(pipe: impl Read + Send + 'static, said: Arc<Mutex<VecDeque<String>>>) ->
     })
 }
 
-#[cfg(unix)]
-fn alone(command: &mut Command) {
-    use std::os::unix::process::CommandExt as _;
-    command.process_group(0);
-}
-
-#[cfg(unix)]
-fn kill_group(pid: u32) {
-    use rustix::process::{Pid, Signal, kill_process_group};
-    // The group keeps the ID of its first process, even after the end of that process.
-    if let Some(group) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
-        let _ = kill_process_group(group, Signal::KILL);
-    }
-}
-
-#[cfg(not(unix))]
-const fn alone(_: &mut Command) {}
-
-/// Does nothing: without groups the children of a program are unknown.
-#[cfg(not(unix))]
-const fn kill_group(_: u32) {}
-
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
 
     fn sh(script: &str) -> Program {
-        Program::start(&["sh", "-c", script, "sh", "{bus}"].map(str::to_owned), "socketcand://x:1/pve0")
-            .expect("a shell")
+        let values = [("{bus}", "socketcand://x:1/pve0".to_owned())];
+        let words = ["sh", "-c", script, "sh", "{bus}"].map(str::to_owned);
+        Program::start(&words, &values, Path::new(".")).expect("a shell")
     }
 
     #[test]
-    fn output_is_kept_and_death_is_noticed() {
+    fn output_is_kept_and_the_end_is_noticed() {
         let mut program = sh("echo \"on $1\"; for n in $(seq 60); do echo $n >&2; done; exit 3");
-        let status = loop {
-            if let Some(status) = program.ended() {
-                break status;
-            }
+        while !program.has_ended() {
             thread::yield_now();
-        };
-        assert_eq!(status.code(), Some(3));
+        }
         while !program.readers.iter().all(JoinHandle::is_finished) {
             thread::yield_now();
         }

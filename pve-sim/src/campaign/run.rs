@@ -14,7 +14,7 @@ use super::cores::{Message, Stopped, in_order, messages};
 use super::live::Live;
 use super::manifest::{Manifest, Shard};
 use super::plan::{Prepared, prepare};
-use super::program;
+use super::process;
 use super::progress::Progress;
 use super::results::{Cell, Reader, Row, RowHead, Writer};
 use super::sink::{Reports, report};
@@ -99,7 +99,7 @@ fn run_rows(
     let ended = in_order(rows, jobs, work, channel, take, || progress.tell(&cells, taken_so_far.get()));
     progress.end();
     if ended.is_err() {
-        program::end_all();
+        process::end_all();
     }
     let path = || options.results.clone();
     ended.map_err(|stopped: Stopped<CampaignError>| match stopped {
@@ -162,6 +162,22 @@ fn shortened(trace: &str) -> String {
     let to = lines.len().min(from + TRACE);
     let left_out = |lines: usize| if lines > 0 { format!("… {lines} more lines\n") } else { String::new() };
     format!("{}{}\n{}", left_out(from), lines[from..to].join("\n"), left_out(lines.len() - to)).trim_end().to_owned()
+}
+
+/// Runs a task; `None` if a signal ends it. The processes that it has started end, too.
+pub(super) fn until_signal<R: Send + 'static>(work: impl Fn() -> R + Send + Sync + 'static) -> Option<R> {
+    let channel = messages();
+    let sender = channel.0.clone();
+    on_signal(move || drop(sender.send(Message::Interrupted)));
+    let mut result = None;
+    let take = |done| {
+        result = Some(done);
+        Ok::<(), ()>(())
+    };
+    if in_order(vec![()], 1, move |()| work(), channel, take, || {}).is_err() {
+        process::end_all();
+    }
+    result
 }
 
 /// Calls `act` when a signal requests the end of the process.

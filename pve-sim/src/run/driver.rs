@@ -16,7 +16,7 @@ use super::platform::{Platform, SPIN};
 use super::printer::Printer;
 use super::timekeeper::{MAX_SLEEP, Timekeeper};
 use super::trace::Trace;
-use crate::control::{ControlServer, Speed};
+use crate::control::{ControlServer, Message, Speed};
 use crate::inbox::{Arrival, ToWorld};
 use hal_sim::log::Timestamp;
 use hal_sim::simulation::Simulation;
@@ -110,6 +110,7 @@ impl<O: Platform> Driver<O> {
     ///
     /// Returns whether everything was stored, and the log and stdout are complete.
     pub(super) fn run(mut self) -> bool {
+        self.wait_for_controller();
         self.power_on();
         while !self.platform.is_ending() {
             self.turn();
@@ -119,6 +120,24 @@ impl<O: Platform> Driver<O> {
         self.show();
         let is_stored = !self.warn_of_memories();
         self.trace.finish() && is_stored
+    }
+
+    /// In a cell of a campaign, waits until a client listens to the bus or sends a command: the start of a controller
+    /// takes no virtual time. Stepped time waits for its calls anyway.
+    fn wait_for_controller(&mut self) {
+        let is_judged = self.control.as_ref().is_some_and(ControlServer::is_judged);
+        let mut waits = is_judged && !self.is_stepped;
+        while waits && !self.platform.is_ending() {
+            self.flush();
+            let Some(arrival) = self.platform.wait(None, WallDuration::ZERO) else { continue };
+            waits = !matches!(arrival.message, ToWorld::Listen(..) | ToWorld::Control(Message::Execute(..)));
+            self.arrivals.push_back(arrival);
+            if waits {
+                self.execute_next();
+            }
+        }
+        let now = self.platform.now();
+        self.time.restart(now, self.simulation.now());
     }
 
     /// Lets the gateways join, then powers the first device immediately, and the others at random moments within

@@ -71,6 +71,12 @@ impl Timekeeper {
         Self { speed, anchor, last_reading: now, behind: None, is_too_fast: false, over: false, stalls }
     }
 
+    /// Continues from a wall instant and its virtual instant.
+    pub(super) const fn restart(&mut self, now: WallInstant, world: Instant) {
+        self.anchor = (now, world);
+        self.last_reading = now;
+    }
+
     /// Returns the virtual time at a wall instant, at most [`LAST`]; a wall instant before the anchor counts as the
     /// anchor.
     ///

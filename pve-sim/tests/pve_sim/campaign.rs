@@ -242,16 +242,42 @@ fn a_program_is_the_controller_and_its_end_is_a_verdict() {
     assert!(told.ends_with("0 passed, 2 failed\n") && told.contains("1 hung"), "{told}");
     assert!(files.read("ends.json").contains("on socketcand://127.0.0.1:"), "its output is kept");
 
-    // Nobody drives the valve: the low supply is noticed by its own monitor.
-    files.write("lives.toml", &with_program("[\"sh\", \"-c\", \"sleep 1000; :\"]"));
-    let (code, told, errors) = files.run(&["lives.toml", "--cell", "0"]);
-    assert_eq!((code, errors.as_str()), (Some(0), ""), "{told}");
-    assert!(told.contains(": safe at 20.000 ms, safe after 2000.000 ms\n"), "{told}");
-
     files.write("none.toml", &with_program("[\"no-such-program\"]"));
     let (code, _, errors) = files.run(&["none.toml"]);
     assert_eq!(code, Some(1));
     assert!(errors.starts_with("pve-sim: controller no-such-program: No such file"), "{errors}");
+}
+
+/// Sends 77F when it has received the boot-up and, later, an EMCY.
+#[cfg(target_os = "linux")]
+const LISTENER: &str = r#"
+port=${1##*:}
+exec 3<>"/dev/tcp/127.0.0.1/${port%/*}"
+printf '< open pve0 >< rawmode >' >&3
+while read -r -d '>' message <&3; do
+  case $message in
+    *'frame 720 '*) heard=boot-up ;;
+    *'frame 0A0 '*) heard=$heard,emcy ;;
+  esac
+  [ "$heard" != boot-up,emcy,emcy ] || printf '< send 77F 0 >' >&3
+done
+"#;
+
+#[cfg(target_os = "linux")]
+#[test]
+fn time_begins_when_the_program_listens_and_its_folder_is_that_of_the_plan() {
+    let files = Files::new();
+    files.write("listener.sh", LISTENER);
+    // The valve itself notices the low supply. The program may take a minute of the wall clock.
+    let plan = with_program("[\"bash\", \"listener.sh\", \"{bus}\", \"{speed}\"]").replace("2200", "700000");
+    let plan = plan.replace("within_ms = 2100", "for_ms = 1, within_ms = 2100");
+    files.write("listens.toml", &(plan + "detected = { expect = \"77F#\", within_ms = 600000 }\n"));
+    let ended = output(&["campaign", &files.text("listens.toml"), "--cell", "0"]);
+    let told = String::from_utf8(ended.stdout).expect("text");
+    assert!(
+        told.contains(": safe at 20.000 ms, detected after ") && told.ends_with(", safe after 2000.000 ms\n"),
+        "{told}"
+    );
 }
 
 #[cfg(target_os = "linux")]
@@ -260,15 +286,23 @@ fn programs_end_with_an_interrupted_campaign() {
     let files = Files::new();
     let script = "[\"sh\", \"-c\", \"sleep 1000 & echo $! > pid; mv pid child; wait\"]";
     files.write("long.toml", &with_program(script).replace("speed = 10", "speed = 0.001"));
-    let (process, _watch) = spawn(pve_sim(&["campaign", "long.toml", "--jobs", "1"]).current_dir(files.0.path()));
-    while !files.path("child").exists() {
-        thread::yield_now();
-    }
-    kill_process(Pid::from_child(&process), Signal::INT).expect("it still runs");
-    assert_eq!(process.wait_with_output().expect("its end").status.code(), Some(1));
-    let stat = format!("/proc/{}/stat", files.read("child").trim());
-    while fs::read_to_string(&stat).is_ok_and(|stat| !stat.contains(") Z ")) {
-        thread::yield_now();
+    for (arguments, line) in
+        [(&["--jobs", "1"], ": interrupted; the complete rows are in "), (&["--cell", "0"], ": interrupted\n")]
+    {
+        let words = [&["campaign", "long.toml"][..], arguments].concat();
+        let (process, _watch) = spawn(pve_sim(&words).current_dir(files.0.path()));
+        while !files.path("child").exists() {
+            thread::yield_now();
+        }
+        kill_process(Pid::from_child(&process), Signal::INT).expect("it still runs");
+        let ended = process.wait_with_output().expect("its end");
+        assert_eq!(ended.status.code(), Some(1));
+        assert!(String::from_utf8_lossy(&ended.stderr).contains(line), "{ended:?}");
+        let stat = format!("/proc/{}/stat", files.read("child").trim());
+        while fs::read_to_string(&stat).is_ok_and(|stat| !stat.contains(") Z ")) {
+            thread::yield_now();
+        }
+        fs::remove_file(files.path("child")).expect("a file");
     }
 }
 
