@@ -53,8 +53,10 @@ for (const row of rows) {
   row.worst = row.cells.find((cell) => cell.at === row.worst_us && (cell.number !== null) === (row.worst_number !== null)) ?? row.cells[0];
   row.label = manifest.seeds.length > 1 ? `${row.fault} (seed ${row.seed})` : row.fault;
 }
-const first = Math.min(...rows.map((row) => row.cells[0].at));
-const last = Math.max(...rows.map((row) => row.cells.at(-1).at), first + 1);
+/** Returns the least and the greatest number; 0 for none. */
+const range = (numbers) => numbers.reduce(([least, most], number) => [Math.min(least, number), Math.max(most, number)], [numbers[0] ?? 0, numbers[0] ?? 0]);
+const [first] = range(rows.map((row) => row.cells[0].at));
+const last = Math.max(range(rows.map((row) => row.cells.at(-1).at))[1], first + 1);
 const total = (verdict) => rows.reduce((sum, row) => sum + (row.counts.get(verdict) ?? 0), 0);
 const span = last - first;
 
@@ -73,8 +75,9 @@ const reaction = ({ detected, safe }) => [
 $("h1").textContent = document.title = manifest.title || manifest.plan;
 const failed = VERDICTS.filter(({ passed }) => !passed).reduce((sum, verdict) => sum + total(verdict), 0);
 const cells = rows.reduce((sum, row) => sum + row.cells.length, 0);
-$("#outcome").textContent = failed === 0 ? `All ${count(cells, "cell")} passed` : `${failed.toLocaleString("en")} of ${count(cells, "cell")} failed`;
-$("#outcome").toggleAttribute("data-failed", failed > 0);
+const outcome = failed === 0 ? `All ${count(cells, "cell")} passed` : `${failed.toLocaleString("en")} of ${count(cells, "cell")} failed`;
+$("#outcome").textContent = cells === 0 ? "No cells" : manifest.missing ? `${outcome}; rows are missing` : outcome;
+$("#outcome").toggleAttribute("data-failed", failed > 0 || cells === 0 || manifest.missing !== undefined);
 const injected = rows.flatMap((row) => row.cells.filter(({ number, verdict }) => number !== null && verdict !== BY_LETTER.i));
 const noticed = injected.filter(({ detected }) => detected !== null).length;
 const grid = rows.reduce((sum, { verdicts }) => sum + verdicts.length, 0);
@@ -187,11 +190,11 @@ function repaint() {
 const WIDE = 520, HIGH = 150, LEFT = 64, RIGHT = 8, TOP = 20, BOTTOM = 20;
 function plot(row) {
   const times = row.cells.flatMap(({ detected, safe }) => [detected, safe]).filter((time) => time !== null);
-  const step = round(Math.max(...times, limits.detected_us ?? 0, limits.safe_us ?? 0, 1) / 3), most = 3 * step * 1.04;
+  const step = round(Math.max(range(times)[1], limits.detected_us ?? 0, limits.safe_us ?? 0, 1) / 3), most = 3 * step * 1.04;
   const x = (at) => LEFT + ((at - first) / span) * (WIDE - LEFT - RIGHT), y = (time) => HIGH - BOTTOM - (time / most) * (HIGH - BOTTOM - TOP);
   const series = ["detected", "safe"].filter((name) => limits[`${name}_us`] !== null);
   const of = (name) => row.cells.map((cell) => cell[name]).filter((time) => time !== null);
-  const told = series.map((name) => (of(name).length ? `${name} after ${ms(Math.min(...of(name)))} to ${ms(Math.max(...of(name)))}` : `never ${name}`));
+  const told = series.map((name) => (of(name).length ? `${name} after ${range(of(name)).map(ms).join(" to ")}` : `never ${name}`));
   const picture = drawing("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img", "aria-label": `Reaction times of ${row.label}: ${told.join("; ")}` });
   for (let time = 0; time <= most; time += step) {
     picture.append(drawing("line", { class: "grid", x1: LEFT, x2: WIDE - RIGHT, y1: y(time), y2: y(time) }), drawing("text", { x: LEFT - 5, y: y(time) + 4, "text-anchor": "end" }, ms(time)));
@@ -265,5 +268,7 @@ show();
 // The fragment of the URL chooses a cell; without a fragment, the worst cell is chosen.
 const [, number, at] = /^#cell=(\d+)@(\d+)$/.exec(location.hash) ?? [];
 const asked = rows.find((row) => String(row.row) === number);
-const worst = rows.reduce((a, b) => (b.worst.verdict.severity > a.worst.verdict.severity ? b : a));
-choose(asked ?? worst, asked ? nearest(asked, Number(at)) : worst.worst, false);
+if (rows.length > 0) {
+  const worst = rows.reduce((a, b) => (b.worst.verdict.severity > a.worst.verdict.severity ? b : a));
+  choose(asked ?? worst, asked ? nearest(asked, Number(at)) : worst.worst, false);
+}

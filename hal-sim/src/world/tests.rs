@@ -461,3 +461,16 @@ fn a_power_cut_planned_for_a_word_takes_the_device_along() {
     rig.run_for(100);
     assert_eq!(rig.probe(0).stored.last().unwrap().1, Ok(()));
 }
+
+#[test]
+fn the_position_of_a_valve_without_power_changes_at_an_event_alone() {
+    let mut world = World::new(RATE, 1);
+    let valve = world.add("valve", crate::ValveKind::PveaCanopen);
+    for _ in 0..2 {
+        let limit = after(world.now(), Duration::from_secs(10));
+        assert_eq!(world.next_inside(valve, &(100..=200), limit), limit);
+        world.power(valve, true);
+        world.run_until(after(world.now(), Duration::from_millis(50)));
+        world.power(valve, false);
+    }
+}

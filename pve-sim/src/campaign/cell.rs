@@ -41,7 +41,7 @@ impl Which {
     pub(super) fn of(self, campaign: &Campaign<'_>) -> Option<Place> {
         match self {
             Self::Number(number) => campaign.numbered(number),
-            Self::At(row, at_us) => campaign.rows().get(row).map(|_| Place { row, at: Instant::from_micros(at_us) }),
+            Self::At(row, at_us) => campaign.at(row, Instant::from_micros(at_us)),
         }
     }
 }
@@ -113,7 +113,10 @@ pub fn judged(options: &CellOptions, speed: Speed) -> Result<(Simulation, Judge)
 
 fn unknown(campaign: &Campaign<'_>) -> CampaignError {
     let (rows, cells) = (campaign.rows().len(), campaign.cells());
-    CampaignError::Refused(format!("--cell: no such cell; the plan has {rows} rows and {cells} cells, numbered from 0"))
+    CampaignError::Refused(format!(
+        "--cell: no such cell; the plan has {rows} rows and {cells} cells, numbered from 0; an instant is one from the \
+         first to the last of the plan"
+    ))
 }
 
 /// A cell in the output of `--list`.

@@ -1,6 +1,7 @@
 //! Runs tasks on several threads, and delivers their results in order.
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -15,6 +16,8 @@ const PAUSE: Duration = Duration::from_millis(200);
 pub(super) enum Message<R> {
     /// The index of a task, and its result.
     Done(usize, R),
+    /// A task that panicked.
+    Panicked,
     /// A signal, which ends the work.
     Interrupted,
 }
@@ -73,15 +76,15 @@ where
     R: Send + 'static,
 {
     let (count, shared, turn) = (tasks.len(), Arc::new((tasks, work)), Arc::new(Turn::default()));
-    let alive = Arc::new(());
     for _ in 0..jobs.min(count) {
-        let (shared, turn, sender, alive) = (shared.clone(), turn.clone(), sender.clone(), alive.clone());
+        let (shared, turn, sender) = (shared.clone(), turn.clone(), sender.clone());
         thread::spawn(move || {
-            let _alive = alive;
             loop {
                 let place = turn.begin(jobs * AHEAD);
                 let Some(task) = shared.0.get(place) else { break };
-                if sender.send(Message::Done(place, shared.1(task))).is_err() {
+                // The other threads would wait for the result of this one.
+                let done = catch_unwind(AssertUnwindSafe(|| shared.1(task)));
+                if sender.send(done.map_or(Message::Panicked, |result| Message::Done(place, result))).is_err() {
                     break;
                 }
             }
@@ -94,14 +97,8 @@ where
         match messages.recv_timeout(PAUSE) {
             Ok(Message::Done(place, result)) => drop(early.insert(place, result)),
             Ok(Message::Interrupted) => return Err(Stopped::Interrupted),
-            Err(RecvTimeoutError::Timeout) if Arc::strong_count(&alive) > 1 => {}
-            // All threads have ended. Their last messages may have come since the time-out; a missing result means a
-            // panic.
-            Err(_) => match messages.try_recv() {
-                Ok(Message::Done(place, result)) => drop(early.insert(place, result)),
-                Ok(Message::Interrupted) => return Err(Stopped::Interrupted),
-                Err(_) => return Err(Stopped::Panicked),
-            },
+            Ok(Message::Panicked) | Err(RecvTimeoutError::Disconnected) => return Err(Stopped::Panicked),
+            Err(RecvTimeoutError::Timeout) => {}
         }
         while let Some(result) = early.remove(&taken) {
             take(result).map_err(Stopped::Failed)?;
@@ -162,8 +159,10 @@ mod tests {
 
     #[test]
     fn a_panic_is_reported() {
-        let work = |task: &i32| assert!(*task != 3, "on purpose");
-        let stopped = in_order((0..10).collect(), 1, work, messages(), |()| Ok::<(), ()>(()), || {});
-        assert!(matches!(stopped, Err(Stopped::Panicked)));
+        for jobs in [1, 2] {
+            let work = |task: &i32| assert!(*task != 3, "on purpose");
+            let stopped = in_order((0..100).collect(), jobs, work, messages(), |()| Ok::<(), ()>(()), || {});
+            assert!(matches!(stopped, Err(Stopped::Panicked)), "{jobs}");
+        }
     }
 }

@@ -57,7 +57,11 @@ pub(super) fn prepare(path: &Path, seed: Option<u64>, forked: bool) -> Result<Pr
         format: FORMAT,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         commit: option_env!("PVE_SIM_COMMIT").map(str::to_owned),
-        plan: path.to_string_lossy().replace('\\', "/"),
+        plan: if cfg!(windows) {
+            path.to_string_lossy().replace('\\', "/")
+        } else {
+            path.to_string_lossy().into_owned()
+        },
         plan_hash: hash(&text, &scenario),
         title,
         seeds,

@@ -12,6 +12,9 @@ use super::process::Group;
 /// The number of lines kept, from the end of a program's output.
 const KEPT: usize = 50;
 
+/// The maximum length of a line of output, in bytes. The rest of a longer line counts as further lines.
+const LINE: u64 = 4096;
+
 /// A started controller program.
 #[derive(Debug)]
 pub(super) struct Program {
@@ -59,10 +62,11 @@ impl Program {
 /// Reads a pipe on a new thread, so that the pipe never fills up. Keeps the last lines.
 fn read(pipe: impl Read + Send + 'static, said: Arc<Mutex<VecDeque<String>>>) -> JoinHandle<()> {
     thread::spawn(move || {
-        let mut lines = BufReader::new(pipe).split(b'\n');
-        while let Some(Ok(line)) = lines.next() {
+        let (mut pipe, mut line) = (BufReader::new(pipe), Vec::new());
+        while matches!((&mut pipe).take(LINE).read_until(b'\n', &mut line), Ok(1..)) {
             let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
             said.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
+            line.clear();
             if said.len() > KEPT {
                 said.pop_front();
             }

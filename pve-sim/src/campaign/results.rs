@@ -1,5 +1,6 @@
 //! Results files: JSON lines. The manifest comes first, then each row with its cells, in the order of the rows.
 
+use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -149,7 +150,7 @@ impl Writer {
 
     /// Opens the results of an interrupted campaign for appending after the last complete row. Returns the numbers of
     /// the complete rows.
-    pub(super) fn resume(path: &Path, manifest: &Manifest) -> Result<(Self, Vec<usize>), ResultsError> {
+    pub(super) fn resume(path: &Path, manifest: &Manifest) -> Result<(Self, BTreeSet<usize>), ResultsError> {
         let mut reader = Reader::open(path)?;
         let found = &reader.manifest;
         if !found.is_of_campaign_of(manifest) || found.shard != manifest.shard {
@@ -157,9 +158,9 @@ impl Writer {
                           omit --resume to replace them";
             return Err(ResultsError::new(path, reason));
         }
-        let mut rows = Vec::new();
+        let mut rows = BTreeSet::new();
         while let Some(row) = reader.next_row()? {
-            rows.push(row.head.row);
+            rows.insert(row.head.row);
         }
         let of = |error: io::Error| ResultsError::new(path, error);
         let mut file = OpenOptions::new().write(true).open(path).map_err(of)?;
@@ -194,6 +195,8 @@ pub(super) struct Reader {
     pub(super) manifest: Manifest,
     /// The number of the last line that was read.
     line: u64,
+    /// The lowest possible number of the next row.
+    lowest: usize,
     read: u64,
     /// The length of the manifest and the complete rows so far, in bytes.
     complete: u64,
@@ -211,7 +214,7 @@ impl Reader {
         match serde_json::from_slice(&text) {
             Ok(Line::Manifest(manifest)) if manifest.format == FORMAT && text.ends_with(b"\n") => {
                 let path = path.to_owned();
-                Ok(Self { path, file, manifest, line: 1, read, complete: read, text: String::new() })
+                Ok(Self { path, file, manifest, line: 1, lowest: 0, read, complete: read, text: String::new() })
             }
             _ => Err(ResultsError::new(path, "not a results file in the format of this version")),
         }
@@ -224,6 +227,11 @@ impl Reader {
             Some(Line::Row(head)) => head,
             Some(_) => return Err(self.refuse("a row was expected")),
         };
+        let Manifest { rows, shard, .. } = self.manifest;
+        if head.row < self.lowest || head.row >= rows || shard.is_some_and(|shard| !shard.has(head.row)) {
+            return Err(self.refuse(&format!("row {} does not belong here", head.row)));
+        }
+        self.lowest = head.row + 1;
         let mut cells = Vec::new();
         while cells.len() < head.cells {
             match self.next_line()? {

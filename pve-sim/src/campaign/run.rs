@@ -1,5 +1,6 @@
 //! Runs the rows of a plan, appends them to the results file, and reports them.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -56,10 +57,10 @@ pub fn run(options: &RunOptions, out: &mut dyn Write) -> Result<bool, CampaignEr
     let Prepared { campaign, manifest, live, .. } = prepare(&options.plan, options.seed, options.forked)?;
     let manifest = Manifest { shard: options.shard, ..manifest };
     let path = &options.results;
-    let (writer, done) = if options.resume && path.exists() {
+    let (writer, done) = if options.resume && path.metadata().is_ok_and(|meta| meta.len() > 0) {
         Writer::resume(path, &manifest)?
     } else {
-        (Writer::create(path, &manifest)?, Vec::new())
+        (Writer::create(path, &manifest)?, BTreeSet::new())
     };
     let is_own = |row: &usize| options.shard.is_none_or(|shard| shard.has(*row)) && !done.contains(row);
     let rows: Vec<usize> = (0..manifest.rows).filter(is_own).collect();

@@ -72,7 +72,7 @@ fn a_torn_file_goes_on_behind_its_last_complete_row() {
         fs::write(path("torn"), &whole[..length]).expect("a file");
         let (mut writer, done) = Writer::resume(&path("torn"), &manifest).expect("results");
         let complete = starts.iter().filter(|start| **start <= length).count() - 1;
-        assert_eq!(done, (0..complete).collect::<Vec<_>>(), "{length}");
+        assert_eq!(done, (0..complete).collect(), "{length}");
         rows[complete..].iter().for_each(|row| writer.append(row).expect("a row"));
         assert!(fs::read_to_string(path("torn")).expect("text") == whole, "{length}");
     }
@@ -143,6 +143,49 @@ fn shards_merge_to_the_whole_and_missing_rows_are_named() {
     written(&files[1], &manifest(10), &[Row { head: RowHead { seed: 2, ..rows[4].head.clone() }, ..rows[4].clone() }]);
     let (refused, _) = merged(&files);
     assert!(refused.expect_err("another row").contains("row 4 is different in another file"));
+}
+
+#[test]
+fn rows_that_do_not_belong_to_a_file_are_refused() {
+    let (_folder, path) = folder();
+    let rows: Vec<Row> = (0..4).map(|number| row(number, 2)).collect();
+    let shard = Some("1/2".parse().expect("a shard"));
+    for (manifest, order, number) in [
+        (manifest(4), [0, 1, 1].as_slice(), 1),
+        (manifest(4), [2, 1].as_slice(), 1),
+        (manifest(3), [0, 3].as_slice(), 3),
+        (Manifest { shard, ..manifest(4) }, [0, 1].as_slice(), 1),
+    ] {
+        let rows: Vec<Row> = order.iter().map(|number| rows[*number].clone()).collect();
+        written(&path("edited"), &manifest, &rows);
+        let error = Writer::resume(&path("edited"), &manifest).expect_err("a foreign row").to_string();
+        assert!(error.contains(&format!("row {number} does not belong here")), "{error}");
+        let options = MergeOptions { files: vec![path("edited")], results: None, reports: Reports::default() };
+        assert!(merge(&options, &mut Vec::new()).is_err(), "{order:?}");
+    }
+}
+
+#[test]
+fn a_missing_row_fails_in_each_report() {
+    let (_folder, path) = folder();
+    written(
+        &path("part"),
+        &manifest(2),
+        &[Row { cells: row(0, 2).cells[..2].to_vec(), head: RowHead { cells: 2, worst: 0, ..row(0, 2).head } }],
+    );
+    let file = |name: &str| Some(path(name));
+    let reports = Reports { html: None, csv: None, json: file("json"), junit: file("junit") };
+    let mut told = Vec::new();
+    let options = MergeOptions { files: vec![path("part")], results: None, reports };
+    assert_eq!(merge(&options, &mut told).map_err(|error| error.to_string()), Ok(false));
+    let read = |name: &str| fs::read_to_string(path(name)).expect("text");
+    assert!(String::from_utf8_lossy(&told).contains("missing: 1 of 2 rows, with all their cells: 1\n"));
+    assert!(read("json").contains("\"missing\":\"1 of 2 rows"));
+    let junit = read("junit");
+    assert!(
+        junit.contains("tests=\"2\" skipped=\"0\" failures=\"1\"") && junit.contains("missing: 1 of 2 rows"),
+        "{junit}"
+    );
 }
 
 /// Reports of a campaign; returns the files by their options.

@@ -109,14 +109,24 @@ struct ReportArgs {
     junit: Option<PathBuf>,
 }
 
+/// Returns the absolute path of a file that may not exist yet, without links.
+fn file(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        path.file_name().map_or_else(|| path.to_owned(), |name| folder.join(name))
+    })
+}
+
 /// Refuses an output file that is a plan, a scenario, an input, or another output.
 fn check(reports: &Reports, results: Option<&Path>, inputs: &[PathBuf]) -> Result<(), UsageError> {
     let results = results.map(|path| ("--results", path));
     let outputs: Vec<(&str, &Path)> = reports.files().chain(results).collect();
     for (place, (option, path)) in outputs.iter().enumerate() {
         let is_toml = path.extension().is_some_and(|end| end == "toml");
+        let is_same = |other: &Path| file(other) == file(path);
         let is_taken =
-            inputs.iter().any(|input| input == path) || outputs[..place].iter().any(|(_, other)| other == path);
+            inputs.iter().any(|input| is_same(input)) || outputs[..place].iter().any(|(_, other)| is_same(other));
         if is_toml || is_taken {
             let why = if is_toml { "a .toml file is a plan or a scenario" } else { "this file is given twice" };
             return Err(UsageError(format!("{option} {}: {why}; use a different file", path.display())));
@@ -161,7 +171,7 @@ impl TryFrom<CampaignArgs> for Request {
             format!("{name}{shard}.results.jsonl").into()
         });
         let reports = args.reports.into();
-        check(&reports, Some(&results), &[])?;
+        check(&reports, Some(&results), std::slice::from_ref(&plan))?;
         let (jobs, forked) = (args.jobs.map(usize::from), !args.no_fork);
         Ok(Self::Campaign(RunOptions { plan, seed, jobs, shard, resume: args.resume, forked, results, reports }))
     }

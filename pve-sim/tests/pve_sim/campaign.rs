@@ -387,3 +387,83 @@ fn a_search_that_finds_nothing_is_exit_0_and_needs_a_plan_without_a_program() {
     refusal(&["campaign", &plan, "--explore", "0"], 2);
     refusal(&["campaign", &plan, "--finds", "."], 2);
 }
+
+#[test]
+fn outputs_never_replace_an_input_under_another_name() {
+    let files = Files::new();
+    assert_eq!(files.run(&["plan.toml", "--shard", "1/2", "--results", "part"]).0, Some(0));
+    let part = files.read("part");
+    files.write("plan", PLAN);
+    let same = files.path("../").join(files.0.path().file_name().expect("a name")).join("part");
+    let same = same.to_str().expect("text");
+    for arguments in [
+        vec!["merge", "part", "--results", "./part"],
+        vec!["merge", "part", "--csv", "./part"],
+        vec!["merge", "part", "--csv", same],
+        vec!["merge", "part", "--csv", "new", "--json", "./new"],
+        vec!["plan", "--csv", "plan"],
+        vec!["plan", "--results", "new", "--html", "./new"],
+    ] {
+        let (code, _, errors) = files.run(&arguments);
+        assert!(code == Some(2) && errors.contains("this file is given twice"), "{arguments:?} {errors}");
+    }
+    assert!(files.read("part") == part && files.read("plan") == PLAN && !files.path("new").exists());
+}
+
+#[test]
+fn an_empty_results_file_is_resumed_and_an_empty_part_fails() {
+    let files = Files::new();
+    files.write("results", "");
+    assert_eq!(files.run(&["plan.toml", "--resume", "--results", "results"]).0, Some(0));
+    assert!(files.read("results").contains("\"row\":3"));
+    let (code, told, _) = files.run(&["plan.toml", "--shard", "5/5", "--html", "empty.html"]);
+    assert_eq!(code, Some(1), "{told}");
+    assert!(told.starts_with("nothing was run: part 5/5 of the 4 rows is empty\n"), "{told}");
+}
+
+#[test]
+fn an_instant_outside_the_plan_is_no_cell() {
+    let files = Files::new();
+    for cell in ["0@499999", "0@700001", "0@18446744073709551615", "4@500000", "20"] {
+        let (code, _, errors) = files.run(&["plan.toml", "--cell", cell]);
+        assert!(code == Some(2) && errors.contains("no such cell"), "{cell}: {errors}");
+    }
+    assert_eq!(files.run(&["plan.toml", "--cell", "0@511500"]).0, Some(0));
+}
+
+/// Runs a ready plan as a whole. Returns its exit code, its last line, and the faults that did not pass.
+fn ready(name: &str) -> (Option<i32>, String, Vec<String>) {
+    let files = Files::new();
+    let plan = format!("{}/../scenarios/campaigns/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let (code, told, errors) = files.run(&[&plan]);
+    assert_eq!(errors, "", "{told}");
+    let failed = told.lines().filter_map(|line| line.strip_prefix("FAIL ")?.split_once(": ")).map(|(fault, _)| fault);
+    let failed = failed.map(str::to_owned).collect();
+    (code, told.lines().last().unwrap_or_default().to_owned(), failed)
+}
+
+#[test]
+fn the_careful_master_passes_the_faults_of_its_valve() {
+    assert_eq!(ready("valve-careful"), (Some(0), "1072 passed, 0 failed".to_owned(), Vec::new()));
+}
+
+#[test]
+fn the_careful_master_passes_a_cranked_engine() {
+    assert_eq!(ready("cranking"), (Some(0), "1694 passed, 0 failed".to_owned(), Vec::new()));
+}
+
+#[test]
+fn the_careless_master_fails_by_both_mistakes() {
+    let (code, last, failed) = ready("valve-careless");
+    assert_eq!((code, last.as_str()), (Some(1), "691 passed, 397 failed"));
+    assert!(failed.iter().all(|fault| fault == "valve"), "{failed:?}");
+}
+
+/// docs/campaigns.md names this number.
+#[test]
+fn the_careful_master_fails_the_errors_that_a_valve_cannot_detect() {
+    let (code, last, failed) = ready("communication");
+    assert_eq!((code, last.as_str()), (Some(1), "1356 passed, 228 failed"));
+    let wanted = ["corrupt 220, data toggle 00000040", "swap 220 within 1000 ms", "insert 220"];
+    assert_eq!(failed, wanted);
+}

@@ -58,6 +58,11 @@ impl<W: Write> Sink for JUnit<W> {
     }
 
     fn end(&mut self) -> io::Result<()> {
+        if let Some(missing) = &self.manifest.missing {
+            let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
+            status.set_message(format!("missing: {missing}")).set_type("missing");
+            self.suite.add_test_case(TestCase::new("all rows", status));
+        }
         let mut report = Report::new(SUITE);
         report.add_test_suite(self.suite.clone());
         let text = report.to_string().map_err(io::Error::other)?;

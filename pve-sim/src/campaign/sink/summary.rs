@@ -57,6 +57,10 @@ impl<'a> Summary<'a> {
         if let Some(missing) = &self.manifest.missing {
             writeln!(out, "missing: {missing}")?;
         }
+        if self.cells == 0 && self.manifest.missing.is_none() {
+            let part = self.manifest.shard.map_or_else(String::new, |shard| format!("part {shard} of "));
+            writeln!(out, "nothing was run: {part}the {} rows is empty", self.manifest.rows)?;
+        }
         writeln!(out, "{} passed, {} failed", self.cells - self.failed, self.failed)
     }
 
