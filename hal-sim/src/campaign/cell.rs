@@ -18,7 +18,7 @@ pub struct Cell {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CellResult {
-    /// The number of a grid cell, counted through all rows from 0; `None` for a cell of the refinement.
+    /// The number of a grid cell, counted through all rows from 0; `None` for an instant that is not on the grid.
     pub number: Option<u64>,
     /// The number of the row, from 0.
     pub row: usize,
@@ -28,7 +28,7 @@ pub struct CellResult {
     pub seed: u64,
     /// The instant of the fault, in microseconds of virtual time.
     pub at_us: u64,
-    /// True for a cell of the refinement.
+    /// True if the instant is not on the grid.
     pub refined: bool,
     /// The verdict.
     pub verdict: Verdict,
@@ -36,7 +36,8 @@ pub struct CellResult {
     pub detected_us: Option<u64>,
     /// The time from the fault to the safe state, in microseconds; 0 if the safe state held from the fault on.
     pub safe_us: Option<u64>,
-    /// The number of frames that a communication fault affected; 1 for a plant or power fault that acted.
+    /// The number of frames that a communication fault affected; for a plant or power fault, 1 if the plant or the
+    /// power changed.
     pub struck: u64,
 }
 

@@ -21,12 +21,12 @@ pub(super) struct PlanFault {
     pub(super) text: String,
     /// The reference for the reports.
     pub(super) reference: Option<String>,
-    /// The keys of the fault, with the name of its device, without its reference.
+    /// The keys of the fault in the plan, with `device` added and without `reference`.
     pub(super) entry: Table,
     pub(super) act: Act,
 }
 
-/// The injection of a fault.
+/// The action that injects a fault.
 #[derive(Clone, Debug)]
 pub(super) enum Act {
     /// A change of the plant of the named device.
@@ -65,7 +65,7 @@ pub(super) fn count(entry: &Table) -> u64 {
     entry.iter().map(of).fold(1, u64::saturating_mul)
 }
 
-/// Returns a key whose list is empty and stands for no value.
+/// Returns a key that needs a value but has an empty list.
 pub(super) fn without_value(entry: &Table) -> Option<&str> {
     entry.iter().find_map(|(key, value)| match value {
         Value::Table(table) => without_value(table),
@@ -137,10 +137,10 @@ const ERRORS: [(&str, &str); 8] = [
 /// The number of communication errors on the identifier of a frame without data.
 pub(super) const LEAST_ERRORS: u64 = ERRORS.len() as u64 - 1;
 
-/// The bit of the last data byte that a communication error changes.
+/// The bit that a communication error changes in the last data byte.
 const CHANGED_BIT: u8 = 0x40;
 
-/// Returns the eight communication errors on the identifier of a frame. Without data, a frame cannot be corrupted.
+/// Returns the eight communication errors on a frame's identifier; without corruption if the frame has no data.
 pub(super) fn communication(frame: &Frame) -> impl Iterator<Item = PlanFault> {
     let (id, mut data) = (digits(frame.id()), frame.data().to_vec());
     let mut mask = vec![0; data.len()];
@@ -253,7 +253,7 @@ fn switch(device: &str, change: Table, rest: Table) -> Result<(String, Act), Str
     Ok((format!("{device}: {word}{span}"), Act::Power(device.to_owned(), power, lasts)))
 }
 
-/// Refuses each key except `for_ms`.
+/// Refuses any key except `for_ms`.
 fn only_duration(rest: Table) -> Result<Table, String> {
     match rest.keys().find(|key| *key != "for_ms") {
         Some(key) => Err(format!("{key} is a key of communication faults; accepted here: device, for_ms, reference")),

@@ -16,8 +16,7 @@ use crate::simulation::{Happened, Simulation};
 use crate::state::digits;
 use crate::world::NodeId;
 
-/// The largest difference between two positions that count as equal: 2 % of the stroke of a valve, or of
-/// the turn of a shaft.
+/// The largest difference between positions that count as equal: 2 % of a valve's stroke or of a shaft's turn.
 const TOLERANCE: i32 = 328;
 
 /// The reason why a campaign cannot run.
@@ -59,7 +58,7 @@ pub(super) struct Golden {
     samples: Vec<Sample>,
     /// The instants of the faults.
     pub(super) instants: Vec<Instant>,
-    /// The identifiers that are sent in the observation of each instant, with the last frame of each.
+    /// The identifiers sent within the observation time after every fault instant, each with its last frame.
     pub(super) identifiers: BTreeMap<(bool, u32), Frame>,
 }
 
@@ -186,7 +185,7 @@ impl Golden {
 struct Frames {
     from: Instant,
     to: Instant,
-    /// The ends of the frames from the first to the last instant of the faults.
+    /// The ends of the frames from the first to the last fault instant.
     ends: Vec<Instant>,
     identifiers: BTreeMap<(bool, u32), Seen>,
 }
@@ -195,7 +194,7 @@ struct Frames {
 struct Seen {
     frame: Frame,
     last: Instant,
-    /// The longest time without such a frame since the first instant of the faults.
+    /// The longest time without such a frame, from the first fault instant on.
     gap: Duration,
 }
 

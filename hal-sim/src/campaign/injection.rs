@@ -7,7 +7,7 @@ use super::master::Subject;
 use crate::simulation::{Command, Executed, Reply, Simulation};
 use crate::state::{PlantState, Power};
 
-/// An injected fault, with its effect so far.
+/// An injected fault, and whether it has changed anything.
 pub(super) struct Injection<'a> {
     fault: &'a PlanFault,
     /// The name of the communication fault.
@@ -75,7 +75,8 @@ impl<'a> Injection<'a> {
         }
     }
 
-    /// Returns the number of frames that a communication fault affected; 1 for a plant or power fault that acted.
+    /// Returns the number of frames that a communication fault affected; for a plant or power fault, 1 if the plant or
+    /// the power changed.
     pub(super) fn struck(&self, simulation: &Simulation) -> u64 {
         match &self.name {
             Some(name) => simulation.faults().find(|record| record.name == *name).map_or(0, |record| record.struck),

@@ -27,7 +27,7 @@ pub trait Master {
     fn fork(&self, target: &Self::Target) -> Option<Self::Target>;
 }
 
-/// The steps of the scenario as the controller.
+/// No separate controller: the steps of the scenario act as the controller.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scripted;
 

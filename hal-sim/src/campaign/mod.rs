@@ -9,7 +9,7 @@
 //! master   kinds of controllers         controller  controllers in Rust
 //! golden   golden runs                  run         rows and cells, by forking
 //! rig      a run with its oracles       oracles     the oracles during a run
-//! observe  the faults of a run          injection   the injection of one fault
+//! observe  the observation of a run     injection   the injection of one fault
 //! cell     cells and their results      verdict     verdicts
 //! explore/ the search for pairs of faults
 //! judge    a cell whose controller is outside this library

@@ -1,4 +1,4 @@
-//! Injects the faults of a run, and observes the run from the first fault until the verdict is decided.
+//! Injects faults into a run, and observes the run from the first fault until the verdict is decided.
 
 use protocol_core::time::{Instant, NEVER, after};
 
@@ -22,7 +22,8 @@ pub(super) trait Spectator: Watch {
 impl Spectator for () {}
 
 /// Injects faults into a run that has reached the instant of the first fault, and observes the run until the verdict is
-/// decided. The oracles begin at the first instant, and their limits count from the last instant, even without a fault.
+/// decided. The oracles begin at the first instant, and their limits count from the last instant. Both rules also apply
+/// to an instant without a fault (`None`).
 ///
 /// Returns the run, the observations, and the smallest [number of affected frames](Injection::struck) of all faults.
 pub(super) fn observe<'a, T: Subject>(

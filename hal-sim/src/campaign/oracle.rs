@@ -34,7 +34,7 @@ pub(super) enum Proof {
 #[derive(Debug)]
 pub(super) struct SafeState {
     pub(super) state: Wanted,
-    /// The time for which the state must hold; `None` until the end of the observation.
+    /// The time for which the state must hold; `None` if it must hold until the end of the observation.
     pub(super) span: Option<Duration>,
 }
 
@@ -42,10 +42,10 @@ pub(super) struct SafeState {
 const FORMS: &str = "give expect = \"000#02..\", expect = { dsm = \"fault-hold\" }, or stops = \"220\" with for_ms";
 
 impl Detected {
-    /// Checks the proof against the devices on the bus.
+    /// Checks `detected` against the devices on the bus, and returns its oracle.
     ///
     /// # Errors
-    /// The reason, with the accepted forms.
+    /// The reason, for the user.
     pub(super) fn check(self, devices: &[NamedDevice]) -> Result<Oracle<Proof>, String> {
         let Self { expect, stops, for_ms, device: name, within_ms } = self;
         let is_state = matches!(expect, Some(Expected::State(_)));
@@ -77,10 +77,10 @@ impl Detected {
 }
 
 impl Safe {
-    /// Checks the safe state against the devices on the bus.
+    /// Checks `safe` against the devices on the bus, and returns its oracle.
     ///
     /// # Errors
-    /// The reason, with the accepted values.
+    /// The reason, for the user.
     pub(super) fn check(self, devices: &[NamedDevice]) -> Result<Oracle<SafeState>, String> {
         let Self { expect, device: name, for_ms, within_ms } = self;
         let state = state(devices, name.as_deref(), expect)?;

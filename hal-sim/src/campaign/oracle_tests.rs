@@ -1,4 +1,4 @@
-//! Oracles: proofs that are none, and safe states without an effect.
+//! Oracles: frames that prove nothing, and safe states that no fault affects.
 
 use super::*;
 
@@ -96,7 +96,7 @@ fn a_safe_state_needs_no_effect_of_the_fault() {
     }
 }
 
-/// Time goes on after the end of a strict scenario, whatever its devices send.
+/// After the end of a strict scenario, time advances regardless of the frames from its devices.
 #[test]
 fn a_fault_after_the_end_of_a_strict_scenario_comes_at_its_instant() {
     let scenario = r#"
@@ -120,7 +120,7 @@ steps = [
     assert!(line.trim_start().starts_with("300.000 ms"), "{trace}");
 }
 
-/// A controller that sends, and receives nothing.
+/// A controller that sends frames but receives none.
 #[derive(Clone)]
 struct Deaf;
 

@@ -16,7 +16,7 @@ use crate::simulation::{Happened, Simulation};
 use crate::state::{DeviceState, Pattern};
 use crate::world::NodeId;
 
-/// The oracles of a run. Before the fault, only the frame of [`Proof::Stops`] is tracked.
+/// The oracles of a run. Before the first fault, the oracles track only the frame of [`Proof::Stops`].
 #[derive(Clone)]
 pub(super) struct Oracles<'a> {
     proof: Option<Seeker<'a>>,
@@ -35,12 +35,12 @@ struct Injected {
     last: Instant,
     /// The names of the communication faults. Frames from these senders are no proof.
     names: Vec<Arc<str>>,
-    /// The corrupted frames that have not been on the bus yet. They prove nothing, either.
+    /// The corrupted frames that are still to appear on the bus. They are no proof either.
     corrupted: Vec<Frame>,
 }
 
 impl Injected {
-    /// Returns whether a frame comes from a communication fault, and not from its sender.
+    /// Returns whether a communication fault inserted or corrupted a frame. Forgets a corrupted frame.
     fn is_made(&mut self, who: &Arc<str>, frame: &Frame) -> bool {
         let place = self.corrupted.iter().position(|corrupted| corrupted == frame);
         place.map(|place| self.corrupted.swap_remove(place)).is_some() || self.names.contains(who)
@@ -49,7 +49,7 @@ impl Injected {
 
 #[derive(Clone)]
 enum Seeker<'a> {
-    /// The expected frames, and the number of frames that have matched so far.
+    /// The expected frames, and the number of matched frames.
     Frames(&'a [Pattern], usize),
     State(Box<StateEye<'a>>),
     /// The identifier of the frame, the required silence, and the end of the last such frame.
@@ -66,7 +66,7 @@ struct Safety<'a> {
     proved: Option<Instant>,
 }
 
-/// A check of a device state that does not affect the run.
+/// A device-state check that does not affect the run.
 #[derive(Clone)]
 struct StateEye<'a> {
     wanted: &'a Wanted,
@@ -167,7 +167,7 @@ impl<'a> Oracles<'a> {
         self.effect.is_some()
     }
 
-    /// Checks the states and the silence of a stopped frame at the current instant.
+    /// Checks the expected states, and the silence of a stopped frame, at the current instant.
     pub(super) fn look(&mut self, simulation: &Simulation) {
         let Some(fault) = &self.fault else { return };
         let now = simulation.now();
@@ -208,7 +208,7 @@ impl<'a> Oracles<'a> {
         }
     }
 
-    /// Returns the identifier of [`Proof::Stops`] if no such frame has come yet.
+    /// Returns the identifier of [`Proof::Stops`] if no frame with it has been sent yet.
     pub(super) const fn unknown(&self) -> Option<Id> {
         match &self.proof {
             Some(Seeker::Stops(id, _, None)) => Some(*id),
@@ -216,7 +216,8 @@ impl<'a> Oracles<'a> {
         }
     }
 
-    /// Returns whether detection and safe state are decided.
+    /// Returns whether each oracle of the plan is fulfilled already. A safe state that must hold until the end never
+    /// is.
     pub(super) fn are_decided(&self) -> bool {
         (self.proof.is_none() || self.detected.is_some())
             && self.safe.as_ref().is_none_or(|safety| safety.proved.is_some())
@@ -228,8 +229,8 @@ impl<'a> Oracles<'a> {
         self.detected.map(|at| since(at, fault.last))
     }
 
-    /// Returns the time from the last fault to the safe state, if any; 0 for an earlier state. `end` is the end of
-    /// the observation. A state that has held for long enough by then needs no effect of the fault.
+    /// Returns the time from the last fault to the safe state, if any; 0 for an earlier state. `end` is the end of the
+    /// observation. A state that has held for its span by `end` counts even without an effect of the fault.
     pub(super) fn safe(&self, end: Instant) -> Option<Duration> {
         let (fault, safety) = (self.fault.as_ref()?, self.safe.as_ref()?);
         let begin = match safety.span {
@@ -241,7 +242,7 @@ impl<'a> Oracles<'a> {
 }
 
 impl Oracles<'_> {
-    /// Observes a frame of a sender.
+    /// Observes a frame that its sender has sent, even if a fault keeps the frame off the bus.
     fn sent(&mut self, frame: &Frame, at: Instant) {
         match (&mut self.proof, &self.fault) {
             (Some(Seeker::Stops(id, span, last)), fault) if frame.id() == *id => {

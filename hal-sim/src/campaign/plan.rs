@@ -22,7 +22,7 @@ pub const MAX_CELLS: u64 = 10_000_000;
 pub struct Plan {
     title: String,
     path: String,
-    /// The text of the plan, and that of its scenario.
+    /// The texts of the plan and of its scenario.
     pub(super) texts: (String, String),
     controller: Option<Vec<String>>,
     speed: f64,
@@ -63,7 +63,8 @@ impl Grid {
 type Refused = (Vec<Place>, String);
 
 impl Plan {
-    /// Parses and checks a plan. `read` returns the text of the scenario at the plan's path.
+    /// Parses and checks a plan. `read` is called with the scenario path as written in the plan, and returns the text
+    /// of that file.
     ///
     /// # Errors
     /// [`ReadError`] with the line of the first error.
@@ -253,7 +254,7 @@ pub(super) fn refuse_more(cells: u64) -> Result<(), String> {
     ))
 }
 
-/// A table for the deserialisation of a ready set.
+/// A wrapper that lets [`table`], which deserialises only tables, read the name of a predefined fault set.
 #[derive(serde::Deserialize)]
 struct Word {
     word: ReadySet,

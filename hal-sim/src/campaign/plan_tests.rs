@@ -1,4 +1,4 @@
-//! Plans that are read, and plans that are refused.
+//! Accepted and refused plans.
 
 use std::collections::BTreeSet;
 

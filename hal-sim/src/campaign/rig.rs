@@ -42,7 +42,7 @@ impl<'a, T: Subject> Rig<'a, T> {
     }
 }
 
-/// Two observers.
+/// An observer that passes its observations to two others.
 struct Both<'r, W>(&'r mut W, &'r mut dyn Watch);
 
 impl<W: Watch> Watch for Both<'_, W> {

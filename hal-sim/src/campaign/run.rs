@@ -1,4 +1,5 @@
-//! Runs the cells of each row as forks of one run, and refines the row around verdict changes and the worst cell.
+//! Runs the cells of each row, as forks of one run if the controller can be cloned, otherwise each from the start.
+//! Refines each interval in which the verdict changes, and the worst interval.
 
 use protocol_core::time::{Duration, Instant};
 
@@ -13,7 +14,7 @@ use super::rig::Rig;
 use super::verdict::{Observed, Verdict};
 use crate::scenario::Target as _;
 
-/// The step of the refinement.
+/// The time step of the refinement.
 const FINE: Duration = Duration::from_millis(1);
 
 /// A campaign whose golden runs have passed. Rows are independent and can run in parallel.
@@ -65,7 +66,7 @@ impl<'a> Campaign<'a> {
 
 impl<'a, C: Controller + Clone, F: Fn() -> C> Campaign<'a, Cloned<F>> {
     /// Creates a campaign after one golden run for each seed. `make` creates a controller, which acts in addition to
-    /// the steps of the scenario; cells clone this controller.
+    /// the steps of the scenario. Each cell has a clone of this controller.
     ///
     /// # Errors
     /// [`CampaignError`]
@@ -148,8 +149,9 @@ impl<'a, M: Master> Campaign<'a, M> {
         (*instants.first()?..=*instants.last()?).contains(&at).then_some(Cell { row, at })
     }
 
-    /// Runs a row and passes each result to `each`: the grid cells in order, the cells that locate each change of the
-    /// verdict to 1 ms, and at last the worst interval in steps of 1 ms. An unknown row has no cells.
+    /// Runs a row and passes each result to `each`: the grid cells in order, after each change of the verdict the cells
+    /// that locate the change to 1 ms, and finally the worst interval in steps of 1 ms, unless both its verdicts are
+    /// [`NoEffect`](Verdict::NoEffect). An unknown row has no cells.
     pub fn row(&self, row: usize, each: &mut dyn FnMut(CellResult)) {
         let Some(golden) = self.rows.get(row).and_then(|row| self.goldens.get(row.golden)) else { return };
         let mut base = self.base(row);

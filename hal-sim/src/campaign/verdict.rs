@@ -21,7 +21,7 @@ pub enum Verdict {
     Undetected,
     /// The controller ended, panicked or failed before the verdict.
     Hung,
-    /// The fault changed nothing, so the cell proves nothing.
+    /// A fault changed nothing, so the cell proves nothing.
     NotInjected,
 }
 
@@ -34,14 +34,16 @@ pub struct Limits {
     pub safe: Option<Duration>,
 }
 
-/// The observations of a cell. Times count from the fault; `None` if the oracle was not met within the observation.
+/// The observations of a cell. Times count from the fault, or from the last of several faults; `None` if the oracle was
+/// not met within the observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observed {
-    /// True if the fault acted on a device or a frame.
+    /// True if every injected fault changed a plant or the power, or affected at least one frame.
     pub was_injected: bool,
     /// True if the controller was alive at the end of the cell.
     pub is_alive: bool,
-    /// True if the fault had an effect on a device.
+    /// True if the state of a device then departed from the golden run or, with an inexact controller, from its state
+    /// before the fault.
     pub had_effect: bool,
     /// The time to the detection.
     pub detected: Option<Duration>,

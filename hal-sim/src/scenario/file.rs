@@ -273,13 +273,13 @@ pub(crate) fn parse<T: for<'de> Deserialize<'de>>(
     }
 }
 
-/// Returns the line number of a member; 1 if the text contains no part of the path.
+/// Returns the line number of the value at a path; 1 if the text contains no part of the path.
 pub(crate) fn line_at(text: &str, path: &[Place]) -> usize {
     let place = DeTable::parse(text).ok().and_then(|table| place_of(table.get_ref(), path));
     place.map_or(1, |place| line_of(text, place))
 }
 
-/// Returns the text offset of a member, or of the deepest existing part of its path.
+/// Returns the text offset of the value at a path, or of the deepest existing part of the path.
 fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
     let (first, mut rest) = path.split_first()?;
     let Place::Key(key) = first else { return None };

@@ -16,8 +16,9 @@ pub(super) struct Frames<'a> {
     pub(super) since: Option<Instant>,
     /// The number of the next event to check.
     pub(super) next: u64,
-    /// The number of the event after the last matching frame, whose time is `last`.
+    /// The number of the event that follows the last matching frame.
     pub(super) mark: u64,
+    /// The time of the last matching frame.
     pub(super) last: Instant,
 }
 

@@ -26,8 +26,8 @@ enum Guarded<'a> {
 }
 
 impl<'a> Guard<'a> {
-    /// Creates a prohibition that begins now, and the command that must provide its ticket. `next` is the number of the
-    /// next event.
+    /// Creates a prohibition that begins now, and the command whose ticket the caller must store in the prohibition.
+    /// `next` is the number of the next event.
     pub(super) fn new(step: &'a Step, never: &'a Never, now: Instant, next: u64) -> (Self, Command) {
         let until = never.span.map_or(NEVER, |span| after(now, span));
         let within = since(until, now);
@@ -41,7 +41,7 @@ impl<'a> Guard<'a> {
         (Self { step, since: now, until, what, ticket: None }, command)
     }
 
-    /// Returns the violation of the prohibition, if any. `ended` is the result of the ticket, if it has completed.
+    /// Returns the violation of the prohibition, if any. `ended` is the result of the completed ticket, if any.
     pub(super) fn violation(&mut self, ended: Option<&Result<Reply, Refusal>>, history: &History) -> Option<Failure> {
         match (&mut self.what, ended) {
             (Guarded::Frames(patterns, next, since), _) => {
@@ -55,8 +55,7 @@ impl<'a> Guard<'a> {
         }
     }
 
-    /// Returns the reason if the prohibition was never checked: no time has passed, or `t_us` was outside the checked
-    /// time.
+    /// Returns the reason if the prohibition was never checked: no time passed, or `t_us` was outside the checked time.
     pub(super) fn unchecked(&self, now: Instant) -> Option<&'static str> {
         let end = self.until.min(now);
         let instant = match &self.what {

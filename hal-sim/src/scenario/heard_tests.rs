@@ -57,7 +57,7 @@ fn the_first_power_up_has_no_second() {
     assert_eq!(told, [(2, DEAF_SENSOR)]);
 }
 
-/// The remedy suits the setup of the device and the bit rates of the product.
+/// The suggested remedy depends on the setup of the device and on the bit rates of its product.
 #[test]
 fn the_remedy_fits_the_device() {
     for (device, remedy) in [

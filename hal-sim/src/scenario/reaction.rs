@@ -85,7 +85,7 @@ impl<'a> Reactions<'a> {
         }
     }
 
-    /// Returns the next instant at which a rule acts on an absence.
+    /// Returns the next instant at which a rule acts on a missing frame.
     pub(super) fn due(&self) -> Instant {
         self.rules.iter().map(|rule| rule.due).min().unwrap_or(NEVER)
     }

@@ -342,7 +342,7 @@ fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<St
     lines
 }
 
-/// Returns a line of carets that mark bytes of a printed frame.
+/// Returns a line of carets that mark bytes in a printed frame.
 fn carets(frame: &Frame, bytes: &[usize]) -> String {
     let head = frame.to_string().find(':').map_or(0, |colon| colon + 2);
     let mut line = " ".repeat(head);

@@ -26,7 +26,7 @@ pub(crate) fn published(name: &str, title: &str, mut definitions: Map<String, Va
     text.replace("#/components/schemas/", "#/$defs/") + "\n"
 }
 
-/// Replaces null with "none" in the schemas of nullable members.
+/// Replaces null with "none" in the schemas of nullable properties.
 pub(crate) fn replace_null(definitions: &mut Map<String, Value>) {
     for schema in definitions.values_mut() {
         if let Some(members) = schema.get_mut("properties").and_then(Value::as_object_mut) {
@@ -35,7 +35,7 @@ pub(crate) fn replace_null(definitions: &mut Map<String, Value>) {
     }
 }
 
-/// Replaces null with "none" in the schema of a nullable member.
+/// Replaces null with "none" in the schema of a nullable property.
 fn with_none(member: &mut Value) {
     let Some(fields) = member.as_object_mut() else { return };
     let description = fields.remove("description");

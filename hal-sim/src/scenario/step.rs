@@ -33,7 +33,8 @@ pub(super) enum Begin {
 pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
-    /// The time from which frames of any sender count; `None` for the frames of the devices from the step on.
+    /// The time from which frames of any sender count. With `None`, only frames of the devices count, from the start of
+    /// the step.
     pub(super) since: Option<Instant>,
     pub(super) within: Duration,
     /// The period with which the frame must repeat after the expectation.
@@ -46,7 +47,7 @@ pub(super) struct Never {
     pub(super) what: What,
     /// As in [`Expect::since`].
     pub(super) since: Option<Instant>,
-    /// The duration of the prohibition; `None` until the end of the scenario.
+    /// The duration of the prohibition; `None` if it lasts until the end of the scenario.
     pub(super) span: Option<Duration>,
 }
 
@@ -89,7 +90,7 @@ impl What {
 }
 
 impl Step {
-    /// Returns whether time can pass in the step.
+    /// Returns whether time can pass during the step.
     pub(super) fn can_take_time(&self) -> bool {
         let waits = match self.begin {
             Begin::Now => false,

@@ -24,7 +24,7 @@ fn passes(steps: &str) {
     assert!(outcome.is_success(), "{steps}\n{}", outcome.failures("x.toml"));
 }
 
-/// Runs steps of which `failures` fail. Returns the report.
+/// Runs steps with the given number of failures. Returns the report.
 fn fails(steps: &str, failures: usize) -> String {
     let outcome = outcome(steps);
     let text = outcome.failures("x.toml");
@@ -155,7 +155,7 @@ fn a_number_that_is_none_says_what_is_accepted() {
     }
 }
 
-/// A frame that matches several patterns does not leave another pattern unmatched.
+/// With `since_ms`, frames count from an earlier instant, including frames of the scenario.
 #[test]
 fn frames_count_since_an_earlier_instant_also_the_own_ones() {
     let steps = |check: &str| {

@@ -24,7 +24,7 @@ pub(super) struct Trial {
     cyclic: Vec<Id>,
     /// The identifiers of all cyclic frames that the scenario sends.
     ever_cyclic: Vec<Id>,
-    /// The names of all faults so far. A number appended to a default name is not included.
+    /// The names of the faults in the steps so far, without a number that was appended to a default name.
     faults: Vec<String>,
 }
 

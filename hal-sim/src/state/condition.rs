@@ -132,7 +132,7 @@ pub struct LedCondition {
     pub flashing: Option<bool>,
 }
 
-/// Deserialises an object that may be null; null differs from a missing member.
+/// Deserialises an object that may be null; null differs from a missing key.
 fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
     present(value).map(|value| value.map(|value: Option<Object<T>>| value.map(|Object(value)| value)))
 }
@@ -182,7 +182,7 @@ impl StateCondition {
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
     }
 
-    /// Returns the accepted positions if the current position is not accepted.
+    /// Returns the accepted positions if the current position is not one of them.
     pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())
@@ -244,7 +244,7 @@ impl LedCondition {
     }
 }
 
-/// The maximum look-ahead for a change of position, because the search on a linked shaft proceeds step by step.
+/// The maximum time over which a change of position is predicted, because a linked shaft is searched step by step.
 const FORESIGHT: Duration = Duration::from_secs(1);
 
 /// A condition on a device state. The caller must check the condition after every event of the world and at the due
@@ -276,7 +276,7 @@ impl StateWatch {
         (state, holds)
     }
 
-    /// Returns the next time at which the condition must be checked again if no event occurs; `until` at the latest.
+    /// Returns the next time at which the condition must be checked if no event occurs; `until` at the latest.
     pub fn due(&self, until: Instant, world: &World) -> Instant {
         let asked = self.condition.t_us.map_or(NEVER, Instant::from_micros);
         let limit = if asked > world.now() { asked.min(until) } else { until };

@@ -406,7 +406,7 @@ impl FaultRequest {
     }
 }
 
-/// Prefixes the message about a refused value with its key.
+/// Returns a function that prefixes a refusal with the key of the refused value.
 fn within(key: &'static str) -> impl FnOnce(Invalid) -> Invalid {
     move |Invalid(reason)| Invalid(format!("{key}: {reason}"))
 }

@@ -15,7 +15,7 @@ pub fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result
     T::deserialize(value).map(Some)
 }
 
-/// Deserialises a value that may be null; null differs from a missing member.
+/// Deserialises a value that may be null; null differs from a missing key.
 pub(crate) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
     Option::deserialize(value).map(Some)
 }

@@ -197,7 +197,7 @@ mod tests {
         values
     }
 
-    /// A change with `for_ms` would otherwise leave a word as it is at its end.
+    /// Otherwise a change with `for_ms` could not restore the earlier value of the word.
     #[test]
     fn each_value_of_a_word_is_set_by_json_and_stands_in_the_state() {
         let mut world = World::new(BitRate::Kbit250, 1);

@@ -20,7 +20,7 @@ const STROKE: RangeInclusive<i64> = -16384..=16384;
 /// The range of object 0x6004 of an angle sensor (SPEC 9).
 const TURN: RangeInclusive<i64> = 0..=POSITION_MAX as i64;
 
-/// All states of the LED of a powered valve (SPEC 2).
+/// All LED states of a powered valve (SPEC 2).
 const LEDS: [Led; 5] = [
     Led { color: Color::Green, flashing: false },
     Led { color: Color::Green, flashing: true },
@@ -100,8 +100,8 @@ fn bit_rates(kind: Kind) -> Vec<Values> {
     rates.into_iter().map(|rate| Values::Numbers(rate..=rate)).collect()
 }
 
-/// Refuses values that a device of this kind and name never has, or never has at the same time. `none` is the word for
-/// null in messages.
+/// Refuses a value that a device of this kind and name never has, and values that it never has at the same time. `none`
+/// is the word for null in messages.
 ///
 /// # Errors
 /// A message with the key, its value, and its possible values.
@@ -210,7 +210,7 @@ impl Values {
     }
 }
 
-/// Returns the range of a number or of limits; `None` for any other value.
+/// Returns the range of a number, or between limits; `None` for any other value.
 fn bounds(value: &Json) -> Option<RangeInclusive<i64>> {
     if let Some(fields) = value.as_object() {
         let limit = |key, open| fields.get(key).map_or(Some(open), Json::as_i64);
@@ -222,7 +222,7 @@ fn bounds(value: &Json) -> Option<RangeInclusive<i64>> {
     value.as_i64().map(|number| number..=number)
 }
 
-/// Returns whether a value equals the wanted value or, for an object, contains all wanted members.
+/// Returns whether a value equals the wanted value or, for an object, contains all wanted properties.
 fn is_part(wanted: &Json, value: &Json) -> bool {
     match (wanted, value) {
         (Json::Object(wanted), Json::Object(fields)) => {

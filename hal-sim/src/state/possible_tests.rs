@@ -1,5 +1,5 @@
-//! Checks the table of possible values against the devices: their states contain only values of the table, and all of
-//! them.
+//! Checks the table of possible values against the devices: the devices have every value in the table, and no other
+//! values.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::world::{ClientPortId, NodeId, World};
 
 const NAME: &str = "boom";
 
-/// A device on a bus, with all states that it has had.
+/// A device on a bus, with all states that have occurred.
 struct Rig {
     world: World,
     master: ClientPortId,
@@ -112,7 +112,7 @@ impl Rig {
         self.pass(400);
     }
 
-    /// Asserts that the rigs have had all states of the table: words, faults, and the range of positions.
+    /// Asserts that all states of the table have occurred: words, faults, and the range of positions.
     fn assert_all_seen(rigs: &[Self]) {
         let kind = rigs[0].kind;
         for powered in [true, false] {

@@ -40,7 +40,7 @@ pub enum ResetCause {
 }
 
 impl PowerChange {
-    /// Returns the change. Exactly one member must be given.
+    /// Returns the change. Exactly one of `on` and `reset` must be given.
     pub fn power(self) -> Result<Power, Invalid> {
         match (self.on, self.reset) {
             (Some(false), None) => Ok(Power::Off),
@@ -54,7 +54,7 @@ impl PowerChange {
 }
 
 impl Power {
-    /// Applies the change to a device. An unpowered device cannot be reset: the error is the message for this case.
+    /// Applies the change to a device. The error is the message that an unpowered device cannot be reset.
     pub fn switch(self, node: NodeId, world: &mut World) -> Result<(), &'static str> {
         match self {
             Self::Off => world.power(node, false),

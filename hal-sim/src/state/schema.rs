@@ -13,7 +13,7 @@ use utoipa::openapi::{RefOr, schema};
 use super::{Invalid, words};
 use crate::Kind;
 
-/// The nullable members of each schema. All other optional members may be missing but not null.
+/// The nullable properties of each schema. All other optional properties may be missing but not null.
 const NULLABLE: &[(&str, &[&str])] = &[
     ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
     ("Spool", &["fault"]),
@@ -23,10 +23,10 @@ const NULLABLE: &[(&str, &[&str])] = &[
 #[derive(Clone, Debug)]
 pub struct Schemas(Map<String, Value>);
 
-/// A step of the path to a member.
+/// A step of the path to a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// A member of an object.
+    /// A key of an object.
     Key(String),
     /// An item of a list.
     Item(usize),
@@ -35,9 +35,9 @@ pub enum Place {
 /// A value that a schema does not accept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// The path to the invalid member.
+    /// The path to the invalid value.
     pub path: Vec<Place>,
-    /// The reason, with the name of the invalid member and the accepted values.
+    /// The reason, with the name of the invalid value and the accepted values.
     pub reason: String,
 }
 
@@ -52,7 +52,7 @@ impl Schemas {
         })
     }
 
-    /// Creates the schemas of input types. An optional member is an `Option` in Rust, but nullable only if listed in
+    /// Creates the schemas of input types. An optional property is an `Option` in Rust, but nullable only if listed in
     /// [`NULLABLE`].
     fn requests(named: impl IntoIterator<Item = (String, RefOr<schema::Schema>)>) -> Self {
         let schemas = named.into_iter().map(|(name, schema)| {
@@ -74,7 +74,7 @@ impl Schemas {
         &self.0
     }
 
-    /// Converts a text to a number or a Boolean, as required by the schema of a member; otherwise to a string.
+    /// Converts a text to a number or a Boolean if the schema of the property requires one, otherwise to a string.
     pub fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
         let kind = self.0.get(name).and_then(|schema| schema["properties"][key]["type"].as_str());
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
@@ -90,7 +90,7 @@ impl Schemas {
     /// Validates a value against the named schema. `null` is the word for null in messages.
     ///
     /// # Errors
-    /// The first invalid member.
+    /// [`Mismatch`] for the first invalid value.
     pub fn check(&self, name: &str, value: &Value, null: &str) -> Result<(), Mismatch> {
         let Some(schema) = self.0.get(name) else { return Ok(()) };
         match (Checker { schemas: self, null }.mismatch(schema, value, &mut Vec::new())) {
@@ -112,7 +112,7 @@ impl From<Mismatch> for Invalid {
     }
 }
 
-/// Removes null from the schema of each member that is not nullable.
+/// Removes null from the schema of each property that is not nullable.
 fn without_null(name: &str, schema: &mut Value) {
     let nullable = NULLABLE.iter().find(|(known, _)| *known == name).map_or(&[][..], |(_, keys)| keys);
     let Some(members) = schema.get_mut("properties").and_then(Value::as_object_mut) else { return };
@@ -131,7 +131,7 @@ fn without_null(name: &str, schema: &mut Value) {
     }
 }
 
-/// Removes the integer formats from a schema, because the limits already define the range exactly.
+/// Removes the integer formats from a schema, because the limits already define the exact range.
 pub fn without_formats(schema: &mut Value) {
     match schema {
         Value::Object(members) => {
@@ -145,7 +145,7 @@ pub fn without_formats(schema: &mut Value) {
     }
 }
 
-/// Adds constraints that attributes cannot express: dependencies between members, and limits defined by the core.
+/// Adds constraints that attributes cannot express: dependencies between properties, and limits defined by the core.
 fn restrict(name: &str, schema: &mut Value) {
     let members = schema.get("properties").and_then(Value::as_object);
     if members.is_some_and(|members| members.contains_key("id") && members.contains_key("extended")) {
@@ -216,7 +216,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns whether a schema, or any of its choices, accepts an object.
+    /// Returns whether a schema, or any of its choices, describes an object with properties.
     fn has_members(&self, schema: &'a Value) -> bool {
         let schema = self.resolved(schema);
         schema["properties"].is_object()
@@ -378,7 +378,7 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// Returns the choices of a schema; `None` if the schema has no choices, or has members.
+/// Returns the choices of a schema; `None` if the schema has no choices, or has properties.
 fn choices(schema: &Value) -> Option<&Vec<Value>> {
     let has_members = schema["properties"].is_object();
     ["oneOf", "anyOf"].iter().find_map(|several| schema[several].as_array()).filter(|_| !has_members)
@@ -409,7 +409,7 @@ fn is_within(schema: &Value, value: &Value) -> bool {
         && whole(&schema["maximum"]).is_none_or(|max| number <= max)
 }
 
-/// Returns whether a list has the number of items that its schema requires; true if the schema requires no number.
+/// Returns whether a list has the number of items that its schema requires, if any.
 fn has_length(schema: &Value, value: &Value) -> bool {
     schema["maxItems"].as_u64().zip(value.as_array()).is_none_or(|(items, list)| list.len() as u64 == items)
 }
@@ -429,7 +429,7 @@ pub fn with_whole_numbers(value: Value) -> Value {
     }
 }
 
-/// Formats the path of a member: `steps[2].plant.supply_mv`.
+/// Formats the path of a value: `steps[2].plant.supply_mv`.
 fn named(path: &[Place]) -> String {
     path.iter().fold(String::new(), |name, place| match place {
         Place::Key(key) if name.is_empty() => key.clone(),

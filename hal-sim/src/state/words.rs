@@ -1,4 +1,5 @@
-//! The plant words as JSON: their values, and the schemas of these values. Both follow from the table of the core.
+//! The plant words as JSON: their values, and the schemas of these values. Both are derived from the word table in the
+//! core.
 
 use std::fmt;
 
@@ -12,7 +13,7 @@ use super::given::object;
 
 const SPOOL: &str = "spool";
 const MEMORY: &str = "memory";
-/// The value of `memory` that no console has: the memory is unreadable at the next start.
+/// A value of `memory` that the console lacks: the memory is unreadable at the next start.
 const DAMAGED: &str = "damaged";
 const ON: &str = "on";
 const OFF: &str = "off";
@@ -23,7 +24,7 @@ const SWITCH: Values = Values::Words(&[ON, OFF]);
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Words {
     pub(super) changes: Vec<Change>,
-    /// Whether the memory is unreadable at the next start; `None` if the memory is not among the words.
+    /// True if the memory is unreadable at the next start; `None` if the memory is not among the words.
     pub(super) is_damaged: Option<bool>,
 }
 
@@ -104,7 +105,7 @@ impl Serialize for Words {
     }
 }
 
-/// Converts a JSON value to the change of a word. Returns `None` for a malformed value. The range is not checked.
+/// Converts a JSON value to the change of a word, without a check of the range. `None` if the value is malformed.
 fn change(word: &Word, value: &Json) -> Option<Change> {
     let text = match (word.values, value) {
         (SWITCH, Json::Bool(on)) => if *on { ON } else { OFF }.to_owned(),
@@ -148,7 +149,7 @@ pub(super) fn schema_of_plant(product: Product, description: &str) -> Json {
     })
 }
 
-/// Adds the words to the schema of a change. `beside` are its other keys.
+/// Adds the words to the schema of a change. `beside` lists its other keys.
 pub(super) fn add_to_change(schema_of_change: &mut Json, beside: [&str; 2]) {
     for word in &WORDS {
         schema_of_change["properties"][word.name] = schema(word, "SpoolChange");
@@ -161,7 +162,7 @@ pub(super) fn add_to_change(schema_of_change: &mut Json, beside: [&str; 2]) {
     schema_of_change["additionalProperties"] = false.into();
 }
 
-/// Returns the schemas that the schemas of words refer to.
+/// Returns the schemas to which the schemas of words refer.
 pub(super) fn definitions() -> [(String, Json); 4] {
     let words = |name: &str, other: Option<&'static str>| {
         let values = WORDS.iter().find(|word| word.name == name).map(|word| word.values);

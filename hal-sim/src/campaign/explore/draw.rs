@@ -11,13 +11,13 @@ use crate::campaign::run::Campaign;
 use crate::scenario::OWN;
 use crate::simulation::Simulation;
 
-/// The number of draws for a pair.
+/// The maximum number of draws for one pair.
 const ATTEMPTS: usize = 1000;
 
-/// The source of the pairs.
+/// A generator of pairs.
 pub(super) struct Source<'a> {
     plan: &'a Plan,
-    /// The faults of the plan, one of each.
+    /// Each fault of the plan, once.
     faults: Vec<PlanFault>,
     goldens: u32,
     rng: Rng,
@@ -33,7 +33,7 @@ impl<'a> Source<'a> {
         Self { plan, faults, goldens, rng: Rng::with_seed(seed), trial: trial(plan) }
     }
 
-    /// Draws a pair; mostly a variation of a pair of the corpus. `None` if the plan has hardly a pair of faults that
+    /// Draws a pair, mostly a variation of a pair in `corpus`. `None` if [`ATTEMPTS`] draws give no pair of faults that
     /// can act together.
     pub(super) fn pair(&mut self, corpus: &[Pair]) -> Option<Pair> {
         let draw = || match self.rng.choice(corpus) {
@@ -76,14 +76,14 @@ impl<'a> Source<'a> {
         self.rng.u32(self.plan.grid.from_ms..=self.plan.grid.to_ms)
     }
 
-    /// Draws a fault of the plan; one of four with another value.
+    /// Draws a fault of the plan, and varies one fault in four.
     fn fault(&mut self) -> PlanFault {
         // A campaign has at least one fault.
         let fault = self.faults[self.rng.usize(0..self.faults.len())].clone();
         if self.rng.u8(0..4) == 0 { self.varied(&fault) } else { fault }
     }
 
-    /// Changes one number of a fault, or gives the fault a duration. An invalid result is discarded.
+    /// Returns the fault with one number changed or with a duration added, or unchanged if the result is invalid.
     fn varied(&mut self, fault: &PlanFault) -> PlanFault {
         let mut entry = fault.entry.clone();
         let longest = i64::try_from(self.plan.observe.as_millis()).unwrap_or(i64::MAX);
@@ -104,14 +104,14 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Returns a simulation in which faults can be tried.
+/// Creates a simulation in which faults are checked.
 pub(super) fn trial(plan: &Plan) -> Simulation {
     let mut trial = plan.scenario.simulation(0);
     trial.send_as(OWN);
     trial
 }
 
-/// Returns the fault with these keys; `None` if they are invalid, or if the fault outlasts a day.
+/// Returns the fault with these keys; `None` if they are invalid, or if `for_ms` is not 1 ms to one day.
 pub(super) fn checked(entry: Table, plan: &Plan, trial: &Simulation) -> Option<PlanFault> {
     let is_short = |key: &str| entry.get(key).and_then(Value::as_integer).is_none_or(|ms| (1..=DAY_MS).contains(&ms));
     let is_short = is_short("for_ms");
@@ -120,7 +120,7 @@ pub(super) fn checked(entry: Table, plan: &Plan, trial: &Simulation) -> Option<P
 
 const DAY_MS: i64 = Duration::from_secs(24 * 60 * 60).as_millis() as i64;
 
-/// Returns the numbers of a fault with their keys, those of inner tables and lists included.
+/// Returns the integers in a table with their keys, including the integers in inner tables and lists.
 pub(super) fn numbers(table: &mut Table) -> Vec<(String, &mut i64)> {
     fn of<'v>(key: &str, value: &'v mut Value) -> Vec<(String, &'v mut i64)> {
         match value {

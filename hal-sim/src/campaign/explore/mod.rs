@@ -1,12 +1,13 @@
-//! The search beyond the grid: pairs of faults, each with its values and its instant.
+//! The search for pairs of faults that fail only together. A fault or pair *fails* if its verdict is not a pass.
 //!
 //! ```text
 //! pair    two faults, and their runs       draw    draws and mutates pairs
 //! shrink  the shortest failing case        write   a find as a scenario
 //! ```
 //!
-//! A search without threads and clock: the caller runs the pairs of a round, in any order ([`Campaign::run_pairs`]), and
-//! hands over the results in the order of the round. The same plan, seed and number of rounds give the same finds.
+//! The search uses neither threads nor a clock. The caller runs the pairs of a round in any order
+//! ([`Campaign::run_pairs`]), and passes the results to [`Explorer::take`] in the order of the round. The same plan,
+//! seed and number of rounds give the same finds.
 
 mod draw;
 mod pair;
@@ -27,7 +28,7 @@ pub use pair::{Pair, Tried};
 /// The number of pairs in a round.
 const ROUND: usize = 64;
 
-/// A search for pairs of faults that the controller does not survive, although it survives each of the two.
+/// A search for pairs of faults that fail together although neither fails alone.
 pub struct Explorer<'a> {
     campaign: &'a Campaign<'a>,
     source: Source<'a>,
@@ -35,7 +36,7 @@ pub struct Explorer<'a> {
     corpus: Vec<Pair>,
     /// The hashes of the reached states.
     states: BTreeSet<u64>,
-    /// The kinds of faults and the verdict of each find.
+    /// For each find so far, its kinds of faults and its verdict.
     known: BTreeSet<(String, Verdict)>,
     pairs: u64,
     singles: u64,
@@ -45,18 +46,18 @@ pub struct Explorer<'a> {
 /// A pair of faults that fails, although neither of its faults alone does.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Find {
-    /// The verdict.
+    /// The verdict on the pair.
     pub verdict: Verdict,
     /// The two faults with their instants, in words.
     pub faults: String,
     /// The seed of the run.
     pub seed: u64,
-    /// The find as a scenario, which fails alone; `None` if no scenario reproduces the find.
+    /// A scenario that reproduces the failure; `None` if no scenario does.
     pub scenario: Option<String>,
 }
 
 impl<'a> Explorer<'a> {
-    /// Creates a search in a campaign whose controller is the steps of the scenario.
+    /// Creates a search in a campaign without a separate controller.
     #[must_use]
     pub fn new(campaign: &'a Campaign<'a>, seed: u64) -> Self {
         Self {
@@ -71,13 +72,14 @@ impl<'a> Explorer<'a> {
         }
     }
 
-    /// Draws the pairs of the next round; none if the plan has no two faults that can act together.
+    /// Draws the pairs of the next round. The round is shorter if no further faults are found that can act together.
     pub fn round(&mut self) -> Vec<Pair> {
         (0..ROUND).map_while(|_| self.source.pair(&self.corpus)).collect()
     }
 
-    /// Takes the result of a pair, in the order of the round. Returns the pair in its shortest form if it is a find: it
-    /// fails, each of its faults alone does not, and no earlier find has the same kinds of faults and the same verdict.
+    /// Records the result of a pair; call in the order of the round. Returns the pair in its shortest form if the pair
+    /// is a find: neither of its faults fails alone, and no earlier find has the same kinds of faults and the same
+    /// verdict.
     pub fn take(&mut self, pair: Pair, tried: Tried) -> Option<Find> {
         self.pairs += 1;
         let before = self.states.len();
@@ -95,31 +97,31 @@ impl<'a> Explorer<'a> {
         None
     }
 
-    /// Returns the number of pairs so far.
+    /// Returns the number of recorded pairs.
     #[must_use]
     pub const fn pairs(&self) -> u64 {
         self.pairs
     }
 
-    /// Returns the number of states that controller and devices have reached.
+    /// Returns the number of different states that the controller and the devices have reached.
     #[must_use]
     pub fn states(&self) -> usize {
         self.states.len()
     }
 
-    /// Returns the number of pairs that vary further, because they reached a new state.
+    /// Returns the number of passing pairs that reached a new state; new pairs are mostly variations of these.
     #[must_use]
     pub fn corpus(&self) -> usize {
         self.corpus.len()
     }
 
-    /// Returns the number of pairs of which one fault fails alone.
+    /// Returns the number of failing pairs in which a fault also fails alone.
     #[must_use]
     pub const fn singles(&self) -> u64 {
         self.singles
     }
 
-    /// Returns the number of pairs of which one fault did not act.
+    /// Returns the number of pairs in which a fault changed nothing.
     #[must_use]
     pub const fn not_injected(&self) -> u64 {
         self.not_injected

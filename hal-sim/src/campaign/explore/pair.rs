@@ -36,16 +36,16 @@ pub(super) struct Timed {
 #[derive(Debug)]
 pub struct Tried {
     pub(super) outcome: Outcome,
-    /// The hashes of the states in which controller and devices were.
+    /// The hashes of the states that the controller and the devices reached.
     pub(super) states: BTreeSet<u64>,
 }
 
 #[derive(Debug)]
 pub(super) enum Outcome {
     Passed,
-    /// One of the faults did not act.
+    /// At least one of the faults changed nothing.
     NotInjected,
-    /// One of the faults fails alone.
+    /// The pair fails, but so does at least one of the faults alone.
     Single,
     Fails(Failing),
 }
@@ -55,7 +55,7 @@ pub(super) enum Outcome {
 pub(super) struct Failing {
     pub(super) verdict: Verdict,
     pub(super) observed: Observed,
-    /// The verdicts on each of the faults alone, observed for as long as the pair.
+    /// The verdict on each fault alone, with the same observation time as for the pair.
     pub(super) singles: [Verdict; 2],
     /// The number of steps of the scenario that were over at the first fault.
     pub(super) completed: usize,
@@ -81,8 +81,8 @@ impl Pair {
         self
     }
 
-    /// Returns whether the faults can act together: they are of different kinds, and the one does not undo the other by
-    /// setting the same word of the plant, or the power, of the same device.
+    /// Returns whether the faults can act together. Faults of the same kind cannot, nor can faults that set the same
+    /// plant word or the power of the same device, because one fault undoes the other.
     pub(super) fn acts_together(&self) -> bool {
         let [one, other] = self.faults.each_ref().map(|timed| &timed.fault);
         let undo = match (&one.act, &other.act) {
@@ -136,12 +136,12 @@ fn words(fault: &PlanFault) -> Vec<&str> {
     .collect()
 }
 
-/// Returns whether a verdict is that of a fault which acts and fails.
+/// Returns whether a verdict is a failure of a fault that changed something.
 const fn fails(verdict: Verdict) -> bool {
     !verdict.passed() && !matches!(verdict, Verdict::NotInjected)
 }
 
-/// Returns a golden run at an instant.
+/// Creates a run without faults, and advances the run to an instant.
 pub(super) fn golden<'a>(plan: &'a Plan, golden: &Golden, at: Instant) -> Rig<'a, Simulation> {
     let mut rig = Rig::new(plan, &Scripted, golden.seed, false);
     rig.pass(at, &mut ());
@@ -154,8 +154,8 @@ pub(super) fn fork<'a>(rig: &Rig<'a, Simulation>) -> Rig<'a, Simulation> {
 }
 
 impl Campaign<'_> {
-    /// Runs pairs: each from a fork of its golden run at the instant of the first fault. Returns the results in the order
-    /// of the pairs, which does not matter to the results.
+    /// Runs each pair in a fork of its golden run at the instant of the first fault. Returns the results in the order
+    /// of `pairs`; this order does not affect the results.
     #[must_use]
     pub fn run_pairs(&self, pairs: &[Pair]) -> Vec<Tried> {
         let mut places: Vec<(usize, &Pair)> = pairs.iter().enumerate().collect();
@@ -178,7 +178,8 @@ impl Campaign<'_> {
 }
 
 impl Tried {
-    /// Runs a pair from its golden run at the instant of the first fault and, if the pair fails, each of its faults.
+    /// Runs a pair in a fork of `base`, the golden run at the instant of the first fault. If the pair fails, also runs
+    /// each fault alone.
     pub(super) fn of(campaign: &Campaign<'_>, golden: &Golden, base: &Rig<'_, Simulation>, pair: &Pair) -> Self {
         let plan = campaign.plan();
         let mut reached = Reached::default();
@@ -206,8 +207,8 @@ impl Tried {
     }
 }
 
-/// The states that a run reaches: the frames that the controller has sent since the last sample, and the states of the
-/// devices.
+/// The states that a run reaches. Each state combines the frames that the controller sent since the last sample with
+/// the states of the devices.
 #[derive(Default)]
 struct Reached {
     frames: u64,

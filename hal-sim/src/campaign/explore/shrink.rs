@@ -1,5 +1,5 @@
-//! Shrinks a find to its shortest form: fewer steps after the first fault, values of the plan or round ones, short
-//! durations, and round instants.
+//! Reduces a find to its shortest form: fewer steps, values from the plan or round values, short durations, and round
+//! instants.
 
 use std::ops::Range;
 
@@ -13,10 +13,10 @@ use crate::campaign::plan::Plan;
 use crate::campaign::run::Campaign;
 use crate::simulation::Simulation;
 
-/// The maximum number of times that each part of a pair is tried.
+/// The maximum number of passes over the parts of a pair.
 const ROUNDS: usize = 3;
 
-/// The steps of round instants, in milliseconds.
+/// The multiples to which instants are rounded, in milliseconds.
 const ROUND_MS: [u32; 7] = [1000, 500, 200, 100, 50, 20, 10];
 
 /// A pair that fails, and its scenario, if one reproduces the pair.
@@ -45,7 +45,7 @@ pub(super) fn shrink(campaign: &Campaign<'_>, pair: &Pair, failing: Failing) -> 
     Find { verdict: failing.verdict, faults: pair.text(), seed, scenario }
 }
 
-/// Calls `then` with the campaign of a plan whose scenario is replaced.
+/// Replaces the scenario of a plan, and calls `then` with the campaign of the new plan.
 fn with_scenario<R>(
     plan: &Plan,
     scenario: &Table,
@@ -56,7 +56,7 @@ fn with_scenario<R>(
     then(&Campaign::new(&plan).ok()?)
 }
 
-/// Removes steps of a scenario. Returns whether there were such steps, and others remain.
+/// Removes steps from a scenario, unless no step would remain. Returns whether steps were removed.
 fn drop_steps(scenario: &mut Table, which: Range<usize>) -> bool {
     let Some(Value::Array(steps)) = scenario.get_mut("steps") else { return false };
     let are_there = !which.is_empty() && which.end <= steps.len() && which.len() < steps.len();
@@ -67,7 +67,8 @@ fn drop_steps(scenario: &mut Table, which: Range<usize>) -> bool {
 }
 
 impl Case {
-    /// Returns the steps to drop: all after the faults, then each that is not over at the first fault, the last first.
+    /// Returns the ranges of steps to drop, in order: all steps after the faults, then each step that is not over at
+    /// the first fault, from the last step on.
     fn steps(&self, scenario: &Table) -> Vec<Range<usize>> {
         let count = scenario.get("steps").and_then(Value::as_array).map_or(0, Vec::len);
         let [_, second] = &self.pair.faults;
@@ -76,8 +77,8 @@ impl Case {
         std::iter::once(after..count).chain(each).collect()
     }
 
-    /// Returns the case with another pair or another scenario of the campaign; `None` if this is no find with the same
-    /// verdict, or if it loses its scenario.
+    /// Runs `pair` in a campaign. Returns the new case; `None` if the verdict differs, if a fault fails alone, or if
+    /// only the old case has a scenario.
     fn with(&self, campaign: &Campaign<'_>, pair: Pair) -> Option<Self> {
         let (plan, golden) = (campaign.plan(), campaign.goldens.first()?);
         let base = pair::golden(plan, golden, pair.begin());
@@ -89,7 +90,7 @@ impl Case {
         (scenario.is_some() || self.scenario.is_none()).then_some(Self { pair, failing, scenario })
     }
 
-    /// Returns the case with simpler faults and instants; `None` if there are none.
+    /// Returns the case with simpler faults and instants; `None` if no simpler pair fails in the same way.
     fn simplified(&self, campaign: &Campaign<'_>) -> Option<Self> {
         let trial = trial(campaign.plan());
         let mut best: Option<Self> = None;
@@ -108,7 +109,7 @@ impl Case {
     }
 }
 
-/// Returns the pairs with a simpler part, the simplest first; `None` if the pair has no such part.
+/// Returns the pairs in which the given part is simpler, the simplest first; `None` if the pair has no such part.
 fn simpler(campaign: &Campaign<'_>, pair: &Pair, part: usize, trial: &Simulation) -> Option<Vec<Pair>> {
     let (place, part) = (part % 2, part / 2);
     let timed = &pair.faults[place];
@@ -139,8 +140,8 @@ fn simpler(campaign: &Campaign<'_>, pair: &Pair, part: usize, trial: &Simulation
     })
 }
 
-/// Returns rounder instants of a pair. The first fault moves with the second, then alone; the second fault moves to the
-/// first, then alone.
+/// Returns rounder instants for the pair. The first fault is moved with the second fault, then alone; the second fault
+/// is moved to the first, then alone.
 fn instants(plan: &Plan, pair: &Pair, place: usize) -> Vec<[u32; 2]> {
     let [first, second] = pair.faults.each_ref().map(|fault| fault.at_ms);
     let at = [first, second][place];
@@ -157,8 +158,8 @@ fn instants(plan: &Plan, pair: &Pair, place: usize) -> Vec<[u32; 2]> {
     together.into_iter().chain(round.iter().map(alone)).filter(are_valid).collect()
 }
 
-/// Returns a fault with simpler values of one of its numbers: a value of the plant is rounded, unless the plan has it;
-/// any other number is a duration or a count, and becomes smaller.
+/// Returns variants of a fault in which one number is simpler. A plant value is rounded unless the value is in the
+/// plan; any other number is a duration or a count, and becomes smaller.
 fn smaller(campaign: &Campaign<'_>, fault: &PlanFault, place: usize) -> Vec<Table> {
     let mut entry = fault.entry.clone();
     let Some((key, number)) = numbers(&mut entry).into_iter().nth(place).map(|(key, number)| (key, *number)) else {

@@ -18,7 +18,7 @@ steps = [
 ]
 "#;
 
-/// The set-point is corrupted, the answers are lost, and faults that matter to nobody.
+/// Faults that corrupt the set-point or lose the answers, and faults without consequence.
 const RUNAWAY_PLAN: &str = r#"
 scenario = "x"
 faults = [
@@ -35,7 +35,7 @@ fn plan(text: &str, scenario: &str) -> Plan {
     Plan::parse(text, |_| Ok(scenario.to_owned())).unwrap_or_else(|error| panic!("{error:?}"))
 }
 
-/// Searches for some rounds. Returns the finds, and the numbers of the search.
+/// Searches for some rounds. Returns the finds, and the counters of the search.
 fn search(plan: &Plan, seed: u64, rounds: usize) -> (Vec<Find>, Vec<u64>) {
     let campaign = Campaign::new(plan).unwrap_or_else(|error| panic!("{error}"));
     let mut explorer = Explorer::new(&campaign, seed);
@@ -89,7 +89,7 @@ fn the_same_seed_gives_the_same_finds() {
     assert_ne!(first.1, other.1);
 }
 
-/// A master that an EMCY stops; the message is lost.
+/// A master that stops its valve at an EMCY.
 const EMCY: &str = r#"
 devices = ["pvea-canopen@0x20,name=valve"]
 reactions = [{ on = "0A0", from_ms = 50, send = "000#0220" }, { on = "0A0", from_ms = 50, stop = "220" }]

@@ -15,8 +15,9 @@ use crate::scenario::Scenario;
 use crate::state::digits;
 use crate::text::in_one_line;
 
-/// Returns the scenario of a pair that fails. The scenario fails by its expectations of the oracles alone; without a
-/// fault whose other fault is detected and safe alone, the scenario passes. `None` if the scenario cannot be written so.
+/// Returns a scenario for a pair that fails; `None` if there is none. The scenario fails only in the expectations that
+/// stand for the oracles. The scenario passes with one fault alone if the verdict on this fault alone is
+/// [`Verdict::Safe`].
 pub(super) fn scenario(plan: &Plan, seed: u64, pair: &Pair, failing: &Failing) -> Option<String> {
     let document: Table = toml::from_str(&plan.texts.1).ok()?;
     let run = |without: Option<usize>| {
@@ -36,7 +37,7 @@ pub(super) fn scenario(plan: &Plan, seed: u64, pair: &Pair, failing: &Failing) -
     Some(text.text)
 }
 
-/// A scenario with the lines of its expectations of the oracles.
+/// A scenario, and the numbers of the lines with expectations that stand for the oracles.
 struct Text {
     text: String,
     checks: Vec<usize>,
@@ -60,7 +61,7 @@ enum Part {
 const EXPECTATION: [&str; 6] = ["expect", "any_order", "within_ms", "never", "for_ms", "since_ms"];
 
 impl Text {
-    /// Writes the scenario of a pair, without one of the faults if so wanted.
+    /// Writes the scenario of a pair, without the fault at index `without`, if any.
     fn of(plan: &Plan, document: &Table, pair: &Pair, failing: &Failing, without: Option<usize>) -> Option<Self> {
         let [first, second] = failing.singles;
         let mut text = format!(
@@ -113,7 +114,7 @@ impl Text {
     }
 }
 
-/// Writes a list with an item a line.
+/// Writes a list with one item in each line.
 fn write_list(text: &mut String, key: &str, items: &[Value]) {
     let _ = writeln!(text, "{key} = [");
     for item in items {
@@ -122,8 +123,8 @@ fn write_list(text: &mut String, key: &str, items: &[Value]) {
     text.push_str("]\n");
 }
 
-/// Returns a step of the scenario. A step that is not over at the first fault loses its expectation, which the fault may
-/// break; so does a prohibition that reaches beyond the fault.
+/// Returns a step for the written scenario. Drops expectations that the fault may break: those of a step that is not
+/// over at the first fault, and a prohibition that reaches beyond the first fault.
 fn shortened(mut step: Table, is_over: bool, acted: Instant, fault: Instant) -> Table {
     if let Some(note) = step.get_mut("note") {
         *note = in_one_line(note.as_str().unwrap_or_default()).into();

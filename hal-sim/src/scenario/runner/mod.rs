@@ -80,10 +80,10 @@ struct Wait<'a> {
     is_reached: bool,
 }
 
-/// The condition that ends an advance of time.
+/// The condition that ends a wait early.
 #[derive(Clone)]
 enum Goal<'a> {
-    /// No condition: time advances to the given end.
+    /// No condition: the wait lasts until its end.
     None,
     /// The completion of a pending command.
     Command(Ticket),
@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
         Runner { run: self, target, watch }.advance(until)
     }
 
-    /// Ends the run. Returns its outcome; `simulation` is the simulation of its target.
+    /// Ends the run and returns its outcome. `simulation` is the simulation of the run's target.
     pub(crate) fn outcome(mut self, simulation: &Simulation) -> Outcome {
         let errors = simulation.history().errors();
         self.failures.iter_mut().for_each(|failure| failure.show_errors(&errors));
@@ -265,7 +265,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
     }
 
     /// Adds a failure for each device whose bit rate differs from that of the bus. The failure names the line of the
-    /// device if the rates already differed at 0 ms, otherwise the current step.
+    /// device if the rates already differed at 0 ms, otherwise the line of the current step.
     fn fail_unheard(&mut self) {
         for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
             let place = self.run.scenario.devices.iter().position(|known| known.name == device);

@@ -188,7 +188,8 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         ends
     }
 
-    /// Checks deviations, prohibitions, faults and bit rates at the end of the scenario.
+    /// Ends the scenario: reports a pending deviation, ends the `never` checks, checks the remaining communication
+    /// faults, and compares the devices' bit rates with the bus.
     fn end(&mut self) {
         if let Some(last) = self.run.scenario.steps.last() {
             self.settle(last);

@@ -8,7 +8,7 @@ use protocol_core::time::{Duration, Instant, after};
 use super::*;
 use crate::scenario::runner::Run;
 
-/// Runs a scenario in pieces of a span; a clone continues after each piece.
+/// Runs a scenario in pieces of length `span`. A clone continues after each piece.
 fn in_pieces(scenario: &Scenario, span: Duration) -> Outcome {
     let (mut run, mut target) = (Run::new(scenario, true), scenario.powered(1));
     let mut until = Instant::from_ticks(0);

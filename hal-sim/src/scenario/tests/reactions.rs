@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Runs the steps of one valve with rules.
+/// Runs steps and rules with one valve on the bus.
 fn outcome(reactions: &str, steps: &str) -> Outcome {
     let text = format!("devices = [\"pvea-canopen@0x20\"]\nreactions = [\n{reactions}\n]\nsteps = [\n{steps}\n]");
     Scenario::parse(&text).unwrap_or_else(|error| panic!("{error:?}")).run(1)
@@ -13,7 +13,7 @@ fn passes(reactions: &str, steps: &str) {
     assert!(outcome.is_success(), "{reactions}\n{steps}\n{}", outcome.failures("x.toml"));
 }
 
-/// The reason why a rule is refused.
+/// Returns the reason why a rule is refused.
 fn refused(reaction: &str) -> String {
     let text = format!(
         "devices = [\"pvea-canopen\"]\nreactions = [\n  {{ on = \"720\", send = \"000#0100\" }},\n  {reaction},\n]\nsteps = [{{ send = \"220#\", every_ms = 9 }}]"
@@ -23,7 +23,7 @@ fn refused(reaction: &str) -> String {
     reason
 }
 
-/// The steps into ACTIVE, from the start on.
+/// The steps from power-up to ACTIVE.
 fn active() -> String {
     format!("{{ expect = [\"720#00\", \"0A0\"] }}, {ACTIVE}")
 }
