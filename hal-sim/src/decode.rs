@@ -14,7 +14,7 @@ use crate::recording::{Logged, ReadError, Reader};
 pub struct DecodeOptions {
     /// The recording; `-` reads stdin.
     pub file: PathBuf,
-    /// The devices on the recorded bus, as far as known.
+    /// The known devices on the recorded bus.
     pub devices: Vec<NamedDevice>,
 }
 

@@ -11,7 +11,7 @@
 //! devices/  devices and links in text form, and a check of the devices' bit rates
 //! explain/  explanations of frames
 //! log/      frames and error frames with timestamps, and the line formats of `candump`
-//! memory/   a NOR flash in RAM, the record store on it, and its backing file
+//! memory/   a NOR flash in RAM with a record store, and the file that backs the flash
 //! bus/      a CAN bus and its ports: frame lengths, arbitration, acknowledgement, error confinement
 //! text      escaping of user input in messages
 //! ```

@@ -11,7 +11,7 @@ const CRC_BITS: u32 = 15;
 const TRAILER: u32 = 1 + 1 + 1 + 7;
 /// ACK delimiter and end of frame: the bits after the ACK slot.
 pub(super) const AFTER_ACK_SLOT: u32 = 1 + 7;
-/// The number of recessive bits between two frames.
+/// The minimum number of recessive bits between two frames.
 pub const INTERMISSION: u32 = 3;
 /// The number of consecutive recessive bits after which a controller considers the bus idle.
 pub(super) const BUS_IDLE: u32 = 11;

@@ -24,7 +24,7 @@ pub(super) struct DelayedFrames(Vec<Delayed>);
 struct Delayed {
     handed: Handed,
     wait: Wait,
-    /// Whether this frame must be sent before the frame with which it was swapped.
+    /// True if this frame must be sent before the frame with which it was swapped.
     is_next: bool,
 }
 

@@ -101,7 +101,7 @@ pub enum WireEvent {
     Joined,
     /// A frame begins.
     Begins {
-        /// Whether this controller sends the frame, because its offer won the arbitration.
+        /// True if this controller sends the frame, because its offer won the arbitration.
         own: bool,
     },
     /// The controller's offer lost the arbitration to a more urgent frame.
@@ -115,7 +115,7 @@ pub enum WireEvent {
     Received(Frame),
     /// Another controller's frame was destroyed.
     NotReceived {
-        /// Whether this controller sent the first error flag.
+        /// True if this controller sent the first error flag.
         first: bool,
     },
     /// The frame or error frame on the wire has ended.

@@ -70,7 +70,7 @@ pub enum FaultKind {
     Delay {
         /// The time by which the frame is late.
         delay: Delay,
-        /// Whether later frames with the same identifier may overtake this frame.
+        /// True if later frames with the same identifier may overtake this frame.
         overtake: bool,
     },
     /// The frame is sent, followed by copies.

@@ -14,14 +14,14 @@ pub(super) struct Faults {
     list: Vec<Active>,
     /// The number of the next fault.
     next_id: FaultId,
-    /// Whether frames can be delayed or changed between a sending application and its controller: by a fault, or by a
+    /// True if frames can be delayed or changed between a sending application and its controller: by a fault, or by a
     /// slow application.
     pub(super) at_senders: bool,
-    /// Whether any device delays its answers, or queues frames in front of its controller.
+    /// True if any device delays its answers, or queues frames in front of its controller.
     is_slow: bool,
-    /// Whether any fault acts between receiving controllers and their applications.
+    /// True if any fault acts between receiving controllers and their applications.
     pub(super) at_receivers: bool,
-    /// Whether any fault acts on the wire.
+    /// True if any fault acts on the wire.
     pub(super) on_wire: bool,
     /// The time of the next frame to insert.
     pub(super) next_insertion: Instant,
@@ -67,7 +67,7 @@ pub struct FaultState {
     pub fault: Fault,
     /// The number of affected frames.
     pub struck: u64,
-    /// Whether the fault will affect no further frames, because its duration has elapsed or its count is used up.
+    /// True if the fault will affect no further frames, because its duration has elapsed or its count is used up.
     pub is_over: bool,
 }
 
@@ -77,14 +77,14 @@ pub(super) struct Handed {
     pub(super) frame: Frame,
     /// The delay before the handover to the controller.
     pub(super) late: Duration,
-    /// Whether later frames with the same identifier may overtake this frame.
+    /// True if later frames with the same identifier may overtake this frame.
     pub(super) is_overtaken: bool,
     /// The maximum wait for the sender's next frame, and the fault that swaps; `None` unless this frame is to be
     /// swapped.
     pub(super) swaps: Option<(Duration, FaultId)>,
-    /// Whether the frame is a copy made by a fault.
+    /// True if the frame is a copy made by a fault.
     pub(super) is_copy: bool,
-    /// Whether the slow application itself delays the frame.
+    /// True if the slow application itself delays the frame.
     pub(super) is_own: bool,
 }
 

@@ -52,7 +52,7 @@ impl Injector for BitErrors {
 /// A requested disturbance: a bit error destroys each of the next matching attempts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Disturbance {
-    /// The number of attempts still to destroy.
+    /// The remaining number of attempts to destroy.
     pub frames: u32,
     /// The identifier of the frames to destroy; `None` for all.
     pub id: Option<Id>,
@@ -76,13 +76,14 @@ pub struct DestroyNext {
 }
 
 impl DestroyNext {
-    /// Creates an injector that destroys the next `count` attempts to send of any sender, retransmissions included.
+    /// Creates an injector that destroys the next `count` transmission attempts of any sender, including
+    /// retransmissions.
     #[must_use]
     pub const fn frames(count: u32) -> Self {
         Self { left: count, from: None }
     }
 
-    /// Creates an injector that destroys the next `count` attempts to send of the port named `from`.
+    /// Creates an injector that destroys the next `count` transmission attempts of the port named `from`.
     #[must_use]
     pub fn frames_of(from: &str, count: u32) -> Self {
         Self { left: count, from: Some(from.into()) }

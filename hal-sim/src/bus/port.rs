@@ -24,7 +24,7 @@ pub(super) const RECEIVE_QUEUE: usize = 256;
 #[derive(Clone, Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
-    /// Whether the port belongs to a client that uses no received frame.
+    /// True if the port belongs to a client that uses no received frame.
     pub(super) only_sends: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
@@ -34,7 +34,7 @@ pub struct Port {
     pub(super) delayed: DelayedFrames,
     /// The delay of the device's answers, if any.
     pub(super) answers: Option<Box<SlowAnswers>>,
-    /// Whether refused frames wait in front of the controller for a free mailbox.
+    /// True if refused frames wait in front of the controller for a free mailbox.
     pub(super) queues: bool,
     /// The frames that more urgent frames displaced from the controller. Faults have already been applied to these
     /// frames.
@@ -42,7 +42,7 @@ pub struct Port {
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// The acceptance filters of a device's controller; `None` accepts all frames.
     pub(super) filters: Option<Box<Filters>>,
-    /// Whether the device has changed its frames or filters since the last refresh.
+    /// True if the device has changed its frames or filters since the last refresh.
     pub(super) used: bool,
     /// The filters that take effect at the next refresh.
     pub(super) new_filters: Option<Box<Filters>>,
@@ -55,11 +55,11 @@ pub struct Port {
     pub(super) joined_at: Nanos,
     /// The earliest time at which the port may send; `Nanos::MAX` if the port may not send.
     pub(super) ready_at: Nanos,
-    /// Whether the bus lists the port among the members at its bit rate.
+    /// True if the bus lists the port among the members at its bit rate.
     pub(super) member: bool,
-    /// Whether the port must suspend transmission after bus integration, because it lost a bit while error-passive.
+    /// True if the port must suspend transmission after bus integration, because it lost a bit while error-passive.
     pub(super) suspended: bool,
-    /// Whether the port is forced bus-off.
+    /// True if the port is forced bus-off.
     pub(super) held: bool,
     pub(super) recovery: Option<Recovery>,
     pub(super) contends: Contends,
@@ -89,11 +89,11 @@ impl SlowAnswers {
 pub(super) struct External {
     /// The wire events that the controller has not taken yet.
     pub(super) events: VecDeque<(Instant, WireEvent)>,
-    /// Whether [`WireEvent::Joined`] has yet to be reported.
+    /// True if [`WireEvent::Joined`] has yet to be reported.
     pub(super) joining: bool,
-    /// Whether the start of the current frame was reported.
+    /// True if the start of the current frame was reported.
     pub(super) in_frame: bool,
-    /// Whether the controller is in listen-only mode and sends no frames, acknowledgements or error flags.
+    /// True if the controller is in listen-only mode and sends no frames, acknowledgements or error flags.
     pub(super) silent: bool,
 }
 

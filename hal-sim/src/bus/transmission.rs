@@ -54,7 +54,7 @@ pub(super) struct Omission {
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub(super) error: BusError,
-    /// Whether listeners at another bit rate destroyed the frame, although a receiver at the sender's rate would have
+    /// True if listeners at another bit rate destroyed the frame, although a receiver at the sender's rate would have
     /// acknowledged it.
     pub(super) by_other_rate: bool,
     /// The name of the controller that sent the first error flag; `None` if there was no error flag.

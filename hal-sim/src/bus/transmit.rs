@@ -33,9 +33,9 @@ pub(super) struct Transmit {
 #[derive(Clone, Debug)]
 struct Pending {
     frame: Frame,
-    /// Whether the frame is on the wire and cannot be displaced.
+    /// True if the frame is on the wire and cannot be displaced.
     on_wire: bool,
-    /// Whether the frame was aborted on the wire and is dropped if this attempt fails.
+    /// True if the frame was aborted on the wire and is dropped if this attempt fails.
     aborted: bool,
 }
 

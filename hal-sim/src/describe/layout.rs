@@ -18,7 +18,7 @@ pub(super) struct Message {
     pub(super) name: String,
     pub(super) id: J1939Id,
     pub(super) len: usize,
-    /// Whether the valve sends the message; otherwise the master does.
+    /// True if the valve sends the message; otherwise the master does.
     pub(super) from_valve: bool,
     /// The period of a cyclic message, in milliseconds.
     pub(super) cycle_ms: Option<u16>,

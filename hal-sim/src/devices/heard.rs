@@ -29,7 +29,7 @@ pub struct NotHeard {
     pub device: String,
     /// The time from which the bit rates differed.
     pub since: Instant,
-    /// Whether the bit rates are equal again.
+    /// True if the bit rates are equal again.
     pub is_over: bool,
     /// The message with the cause and the remedy.
     pub reason: String,
@@ -51,7 +51,7 @@ pub struct RateWatch {
 struct Watched {
     node: NodeId,
     device: NamedDevice,
-    /// Whether the memory was empty at the start, so that the setup determines the bit rate.
+    /// True if the memory was empty at the start, so that the setup determines the bit rate.
     is_new: bool,
     /// The bit rate to compare until the first power-up; `None` afterwards.
     first_rate: Option<BitRate>,

@@ -34,7 +34,7 @@ pub struct NamedDevice {
     pub setup: Setup,
     /// The spool times of a valve.
     pub spool_times: SpoolTimes,
-    /// Whether a valve's spool times depend on the temperature.
+    /// True if a valve's spool times depend on the temperature.
     pub has_oil: bool,
     /// The delays and the undervoltage limit of the electronics.
     pub electronics: Electronics,

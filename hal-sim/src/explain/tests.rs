@@ -227,7 +227,7 @@ fn diagnostics() {
     ]);
 }
 
-/// The response has the same identifier for all node IDs: that of other responses from node 0x81.
+/// The response has the same identifier for all node IDs, and other responses from node 0x81 have this identifier too.
 #[test]
 fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
     let mut explainer = explainer();
@@ -397,8 +397,7 @@ fn error_frames() {
     assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 from valve");
 }
 
-/// The manufacturer defines the bytes after the register, and other manufacturers use other codes than the simulated
-/// devices.
+/// The bytes after the register are manufacturer-specific, and devices of other manufacturers use further error codes.
 #[test]
 fn emergencies_of_foreign_nodes() {
     check(&[

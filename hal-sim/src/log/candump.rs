@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(line(ErrorClass::Restarted), "(0.000005) pve0 20000100#0000000000000000");
     }
 
-    /// Parses written lines, also with a direction, an explanation or a CR after the frame.
+    /// Written lines are parsed, including lines with a direction, an explanation or a CR after the frame.
     #[test]
     fn a_log_is_read_as_it_was_written() {
         for text in ["5A0: 43 18 10 01 19 00 00 01", "080:", "00000080: 01", "720: R0", "00000720: R8", "7FF: R1"] {
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(parse(&line), Ok((Some(Timestamp::from_micros(5)), "can0", error)));
     }
 
-    /// Parses lines written with and without -t, -x and -a.
+    /// Lines written with and without -t, -x and -a are parsed.
     #[test]
     fn the_screen_is_read() {
         let at = Some(Timestamp::from_micros(1_700_000_000_000_042));

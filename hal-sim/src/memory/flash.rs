@@ -78,13 +78,13 @@ impl TornErase {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Faults {
-    /// Whether writes and erases fail without changing the content.
+    /// True if writes and erases fail without changing the content.
     write_fails: bool,
     /// The number of word writes and erases left before a power cut.
     power_for: Option<u64>,
     /// The number of word writes and erases left before a single failure.
     fails_after: Option<u64>,
-    /// Whether the power is cut.
+    /// True if the power is cut.
     dead: bool,
 }
 

@@ -30,9 +30,9 @@ const SPOILT: u8 = 0xA5;
 pub struct Memory {
     flash: Flash,
     file: Option<Box<dyn MemoryFile>>,
-    /// Whether unreadable content was found. The next image reports the damage.
+    /// True if unreadable content was found. The next image reports the damage.
     damaged: bool,
-    /// Whether the next read of the image simulates an unreadable flash.
+    /// True if the next read of the image simulates an unreadable flash.
     spoilt: bool,
     /// The unreadable content that the last failed [`read_image`](Self::read_image) found, before the erase.
     put_aside: Option<Vec<u8>>,
@@ -238,7 +238,7 @@ pub type MemoryFileError = Box<dyn Error + Send + Sync>;
 
 /// A file with the image of a flash. The caller implements this trait, because the library writes no files.
 pub trait MemoryFile: Debug + Send {
-    /// Replaces the image. When the function returns, the image is on disk.
+    /// Replaces the image. When the function returns `Ok`, the image is on disk.
     ///
     /// # Errors
     /// If the file cannot be written. The file then contains the previous or the new image.

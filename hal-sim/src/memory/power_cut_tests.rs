@@ -84,7 +84,8 @@ impl Moment {
         memory.store(self.key, &record(self.number))
     }
 
-    /// Checks that the content is that before or after the store, and that the record can be stored without loss.
+    /// Checks that the memory holds the content before or after the store, and that the record can be stored without
+    /// loss.
     #[track_caller]
     fn check(&self, mut memory: Memory, what: &str) {
         let found = held(&mut memory);

@@ -1,4 +1,4 @@
-//! The platform setting stored beside the records, and clearing the records without it: the functions of `nvm` for the
+//! The platform setting beside the records, and clearing the records but not the setting: functions of `nvm` for the
 //! board, after every kind of accident (SPEC 6).
 
 use super::tests::{numbered, payload, record};

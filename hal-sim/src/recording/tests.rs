@@ -318,7 +318,7 @@ fn what_is_no_line_is_named_and_the_rest_is_read() {
     assert_eq!(errors[0], "3: fewer bytes than the stated length: \"0.1 1 1A0 Rx d 2 00\"");
 }
 
-/// A text of fewer than ten lines, such as a JUnit report, is refused in one line, as a longer text is.
+/// A text of fewer than ten lines, such as a JUnit report, is refused in one line like a longer text.
 #[test]
 fn a_short_text_of_another_kind_is_refused_as_a_whole() {
     let (records, errors) = text("<testsuites>\n<testsuite>\n</testsuite>\n</testsuites>\n");
@@ -374,7 +374,7 @@ fn pcapng_as_others_write_it() {
     assert_eq!(records, [frame(2_500_000, "5A0: 43 18")]);
 }
 
-/// Comments stand where the format has them, and change no entry.
+/// Comments are written if the format supports them, and do not change any entry.
 #[test]
 fn comments_are_written_and_skipped() {
     let records = [frame(START, "720: 00"), frame(START + 1_500, "220: 0F 00 00 20")];

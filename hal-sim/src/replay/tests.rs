@@ -99,7 +99,7 @@ impl Session {
         }
     }
 
-    /// Sends frames at this interval, with some jitter.
+    /// Sends frames at intervals of `ms` milliseconds, with some jitter.
     fn send(&mut self, ms: u64, frames: &[&str]) -> &mut Self {
         for (number, text) in frames.iter().enumerate() {
             self.world.send(self.master, frame(text));
@@ -250,8 +250,8 @@ fn a_twin_is_no_stand_in() {
     }
 }
 
-/// A log of a valve with a different serial number: its claims are compared, those of another valve of the same product
-/// are sent.
+/// In a log of a valve with a different serial number, the claims of this valve are compared. The claims of another
+/// valve of the same product are sent.
 #[test]
 fn the_first_claim_tells_the_name() {
     let mut session = Session::new("--device pvea-isobus@0x83,serial=7");

@@ -84,7 +84,7 @@ pub struct Happened {
     /// The message for an event reported to users, with the error class of a bus error (a communication fault has
     /// none). `None` if the event is not reported.
     pub error: Option<(Option<ErrorClass>, String)>,
-    /// Whether a device sent the frame of the event.
+    /// True if a device sent the frame of the event.
     pub is_from_device: bool,
 }
 
@@ -93,7 +93,7 @@ pub struct Happened {
 pub struct History {
     /// The name of the controller that sends the frames of commands.
     own: String,
-    /// Whether a communication fault loses the next frame for that controller.
+    /// True if a communication fault keeps the next frame from that controller.
     is_lost: bool,
     /// The devices by name, each with its index in the explainer.
     places: HashMap<Arc<str>, (NodeId, usize)>,
@@ -115,7 +115,7 @@ struct Entry {
     what: Kept,
     /// The index of the sending device, with its node ID after the event.
     device: Option<(usize, Option<u8>)>,
-    /// Whether the controller for the frames of commands received the frame.
+    /// True if the controller for the frames of commands received the frame.
     is_received: bool,
 }
 
@@ -255,8 +255,8 @@ impl History {
         self.frames_since(number, None)
     }
 
-    /// Returns the recorded frames from event `number` onwards. With an instant, returns those after this instant, also
-    /// frames of commands, but no frames that faults insert.
+    /// Returns the recorded frames from event `number` onwards. With `since`, returns the frames after this instant,
+    /// including frames of commands but not frames that faults insert.
     pub fn frames_since(&self, number: u64, since: Option<Instant>) -> impl Iterator<Item = Heard> {
         let skipped = self.place(number);
         let numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
@@ -305,7 +305,8 @@ impl History {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Returns the last events with numbers from `from` to below `until`, one per line, in trace layout.
+    /// Returns the last events with numbers from `from` up to, but not including, `until`, one per line, in trace
+    /// layout.
     #[must_use]
     pub fn excerpt(&self, from: u64, until: u64) -> Vec<String> {
         let end = self.place(until);

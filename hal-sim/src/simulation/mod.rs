@@ -391,7 +391,7 @@ impl Simulation {
         self.rates.look(&mut self.world);
     }
 
-    /// Returns the time of the next event of the world or due command.
+    /// Returns the time of the next world event or due command.
     #[must_use]
     pub fn next(&self) -> Instant {
         self.world.next_event().min(self.due())

@@ -142,7 +142,7 @@ fn what_is_no_profile_is_refused_and_changes_nothing() {
     assert_eq!(after_ms(&mut simulation, 1, "boom", "supply_mv"), json!(24_000));
 }
 
-/// A reset starts the start delay anew; a device without power stays off.
+/// A reset restarts the start delay; a device without power stays off.
 #[test]
 fn a_reset_during_the_start_delay() {
     let mut simulation = simulation();

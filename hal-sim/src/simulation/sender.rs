@@ -43,7 +43,7 @@ struct Outgoing {
     deadline: Instant,
     /// The command that completes when the frame is sent; `None` for later transmissions of a cyclic frame.
     ticket: Option<Ticket>,
-    /// Whether the frame is a transmission of a cyclic frame.
+    /// True if the frame is a transmission of a cyclic frame.
     is_cyclic: bool,
 }
 

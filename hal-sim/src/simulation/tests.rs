@@ -26,7 +26,7 @@ struct Rig {
     world: World,
     devices: Vec<(NodeId, Kind)>,
     master: ClientPortId,
-    /// Whether states are read all the time.
+    /// True if the states are read throughout the run.
     reads: bool,
 }
 
@@ -91,7 +91,7 @@ impl Rig {
         self.read();
     }
 
-    /// Sends a frame. Returns whether it was sent; the time is then its end.
+    /// Sends a frame, and advances to its end. Returns whether the frame was sent.
     fn sent(&mut self, frame: &str) -> bool {
         self.world.send(self.master, frame.parse().expect("a frame"));
         let end = after(self.world.now(), Duration::from_millis(50));
@@ -383,7 +383,7 @@ fn a_wait_without_end_for_a_linked_shaft_that_stands_costs_little() {
     }
 }
 
-/// A wait is not checked while its condition cannot hold, and it ends at the end of time.
+/// A wait is not checked while its condition cannot hold, and ends at the last representable time.
 #[test]
 fn a_wait_to_the_end_of_time_ends() {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
@@ -407,7 +407,7 @@ fn a_wait_to_the_end_of_time_ends() {
     assert_eq!(simulation.now(), NEVER);
 }
 
-/// After a run to a time, the events at that time are taken.
+/// A run to a time takes the events at that time.
 #[test]
 fn running_to_now_takes_what_has_happened() {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
@@ -485,8 +485,8 @@ fn a_bus_with_real_devices_is_protected_from_faults() {
     assert_eq!(simulation.faults().count(), 1);
 }
 
-/// Each received frame counts once, also one that ended before the wait: none of the own frames, and none that a fault
-/// loses.
+/// Each received frame counts once, including a frame that ended before the wait. The controller's own frames and
+/// frames that a fault loses do not count.
 #[test]
 fn a_controller_receives_each_frame_once() {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);

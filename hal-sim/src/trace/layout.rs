@@ -49,11 +49,11 @@ const MINOR: Style = Style::new().dimmed();
 #[derive(Clone, Debug)]
 pub struct Layout {
     color: bool,
-    /// Whether repeated frames are printed.
+    /// True if repeated frames are printed.
     verbose: bool,
     /// The number of terminal columns, if known.
     columns: Option<usize>,
-    /// Whether space is reserved for 29-bit identifiers.
+    /// True if space is reserved for 29-bit identifiers.
     extended: bool,
     /// The last printed frame for each sender and identifier.
     latest: HashMap<(Arc<str>, Id), Latest>,

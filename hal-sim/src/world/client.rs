@@ -16,7 +16,7 @@ use super::{ClientPortId, World};
 /// world, then receive again.
 ///
 /// A client that is dropped leaves the bus and loses its pending frames. In a cloned world, [`World::take_client`]
-/// creates the client anew.
+/// returns a new client.
 #[derive(Debug)]
 pub struct Client(Shared);
 
@@ -85,7 +85,7 @@ fn lock(queues: &Shared) -> MutexGuard<'_, Queues> {
 pub(super) struct Connection {
     port: ClientPortId,
     queues: Shared,
-    /// Whether this connection belongs to a cloned world and [`World::take_client`] has not yet created its client.
+    /// True if this connection belongs to a cloned world and [`World::take_client`] has not yet created its client.
     untaken: bool,
 }
 

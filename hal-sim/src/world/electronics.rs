@@ -20,7 +20,7 @@ pub struct Electronics {
     /// 0, the application reacts immediately.
     pub cycle: Duration,
     /// The supply voltage in mV below which a valve is off (A). The valve restarts when the supply reaches this
-    /// voltage. `None`: the valve is never off.
+    /// voltage. `None` if the valve never switches off.
     pub brown_out_mv: Option<u32>,
 }
 
@@ -55,9 +55,9 @@ pub(super) struct State {
     pub(super) settings: Electronics,
     /// The time at which the application started.
     pub(super) started: Instant,
-    /// Whether the device is off because of undervoltage and will start when the supply recovers.
+    /// True if the device is off because of undervoltage and will start when the supply recovers.
     pub(super) is_browned_out: bool,
-    /// Whether the inputs have changed since the last cycle.
+    /// True if the inputs have changed since the last cycle.
     pub(super) has_new_inputs: bool,
 }
 

@@ -174,7 +174,7 @@ fn each_frame_of_a_cycle_is_sent() {
     assert!(count("720: 05") >= 8 && count("1A0: ") >= 20 && count("5A0: 43 18") == 1, "{frames:?}");
 }
 
-/// A fault counted soon after the last write of the fault log is stored at the end, although the next cycle has not come.
+/// The shutdown stores a fault counted after the last fault log write, without waiting for the next cycle.
 #[test]
 fn the_end_does_not_wait_for_a_cycle() {
     let mut rig = Rig::started("pvea-canopen,cycle-ms=1000");
@@ -198,7 +198,7 @@ fn the_end_does_not_wait_for_a_cycle() {
     assert_eq!(counts(&mut rig), 2);
 }
 
-/// More requests than a slow application can take: answers are dropped, and nothing else suffers.
+/// Too many requests make a slow application drop answers, but do not delay other frames.
 #[test]
 fn many_slow_answers_hold_back_nothing_else() {
     let mut rig = Rig::started("pvea-canopen,answer-ms=5000");
@@ -246,7 +246,7 @@ fn below_its_limit_a_valve_is_off() {
     assert!(!rig.frames(100).is_empty());
 }
 
-/// The words of a running device have the effects of the keys.
+/// Plant words have the same effects on a running device as the keys of a device text.
 #[test]
 fn the_words_change_a_running_device() {
     let mut rig = Rig::started("pvea-canopen");
@@ -269,7 +269,7 @@ fn the_words_change_a_running_device() {
     assert_eq!(rig.frames(10).len(), 2, "boot-up and EMCY");
 }
 
-/// A supply is compared with the limit that changes at the same instant.
+/// If supply and limit change at the same instant, the new supply is compared with the new limit.
 #[test]
 fn supply_and_limit_change_together() {
     let mut rig = Rig::started("pvea-canopen,brown-out-mv=7000");

@@ -37,7 +37,7 @@ impl Link {
 }
 
 impl Default for Link {
-    /// Returns 30 degrees per second, from 0 to 90 degrees, without noise and dead-band (A, SPEC 9).
+    /// Returns a link with 30 degrees per second between 0 and 90 degrees, without noise and dead-band (A, SPEC 9).
     fn default() -> Self {
         Self { rate: 3_000, min: 0, max: 9_000, noise: 0, dead_band: 0 }
     }

@@ -66,7 +66,7 @@ pub struct ClientPortId(PortId);
 ///
 /// A clone continues exactly as the original would: the same calls have the same results at the same times. Files and
 /// clients remain with the original: the clone keeps its memories in RAM, and [`take_client`](Self::take_client)
-/// creates a new [`Client`] for each of the original's clients.
+/// returns a new [`Client`] in place of a named client of the original.
 #[derive(Clone)]
 pub struct World {
     now: Instant,
@@ -398,12 +398,12 @@ impl World {
         self.bus.inject(injector);
     }
 
-    /// Destroys the next attempts to send a frame, replacing any earlier disturbance.
+    /// Destroys the next matching transmission attempts. Replaces any earlier disturbance.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.bus.disturbance = disturbance;
     }
 
-    /// Returns the requested disturbance, with the number of attempts still to destroy.
+    /// Returns the requested disturbance, with the remaining number of attempts to destroy.
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.bus.disturbance

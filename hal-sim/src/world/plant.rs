@@ -29,7 +29,7 @@ impl World {
         self.set_plants(node, &[plant])
     }
 
-    /// Applies several plant changes to a device at the same instant.
+    /// Applies the given plant changes to a device at the same instant.
     ///
     /// # Errors
     /// [`PlantError`] for the first refused change; the plant is unchanged.
@@ -67,8 +67,8 @@ impl World {
     }
 
     /// Starts or ends the dependence of a valve's spool times on the temperature, see [`OIL`](super::OIL). At the
-    /// start, the current times become the times in warm oil, from 0 to 60 °C. At the end, the spool has these times
-    /// again.
+    /// start, the current times become the times in warm oil, from 0 to 60 °C. At the end, the spool times return to
+    /// these values.
     fn pour_oil(&mut self, node: NodeId, there: bool, inputs: &mut Inputs) {
         let Some(valve) = inputs.valve_mut() else { return };
         let oil = &mut self.nodes[node.0].oil;
@@ -92,7 +92,7 @@ impl World {
         }
     }
 
-    /// Returns the inputs that a device would have after several plant changes.
+    /// Returns the inputs that a device would have after the given plant changes.
     pub(crate) fn check_plants(&self, node: NodeId, plants: &[Change]) -> Result<Inputs, PlantError> {
         let mut inputs = *self.inputs(node);
         for &plant in plants {

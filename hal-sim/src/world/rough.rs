@@ -120,7 +120,7 @@ impl World {
         self.set_inputs(node, *self.inputs(node));
     }
 
-    /// Sets the next deviation of a spool with noise.
+    /// Applies the current noise to a spool, and schedules the next change.
     pub(super) fn tremble(&mut self, node: NodeId) {
         let (now, state) = (self.now, &mut self.nodes[node.0]);
         state.rough.next = next_step(now);

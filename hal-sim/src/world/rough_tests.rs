@@ -1,4 +1,4 @@
-//! Trembling spools, play and noise of shafts and links.
+//! Spools with noise and a dead-band, shafts with play and noise, and rough links.
 
 use protocol_core::controller::BitRate;
 use protocol_core::time::after;
@@ -43,7 +43,7 @@ impl Rig {
         self.world.run_for(Duration::from_millis(5));
     }
 
-    /// Holds a set-point for so many periods of 50 ms; returns the spool's positions every 5 ms.
+    /// Holds a set-point for `periods` periods of 50 ms. Returns the spool position every 5 ms.
     fn hold(&mut self, set_point: i16, periods: usize) -> Vec<i16> {
         let [low, high] = set_point.to_le_bytes();
         let mut positions = Vec::new();
@@ -57,7 +57,7 @@ impl Rig {
         positions
     }
 
-    /// Turns the shaft, and returns the angle that the sensor sees, in its steps.
+    /// Turns the shaft. Returns the measured angle, in steps of the sensor.
     fn turn(&mut self, angle_cdeg: u32) -> i16 {
         self.world.set_plant(self.sensor, Change::AngleCdeg(angle_cdeg)).expect("an angle");
         self.seen()
@@ -125,7 +125,7 @@ fn a_trembling_spool_in_the_monitors_tolerance_is_no_fault() {
     assert!(faults.iter().all(|fault| !fault.active), "{faults:?}");
 }
 
-/// Other inputs leave the mechanics as they are.
+/// New inputs do not change the roughness.
 #[test]
 fn new_inputs_do_not_make_a_spool_smooth() {
     let mut rig = Rig::new("pvea-canopen,dead-band=100", SENSOR, None);
@@ -164,7 +164,7 @@ fn a_sensor_measures_with_noise() {
     assert_eq!(rig.world.angle_cdeg(rig.sensor), Some(9_000));
 }
 
-/// Waits ask for the next instant of another position.
+/// The predicted instant of the next position is correct.
 #[test]
 fn the_next_position_is_found() {
     for sensor in [",noise=500", ",noise=20,dead-band=300"] {

@@ -119,7 +119,7 @@ fn a_time_that_goes_back_is_told() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(4)))]
 
-    /// Any frames with times in any order.
+    /// A log of any frames, with times in any order, is replayed to its end.
     #[test]
     fn any_log_comes_to_its_end(
         frames in prop::collection::vec((0..2_000_000_u64, 0..0x800_u16, any::<[u8; 8]>(), 0..=8_u8, any::<u32>()), 0..60),

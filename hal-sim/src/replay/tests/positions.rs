@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The log of a real valve has a different time origin, and the delays of its logger.
+/// The log of a real valve has a different time origin, and its logger is late.
 #[test]
 fn loggers_are_late() {
     let mut records = moving().records;
@@ -94,7 +94,7 @@ fn only_the_position_of_a_moving_spool_may_differ() {
     }
 }
 
-/// Every bit of an AVEF for a moving spool, and flow from both ports at the same time.
+/// Every bit of an AVEF is compared while the spool moves. Flow from both ports at the same time is reported.
 #[test]
 fn every_bit_of_a_moving_flow_is_compared() {
     let device = "--device pvea-isobus@0x83";
