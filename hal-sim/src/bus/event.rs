@@ -14,8 +14,7 @@ use super::fault::FaultEffect;
 pub struct Event {
     /// The time of the event; for a frame or error frame, its end.
     pub at: Instant,
-    /// The name of the sender of the frame, or of the device, client or controller that changed its mode or dropped
-    /// frames.
+    /// The name of the frame's sender, or of the device, client or controller that changed its mode or dropped frames.
     pub who: Arc<str>,
     /// The kind of the event and its data.
     pub what: EventKind,

@@ -40,7 +40,7 @@ pub(super) struct Rig {
     pub(super) bus: Bus,
     pub(super) now: Instant,
     pub(super) ended: Vec<(Instant, Ended)>,
-    /// The effects of faults so far.
+    /// The recorded effects of faults.
     pub(super) effects: Vec<FaultEffect>,
 }
 

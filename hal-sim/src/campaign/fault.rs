@@ -29,9 +29,9 @@ pub(super) struct PlanFault {
 /// The action that injects a fault.
 #[derive(Clone, Debug)]
 pub(super) enum Act {
-    /// A change of the plant of the named device.
+    /// A plant change of the named device.
     Plant(String, PlantChange),
-    /// A change of the named device's power. The power returns after the duration, if any.
+    /// A power change of the named device. The power returns after the duration, if any.
     Power(String, Power, Option<Duration>),
     /// A communication fault.
     Message(Fault),

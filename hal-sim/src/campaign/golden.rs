@@ -147,13 +147,13 @@ impl Golden {
         self.all_states(simulation).map(|state| state & LASTING).collect()
     }
 
-    /// Returns the same as [`states`](Self::states), with command and solenoids.
+    /// Returns the bits of [`states`](Self::states), with those of command and solenoids.
     pub(super) fn all_states(&self, simulation: &Simulation) -> impl Iterator<Item = u32> {
         self.devices.iter().map(|node| Sample::of(simulation.world().peek(*node).as_ref()).state)
     }
 
-    /// Returns whether each device is in its state of `before`, or in a state that it has in the golden run between two
-    /// instants, with the bits of [`states`](Self::states).
+    /// Returns whether the bits of each device, as in [`states`](Self::states), are those in `before` or those of any
+    /// sample of the golden run between two instants.
     pub(super) fn is_among(&self, before: &[u32], (from, to): (Instant, Instant), simulation: &Simulation) -> bool {
         let number = |at: Instant| (at.as_ticks() / SAMPLE.as_ticks()) as usize;
         let count = self.devices.len().max(1);

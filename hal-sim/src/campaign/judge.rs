@@ -49,8 +49,8 @@ impl Judge {
     /// Creates the judge of a cell; `None` for an unknown row.
     ///
     /// An *exact* controller acts at the same instants in each run. With an exact controller, the devices are compared
-    /// with the golden run at each sample. Otherwise power, NMT state, device state machine and active faults are
-    /// compared with their values just before the fault, and with those of the golden run during the observation.
+    /// with the golden run at each sample. Otherwise power, NMT state, device state machine and active faults must have
+    /// their values just before the fault, or any of their values in the golden run during the observation.
     #[must_use]
     pub fn new(
         campaign: &'static Campaign<'static>,

@@ -27,7 +27,7 @@ pub struct Campaign<'a, M = Scripted> {
     forks: bool,
 }
 
-/// A row: a fault and a seed, at all instants.
+/// The cells of one fault and one seed, at all instants.
 #[derive(Debug)]
 pub struct Row {
     pub(super) fault: PlanFault,

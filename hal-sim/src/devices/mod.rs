@@ -208,7 +208,7 @@ pub enum DevicesError {
         product: &'static str,
         /// The name that the link refers to.
         name: String,
-        /// The names of the devices of the expected product.
+        /// The names of the devices with the expected product.
         known: Vec<String>,
     },
     /// Two links have the same sensor.

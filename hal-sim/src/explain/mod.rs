@@ -154,13 +154,13 @@ impl Context<'_> {
         self.node(id).map_or_else(|| format!("node 0x{id:02X}"), |node| node.name.clone())
     }
 
-    /// Returns the name of the sender of a frame whose identifier contains this node ID.
+    /// Returns the sender's name for a frame whose identifier contains this node ID.
     fn sender(&self, id: u8) -> String {
         self.sender_or(id, || self.name(id))
     }
 
-    /// Returns the name of the sender of a frame whose identifier contains this node ID: the sending device, or a
-    /// client that uses the node ID of a device. In all other cases, `otherwise` provides the name.
+    /// Returns the sender's name for a frame whose identifier contains this node ID: the sending device, or a client
+    /// that uses the node ID of a device. In all other cases, `otherwise` provides the name.
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),

@@ -152,8 +152,7 @@ pub(super) enum PacketError {
 impl Packets {
     /// Starts to read a pcapng file.
     ///
-    /// # Errors
-    /// If the first block is truncated or invalid.
+    /// # Errors [`io::Error`] if the first block is truncated or invalid.
     pub(super) fn new(mut source: Box<dyn Read + Send>) -> io::Result<Self> {
         // `PcapNGReader` requires the complete first block from its first read, which a pipe does not guarantee.
         let mut head = [0; 12];

@@ -1,4 +1,4 @@
-//! The power-up of each device of a recording, derived from its first frame.
+//! The power-up of each recorded device, derived from the device's first frame.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};

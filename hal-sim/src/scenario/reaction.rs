@@ -8,7 +8,6 @@ use crate::simulation::{Command, Happened};
 use crate::state::Pattern;
 use crate::world::EventKind;
 
-/// A rule.
 #[derive(Debug)]
 pub(super) struct Reaction {
     pub(super) trigger: Trigger,

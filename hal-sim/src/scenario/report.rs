@@ -50,7 +50,7 @@ impl Outcome {
         self.failures.is_empty()
     }
 
-    /// Returns the line of the step of each failure.
+    /// Returns the step's line number for each failure.
     #[cfg(feature = "campaign")]
     pub(crate) fn lines(&self) -> impl Iterator<Item = usize> {
         self.failures.iter().map(|failure| failure.line)

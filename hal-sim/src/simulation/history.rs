@@ -91,9 +91,9 @@ pub struct Happened {
 /// The latest events of a bus. Events are numbered from the start of the simulation.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    /// The name of the controller that sends the frames of commands.
+    /// The name of the command sender: the controller that sends the frames of commands.
     own: String,
-    /// True if a communication fault keeps the next frame from that controller.
+    /// True if a communication fault keeps the next frame from the command sender.
     is_lost: bool,
     /// The devices by name, each with its index in the explainer.
     places: HashMap<Arc<str>, (NodeId, usize)>,
@@ -115,7 +115,7 @@ struct Entry {
     what: Kept,
     /// The index of the sending device, with its node ID after the event.
     device: Option<(usize, Option<u8>)>,
-    /// True if the controller for the frames of commands received the frame.
+    /// True if the command sender received the frame.
     is_received: bool,
 }
 
@@ -170,7 +170,7 @@ impl History {
         }
     }
 
-    /// Sets the name of the controller for the frames of commands.
+    /// Sets the name of the command sender.
     pub(super) fn set_own(&mut self, name: &str) {
         name.clone_into(&mut self.own);
     }
@@ -202,8 +202,8 @@ impl History {
         Happened { is_from_device: device.is_some(), event, error }
     }
 
-    /// Returns whether an event is a frame that the controller for the frames of commands receives. The event of a fault
-    /// that loses a frame precedes the event of this frame.
+    /// Returns whether an event is a frame that the command sender receives. The event of a fault that loses a frame
+    /// precedes the event of this frame.
     fn receives(&mut self, event: &Event) -> bool {
         match &event.what {
             EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } => {
@@ -268,8 +268,8 @@ impl History {
         })
     }
 
-    /// Returns the first frame from event `number` onwards that the controller for the frames of commands received, with
-    /// the number of the event after it. The frame is explained as if it were sent now.
+    /// Returns the first frame from event `number` onwards that the command sender received, with the number of the
+    /// event after it. The frame is explained as if it were sent now.
     pub(super) fn received_since(&self, number: u64) -> Option<(FrameRecord, u64)> {
         let skipped = self.place(number);
         let mut numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));

@@ -106,7 +106,8 @@ impl Simulation {
         devices::link_in(&mut self.world, links);
     }
 
-    /// Adds the controller that sends the frames of commands. `name` identifies the controller in traces.
+    /// Adds the command sender: the controller that sends the frames of commands. `name` identifies the sender in
+    /// traces.
     pub fn send_as(&mut self, name: &str) {
         self.sender = Some(Sender::new(name, &mut self.world));
         self.history.set_own(name);

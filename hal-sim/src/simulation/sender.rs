@@ -1,4 +1,4 @@
-//! The sender: a separate controller that sends the frames of commands, once or cyclically.
+//! The command sender: a separate controller that sends the frames of commands, once or cyclically.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -24,7 +24,7 @@ const CYCLIC: usize = 64;
 /// The completed commands.
 pub(super) type Completed = Vec<(Ticket, Result<Reply, Refusal>)>;
 
-/// The controller for the frames of commands, with its pending and cyclic frames.
+/// The command sender, with its pending and cyclic frames.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     port: ClientPortId,

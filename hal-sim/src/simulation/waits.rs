@@ -26,7 +26,7 @@ pub(super) enum Awaited {
     State(StateWatch),
     /// A frame that matches a pattern, with the last non-matching frame of the same identifier.
     Frame(Pattern, Option<Frame>),
-    /// A frame that the controller for the frames of commands receives.
+    /// A frame that the command sender receives.
     Received,
     /// The end of a requested advance of time.
     Time,

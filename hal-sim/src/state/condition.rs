@@ -21,8 +21,8 @@ pub enum Condition {
     State(String, Box<StateCondition>),
     /// A frame that matches the pattern is sent.
     Frame(Pattern),
-    /// The controller for the frames of commands receives a frame. Each received frame counts once, in order, from the
-    /// start of the simulation. A communication fault that loses a frame for all receivers also loses it for this controller.
+    /// The controller that sends the frames of commands receives a frame. Each received frame counts once, in order,
+    /// from the start of the simulation. A frame that a communication fault loses for all receivers does not count.
     Received,
 }
 

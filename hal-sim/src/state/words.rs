@@ -197,7 +197,7 @@ fn reference(name: &str) -> String {
     format!("#/components/schemas/{name}")
 }
 
-/// Returns the schema of a word. `spool` is the name of the schema of the spool.
+/// Returns the schema of a word. `spool` is the name of the spool's schema.
 fn schema(word: &Word, spool: &str) -> Json {
     let mut schema = match word.values {
         SWITCH => json!({ "type": "boolean" }),

@@ -190,7 +190,7 @@ impl World {
         }
     }
 
-    /// Returns a device as a `T`; `None` without power, or if the device has another type.
+    /// Returns a device as a `T`; `None` if the device has no power or is not a `T`.
     #[must_use]
     pub fn device_as<T: Device + 'static>(&self, node: NodeId) -> Option<&T> {
         (self.on(node)? as &dyn std::any::Any).downcast_ref()

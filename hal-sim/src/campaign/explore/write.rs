@@ -57,7 +57,7 @@ enum Part {
     Own,
 }
 
-/// The keys of the expectation of a step.
+/// The keys of a step that form its expectation or prohibition.
 const EXPECTATION: [&str; 6] = ["expect", "any_order", "within_ms", "never", "for_ms", "since_ms"];
 
 impl Text {

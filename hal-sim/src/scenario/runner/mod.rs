@@ -37,7 +37,7 @@ pub(crate) struct Run<'a> {
     wait: Option<Wait<'a>>,
     /// The check that each device frame is expected by a step; `None` unless the scenario is strict.
     claims: Option<Claims<'a>>,
-    /// The claims during an action whose frames may match the step's expectation.
+    /// The claims, set aside during an action whose frames may match the step's expectation.
     held_claims: Option<Claims<'a>>,
     /// The trace, written while the scenario runs.
     trace: Option<Trace>,
