@@ -1,5 +1,5 @@
-//! Writes a find as a scenario: the steps up to the faults, the faults, the actions after them, and the broken oracles as
-//! expectations.
+//! Writes a find as a scenario: the steps up to the faults, the faults, the later actions, and expectations for the
+//! oracles that the pair breaks.
 
 use std::fmt::Write as _;
 
