@@ -5,7 +5,7 @@ use heapless::Vec;
 use crate::controller::MAILBOXES;
 use crate::frame::Frame;
 
-/// The capacity of the queue: room for two answers of each service of a node.
+/// The capacity of the queue: two answers for each service of a node.
 const ANSWERS: usize = 8;
 
 /// The queue of unsent answers. A full queue drops the newest answer. The node counts dropped answers.

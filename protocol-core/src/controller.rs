@@ -16,17 +16,17 @@ pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
     fn abort(&mut self, which: Filter);
 
     /// Sets the receive filters. From now on the controller must accept data frames that pass a filter, and may reject
-    /// all other frames. Received frames stay.
+    /// all other frames. Frames that are already received are kept.
     fn set_filters(&mut self, filters: &Filters);
 }
 
 /// The maximum number of transmit frames in a controller.
 pub const MAILBOXES: usize = 3;
 
-/// A filter of identifiers. It passes frames whose key equals `key` in the bits of `mask`.
+/// An identifier filter. It passes a frame if the frame's key equals `key` in all bits that are set in `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filter {
-    /// The key of an identifier, see [`frame::key`](crate::frame::key).
+    /// The identifier key, see [`frame::key`](crate::frame::key).
     pub key: u32,
     /// The compared bits. Receive filters always compare bit 29, which marks a 29-bit identifier.
     pub mask: u32,
@@ -53,7 +53,7 @@ impl Filter {
 /// The maximum number of filters of a device.
 pub const FILTERS: usize = 8;
 
-/// The filters of a device.
+/// The receive filters of a device.
 pub type Filters = Vec<Filter, FILTERS>;
 
 /// The error mode of a controller (ISO 11898-1, fault confinement).
@@ -64,8 +64,9 @@ pub enum BusErrorMode {
     ErrorActive,
     /// An error counter is above 127. The controller communicates with passive error flags.
     ErrorPassive,
-    /// The transmit error counter is above 255. The controller does not communicate until recovery. Before the platform
-    /// reports bus-off to the device, it drops the controller's pending frames, which would be outdated after recovery.
+    /// The transmit error counter is above 255. The controller does not communicate until recovery. The platform drops
+    /// the controller's pending frames before it reports bus-off to the device. These frames would be outdated after
+    /// recovery.
     BusOff,
 }
 
@@ -125,13 +126,14 @@ impl BitRate {
         self as u8
     }
 
-    /// Returns the bit rate of an index in LSS bit timing table 0; `None` for the reserved index 5 and above 8.
+    /// Returns the bit rate with this index in LSS bit timing table 0; `None` for the reserved index 5 and indices
+    /// above 8.
     #[must_use]
     pub fn from_table_index(index: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.table_index() == index)
     }
 
-    /// Returns the bit rate of this number of bits per second; `None` for a rate that CiA 301 does not define.
+    /// Returns the bit rate with this number of bits per second; `None` for a rate that CiA 301 does not define.
     #[must_use]
     pub fn from_bits_per_second(bits: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.bits_per_second() == bits)

@@ -11,7 +11,7 @@ pub const STEPS: u32 = 16_384;
 /// The shaft of the encoder. It turns at a constant speed from a reference time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
-    /// The angle at `since`, in 1/100 degree. Whole turns do not count.
+    /// The angle at `since`, in 1/100 degree. Whole turns are ignored.
     pub angle_cdeg: u32,
     /// The speed in turns per minute; positive values are clockwise. The position increases clockwise.
     pub speed_rpm: i32,
@@ -50,10 +50,10 @@ const MINUTES: Ratio = Ratio::new(1, MINUTE_US, u64::MAX);
 const TURNS: Ratio = Ratio::new(1, TURN, UNITS_MAX);
 const STEPS_OF_UNITS: Ratio = Ratio::new(STEPS_IN_UNITS, UNITS_IN_STEPS, UNITS_MAX);
 
-/// A constant ratio below 1 for 64-bit numbers. It multiplies by a scaled reciprocal, because the Cortex-M4 has no
-/// 64-bit division: this saves 115 instructions per position.
+/// A constant ratio below 1 for 64-bit numbers. The Cortex-M4 has no 64-bit division. The ratio multiplies by a scaled
+/// reciprocal instead, which saves 115 instructions per position.
 struct Ratio {
-    /// The number of factors 2 in the denominator. The multiplicand is first shifted right by as many bits.
+    /// The number of factors 2 in the denominator. The multiplicand is first shifted right by this number of bits.
     twos: u32,
     /// The numerator divided by the odd part of the denominator, times 2^(64 + `shift`), rounded up.
     scaled: u64,
@@ -128,7 +128,7 @@ impl Default for Shaft {
     }
 }
 
-/// A preset, which is an offset between the raw and the reported position.
+/// A preset: the offset between the raw and the reported position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preset {
     value: u32,
@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(Shaft::at(TURN_CDEG).position_at(Instant::MIN), 0, "a whole turn is none");
     }
 
-    /// Returns position and angle according to the direct formula.
+    /// Returns position and angle, computed directly from their definition.
     fn formula(shaft: &Shaft, elapsed: u64) -> (i128, i128) {
         let turn = 36_000 * 60_000_000;
         let angle = i128::from(shaft.angle_cdeg) * 60_000_000;

@@ -10,7 +10,7 @@ pub const MAX_LEN: usize = 8;
 /// The bit of a key that marks a 29-bit identifier, as in a COB-ID object.
 const EXTENDED: u32 = 1 << 29;
 
-/// The masks of the first 0 to 7 bytes. A table, because a 64-bit shift is a function call on the board.
+/// The masks for the first 0 to 7 bytes. The table avoids 64-bit shifts, which are function calls on the board.
 const KEPT: [u64; MAX_LEN] =
     [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
 
@@ -55,7 +55,7 @@ impl Frame {
     /// A data frame of length 0 with identifier 0.
     pub(crate) const EMPTY: Self = Self { key: 0, remote: false, len: 0, data: [0; MAX_LEN] };
 
-    /// Creates a data frame with the first `len` bytes of `data`. A length above 8 counts as 8, as a DLC does.
+    /// Creates a data frame with the first `len` bytes of `data`. A length above 8 counts as 8, like a DLC above 8.
     #[inline]
     #[must_use]
     pub fn with_len(id: Id, data: [u8; MAX_LEN], len: u8) -> Self {
@@ -72,7 +72,7 @@ impl Frame {
         Self { key: key(id), remote: false, len: 8, data }
     }
 
-    /// Creates a data frame with the bytes of `data`; `None` for more than eight.
+    /// Creates a data frame with the bytes of `data`; `None` for more than eight bytes.
     #[must_use]
     pub fn of(id: Id, data: &[u8]) -> Option<Self> {
         let mut bytes = [0; MAX_LEN];

@@ -7,6 +7,6 @@ pub enum Outcome<R, D> {
     Nothing,
     /// The service has executed the request, with this result.
     Done(R),
-    /// The device must act first, and then report the result.
+    /// The device must first carry out this demand, and then report the result.
     Demand(D),
 }

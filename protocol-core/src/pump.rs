@@ -19,12 +19,12 @@ where
     any
 }
 
-/// Passes the received frames and the time to the device, and the frames of the device to the controller.
+/// Passes the received frames and the time to the device, and the device's frames to the controller.
 ///
 /// Returns an effect that the platform must carry out. The platform calls the pump when a frame was received or sent,
 /// and at [`Device::deadline`]. After every effect it calls the pump again, until the pump returns `None`.
 ///
-/// A frame that the controller does not take returns to the device, which offers it again.
+/// A frame that the controller does not accept returns to the device, which offers it again.
 pub fn pump<D, C>(device: &mut D, can: &mut C, now: Instant) -> Option<Effect>
 where
     D: Device + ?Sized,

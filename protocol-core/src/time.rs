@@ -6,7 +6,7 @@
 
 pub use embassy_time::{Duration, Instant};
 
-/// The time that no clock reaches: the deadline of a stopped timer.
+/// The latest time, which no clock reaches. It is the deadline of a stopped timer.
 pub const NEVER: Instant = Instant::MAX;
 
 /// Returns `instant` plus `duration`, at most [`NEVER`].
@@ -16,7 +16,7 @@ pub const fn after(instant: Instant, duration: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().saturating_add(duration.as_ticks()))
 }
 
-/// Returns `instant` plus the delay of a protocol or a product, at most a few minutes.
+/// Returns `instant` plus a protocol or product delay of at most a few minutes.
 ///
 /// The addition is unchecked, because no clock comes near an overflow and a check would double the code. For durations
 /// that a user chooses, see [`after`].
@@ -36,7 +36,7 @@ pub(crate) const fn latest(last: Instant, now: Instant) -> Instant {
     if now.as_ticks().cast_signed() < last.as_ticks().cast_signed() { last } else { now }
 }
 
-/// Returns the time from `earlier` to `later`, zero if `later` is before `earlier`.
+/// Returns the time from `earlier` to `later`, or zero if `later` is before `earlier`.
 #[inline]
 #[must_use]
 pub const fn since(later: Instant, earlier: Instant) -> Duration {

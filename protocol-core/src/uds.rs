@@ -1,4 +1,5 @@
-//! The UDS lite server of the CANopen and ISOBUS valves (SPEC 7). The product defines all identifiers but the node ID.
+//! The UDS lite server of the CANopen and ISOBUS valves (SPEC 7). The product defines all identifiers except the node
+//! ID.
 
 use heapless::Vec;
 
@@ -12,10 +13,10 @@ pub const NODE_ID: Identifier = 0x1001;
 /// three times, although its own table of identifiers disagrees.
 pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
 
-/// The maximum length of the data of an identifier: the rest of a single frame.
+/// The maximum number of data bytes for an identifier, limited by the single frame.
 pub const DATA_MAX: usize = 4;
 
-/// The data behind the identifiers, which the product supplies.
+/// The identifier data that the product supplies.
 pub trait Identifiers {
     /// Returns the data of an identifier; `None` if the identifier does not exist.
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;
@@ -38,7 +39,7 @@ pub enum Reaction {
     StoreNodeId(u8),
 }
 
-/// Handles a request from `source` to the node `own`.
+/// Handles a request from the address `source` to the address `own`.
 #[must_use]
 pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Identifiers) -> Reaction {
     let Some((request, length_agrees)) = single_frame(data) else { return Reaction::Nothing };

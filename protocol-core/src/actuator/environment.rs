@@ -1,4 +1,4 @@
-//! The monitors of supply and temperature, with limits and hysteresis (SPEC 2, table of the monitors).
+//! The supply and temperature monitors, with limits and hysteresis (SPEC 2, table of the monitors).
 
 use core::ops::RangeInclusive;
 
@@ -13,7 +13,7 @@ pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
 pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
 /// The maximum temperature, °C.
 const TEMPERATURE_MAX: i32 = 120;
-/// The minimum temperature, °C, of the kinds with a lower limit.
+/// The minimum temperature, °C, for kinds with a lower limit.
 const TEMPERATURE_MIN: i32 = -40;
 /// The hysteresis of the temperature, K (A). The fault clears only this far inside the limits.
 const TEMPERATURE_HYSTERESIS: i32 = 5;
@@ -45,7 +45,7 @@ impl Limits {
     }
 }
 
-/// The monitors of supply and temperature.
+/// The supply and temperature monitors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Environment {
     low_temperature: bool,

@@ -18,7 +18,7 @@ pub enum Fault {
     SupplyHigh = 6,
     /// The supply voltage is too low.
     SupplyLow = 7,
-    /// No valid set-point came within the guard time.
+    /// No valid set-point arrived within the guard time.
     TimeGuarding = 8,
 }
 
@@ -63,7 +63,7 @@ impl Fault {
         matches!(self, Self::SpoolNotAtSetPoint | Self::FloatNotReached)
     }
 
-    /// Returns the position of the fault in [`ALL`](Self::ALL).
+    /// Returns the index of the fault in [`ALL`](Self::ALL).
     pub(crate) const fn index(self) -> usize {
         (self as usize).wrapping_sub(1)
     }
@@ -145,7 +145,7 @@ impl FaultSet {
         *self = self.difference(Self::of(fault));
     }
 
-    /// Returns the fault of highest priority; `None` if the set is empty.
+    /// Returns the fault with the highest priority; `None` if the set is empty.
     #[must_use]
     pub fn highest(self) -> Option<Fault> {
         self.into_iter().next()

@@ -43,14 +43,14 @@ impl Led {
     pub const GREEN_FLASHING: Self = Self { color: Color::Green, flashing: true };
     /// Constant yellow: disabled. Hold, hand operation and emergency stop count as disabled (A).
     pub const YELLOW: Self = Self { color: Color::Yellow, flashing: false };
-    /// Constant red: bus-off (R), or the internal error as the active fault of highest priority.
+    /// Constant red: bus-off (R), or the internal error as the active fault with the highest priority.
     pub const RED: Self = Self { color: Color::Red, flashing: false };
-    /// Flashing red: any other active fault of highest priority.
+    /// Flashing red: another fault is the active fault with the highest priority.
     pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };
     /// The indication of a shutdown that persists after its fault has cleared (A).
     pub const FAULT_HOLD: Self = Self::RED_FLASHING;
 
-    /// Returns the LED state for a condition, by precedence: bus-off, the fault of highest priority, fault hold,
+    /// Returns the LED state for a condition, by precedence: bus-off, the fault with the highest priority, fault hold,
     /// disabled, power save.
     #[must_use]
     pub fn of(condition: Condition) -> Self {

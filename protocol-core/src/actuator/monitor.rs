@@ -1,5 +1,4 @@
-//! The monitor, which activates a fault after a delay, and the time guard of the set-points (SPEC 2, table of the
-//! monitors).
+//! The fault monitor with a delay, and the time guard for set-points (SPEC 2, table of the monitors).
 
 use super::fault::{Fault, FaultSet};
 use super::register::FaultRegister;

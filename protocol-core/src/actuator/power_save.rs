@@ -34,8 +34,8 @@ impl PowerSave {
         };
     }
 
-    /// Records the time at which a returning spool reaches neutral. Other states do not call `back`, which computes the
-    /// time.
+    /// Records the time at which a returning spool reaches neutral. `back` computes this time, and is called only in
+    /// the state [`Returning`](Self::Returning).
     pub(super) fn note_return(&mut self, back: impl FnOnce() -> Instant) {
         if let Self::Returning(expected) = self {
             *expected = back();

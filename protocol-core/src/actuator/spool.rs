@@ -13,7 +13,7 @@ use crate::time::{Duration, Instant};
 pub const SOLENOID_STROKE: Duration = Duration::from_millis(250);
 /// The time for the springs to return the spool from full stroke to neutral (A).
 pub const SPRING_STROKE: Duration = Duration::from_millis(150);
-/// The divisor of the rates of a [`SpoolFault::Slow`] spool (A).
+/// The divisor by which [`SpoolFault::Slow`] reduces the rates (A).
 pub const SLOWNESS: i32 = 8;
 /// The time for a [`SpoolFault::Drifting`] spool to creep a full stroke (A).
 pub const DRIFT_STROKE: Duration = Duration::from_secs(8);
@@ -304,7 +304,7 @@ impl Action {
 
 const NO_FLOAT: Travel = Travel::new(Travel::percent(NO_FLOAT_PERCENT));
 
-/// Returns the end of the creep of a drifting spool at `target`.
+/// Returns the travel to which a drifting spool creeps from `target`.
 fn drifted(target: Travel) -> Travel {
     let offset = Travel::percent(DRIFT_PERCENT);
     let towards_b = target.shifted(offset);

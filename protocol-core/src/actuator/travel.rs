@@ -160,7 +160,8 @@ impl Leg {
         delayed(self.start, Duration::from_micros(u64::from(micros)))
     }
 
-    /// Returns the next time after `now` at which the spool enters or leaves the band, [`NEVER`] if it does not.
+    /// Returns the next time after `now` at which the spool enters or leaves the band; [`NEVER`] if there is no such
+    /// time.
     fn crosses(&self, band: Band, now: Instant) -> Instant {
         if now >= self.end {
             return NEVER;
@@ -210,7 +211,7 @@ impl Path {
         }
     }
 
-    /// Returns the next time after `now` at which the velocity may change, [`NEVER`] once the spool is at rest. The
+    /// Returns the next time after `now` at which the velocity may change; [`NEVER`] once the spool is at rest. The
     /// last microsecond of a leg may cover a shorter distance, so the velocity also changes at the beginning of that
     /// microsecond.
     pub(super) fn bends(&self, now: Instant) -> Instant {
@@ -234,7 +235,8 @@ impl Path {
         }
     }
 
-    /// Returns the first microsecond after `now` at which the spool enters or leaves a band, [`NEVER`] if it does not.
+    /// Returns the first microsecond after `now` at which the spool enters or leaves a band; [`NEVER`] if there is no
+    /// such time.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));
         self.approach.crosses(band, now).min(creeps)

@@ -34,7 +34,7 @@ pub enum SpoolMonitors {
     ExceptHandAndStop,
 }
 
-/// The properties that differ between kinds of valve.
+/// The properties that differ between valve kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveConfig {
     /// The type of actuator.
@@ -89,10 +89,10 @@ pub enum Drive {
 /// [`take_changes`](Self::take_changes) on the bus. **A fault does not change the drive**: the protocol must stop
 /// regulation with `drive(Drive::Off, now)`.
 ///
-/// Every call first handles the timers due up to its `now`. Additional [`poll`](Self::poll)s therefore change nothing,
-/// nor does their order among frames of the same time. A late call handles each timer at its due time until a fault
-/// changes, and the remaining timers at `now`. Time does not run backwards: a `now` before the previous call counts as
-/// the time of the previous call.
+/// Every call first handles the timers due up to its `now`. Therefore neither additional [`poll`](Self::poll)s nor
+/// their order among frames with the same time have an effect. A late call handles each timer at its due time until a
+/// fault changes, and the remaining timers at `now`. Time does not run backwards: a `now` before the previous call
+/// counts as the time of the previous call.
 #[derive(Clone, Debug)]
 pub struct Valve {
     /// The earliest deadline.
@@ -213,8 +213,8 @@ impl Valve {
         self.schedule();
     }
 
-    /// Handles the arrival of a valid set-point, whether the set-point acts or not: restarts a running guard and clears
-    /// fault 8.
+    /// Restarts a running guard and clears fault 8. The protocol calls this function for every valid set-point, even
+    /// for a set-point without effect.
     pub fn feed_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);

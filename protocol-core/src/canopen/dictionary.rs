@@ -1,4 +1,4 @@
-//! The object dictionary (CiA 301 7.4): a const table of each product.
+//! The object dictionary (CiA 301 7.4): a const table for each product.
 //!
 //! The table determines look-up, access with its abort codes, PDO mapping, "save" and the default values. The compiler
 //! splits the table. Its [`Entries`] do not depend on the product, so services that need only them are compiled once
@@ -38,7 +38,7 @@ pub enum Access {
     Rw,
 }
 
-/// The kind of PDO that an object can be mapped into.
+/// The kind of PDO into which an object can be mapped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mappable {
     /// None.
@@ -123,7 +123,7 @@ mod flags {
     pub(super) const TEXT: u32 = 0b111;
     /// Set for an object that SDO can write.
     pub(super) const WRITABLE: u32 = 1 << 3;
-    /// The kind of PDO that the object can be mapped into.
+    /// The kind of PDO into which the object can be mapped.
     pub(super) const MAPPABLE: u32 = 0b11 << 4;
     pub(super) const RPDO: u32 = 0b01 << 4;
     pub(super) const TPDO: u32 = 0b10 << 4;
@@ -232,7 +232,7 @@ impl Entry {
         if self.packed & flags::WRITABLE == 0 { Access::Ro } else { Access::Rw }
     }
 
-    /// Returns the kind of PDO that the object can be mapped into.
+    /// Returns the kind of PDO into which the object can be mapped.
     #[must_use]
     pub const fn mappable(&self) -> Mappable {
         match self.packed & flags::MAPPABLE {
@@ -267,7 +267,8 @@ impl Entry {
     }
 }
 
-/// A row of the dictionary: the description of an object, and the tag `behind` that selects the code that serves it.
+/// A row of the dictionary: the description of an object, and its tag `behind`. The tag selects the code that serves
+/// the object.
 ///
 /// Services match on the tag, not on the index, so that the compiler refuses a tag without code.
 #[derive(Clone, Copy, Debug)]

@@ -160,8 +160,8 @@ impl EmcyQueue {
         Some(message)
     }
 
-    /// Requeues a message that the controller returned, ahead of the messages that wait. Returns `false` if newer
-    /// messages have displaced it from the queue.
+    /// Requeues a message that the controller returned, ahead of the messages that wait. Returns `false` if the queue
+    /// no longer lists the message as in the controller, for example because newer messages have displaced it.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
         let is_it = |position: &usize| self.messages.get(*position).is_some_and(|waiting| waiting.message == message);

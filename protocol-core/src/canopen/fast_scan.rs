@@ -7,8 +7,8 @@ const START_SCAN: u8 = 0x80;
 
 /// The progress of a scan: the part of the LSS address that the next request must compare.
 ///
-/// With the serial number, the last part, a standard master announces part 0 next; the manual's sequence announces part
-/// 4. In both cases a new scan can begin with part 0.
+/// The serial number is the last part. With its request a standard master announces part 0 as the next part; the
+/// manual's sequence announces part 4. In both cases a new scan can begin with part 0.
 #[derive(Clone, Debug)]
 pub(super) struct ScanPosition {
     part: Part,

@@ -25,8 +25,8 @@ pub(crate) enum State {
 pub(crate) enum OnWaiting {
     /// The device restarts with the new node ID, as after reset application.
     Restart,
-    /// A device without a node ID boots with the pending node ID once the memory holds this node ID (CiA 305).
-    /// Otherwise reset communication puts the pending node ID in force.
+    /// A device without a node ID boots with the pending node ID once the memory holds this node ID (CiA 305). In all
+    /// other cases the pending node ID takes effect at reset communication.
     Boot,
 }
 
@@ -162,7 +162,7 @@ pub(crate) struct LssSlave {
     /// The count of bounds met in the present sequence of identify remote slave.
     bounds: u8,
     scan: ScanPosition,
-    /// The configured values. A node ID is removed when it takes effect.
+    /// The configured values. A node ID that has taken effect is removed.
     pending: Configuration,
     /// The configuration that is not yet stored.
     unstored: Configuration,
@@ -184,7 +184,7 @@ impl LssSlave {
         }
     }
 
-    /// Handles a request. The NMT state must permit LSS.
+    /// Handles a request. The NMT state must permit LSS. Requests during a bit-rate activation are ignored.
     pub(crate) fn handle(
         &mut self,
         request: Request,

@@ -1,5 +1,5 @@
-//! The records of the parameters that "save" stores (CiA 301 7.5.2.13; SPEC 6). Each group has a record: the values of
-//! its stored objects, in the order of the table.
+//! The record for each group of parameters that "save" stores (CiA 301 7.5.2.13; SPEC 6). It contains the values of the
+//! group's stored objects, in the order of the table.
 
 use heapless::VecView;
 
@@ -35,7 +35,8 @@ pub(crate) fn encode<'a>(
 pub(crate) struct Stored<'a>(&'a [u8]);
 
 impl<'a> Stored<'a> {
-    /// Checks a payload. Returns `None` unless it holds one value for every stored object of the group, and no more.
+    /// Checks a payload. Returns `None` unless the payload contains exactly one value for every stored object of the
+    /// group.
     #[must_use]
     pub(crate) fn decode(entries: Entries, group: Group, payload: &'a [u8]) -> Option<Self> {
         let mut rest = payload;

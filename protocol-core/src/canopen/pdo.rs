@@ -24,7 +24,7 @@ const MAX_BITS: u8 = 64;
 /// A product's rules for the PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// The direction of the PDOs, in which mapped objects must be mappable.
+    /// The direction of the PDOs. Mapped objects must be mappable in this direction.
     pub(crate) direction: Mappable,
     /// The permitted transmission types.
     pub(crate) transmission_types: &'static [RangeInclusive<u8>],
@@ -67,7 +67,7 @@ pub(crate) struct Pdo {
     blank: Frame,
     /// The mapped objects of a PDO that is on.
     slots: Vec<Slot, ENTRIES>,
-    /// The data sent last; `None` if nothing was sent, or the frame may be lost.
+    /// The last sent data; `None` if no frame was sent or the last frame may be lost.
     last: Option<Sample>,
 }
 
@@ -135,9 +135,8 @@ impl Pdo {
         entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
     }
 
-    /// Writes the COB-ID. With bit 31, which switches the PDO off, the other bits are not checked, and read back as
-    /// written (A). While the PDO is on, only bits 30 and 31 can change. A change of bit 30 alone does not restart the
-    /// PDO.
+    /// Writes the COB-ID. Bit 31 switches the PDO off. The other bits are then not checked, and read back as written
+    /// (A). While the PDO is on, only bits 30 and 31 can change. A change of bit 30 alone does not restart the PDO.
     ///
     /// # Errors
     /// - [`AbortCode::INVALID_VALUE`] for an identifier that may not be used, and for switching on without mapped
@@ -297,7 +296,7 @@ impl Pdo {
     }
 
     /// Unpacks a received frame into the dictionary position and the value of each object, without dummies. Returns
-    /// `None` if the PDO is off or the frame shorter than the mapping.
+    /// `None` if the PDO is off, or if the frame is shorter than the mapping.
     pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (u8, u32)>> {
         if !self.is_on() || frame.len() < self.blank.len() {
             return None;

@@ -9,7 +9,7 @@ pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
 /// The minimum time between two writes of the fault log (A).
 pub const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
 
-/// The schedule of the writes of the fault log.
+/// The schedule of fault log writes.
 #[derive(Clone, Debug)]
 pub struct FaultLogClock {
     /// The due time of the next write; [`NEVER`] once the present counters are stored or being written.
@@ -19,7 +19,7 @@ pub struct FaultLogClock {
 }
 
 impl FaultLogClock {
-    /// Creates the schedule of a stored fault log.
+    /// Creates the schedule for a fault log that needs no write.
     #[must_use]
     pub const fn new() -> Self {
         Self { due: NEVER, earliest: Instant::MIN }

@@ -87,7 +87,7 @@ pub trait Device {
     /// Handles the timers that are due. Before the [`deadline`](Self::deadline) the call costs little.
     fn poll(&mut self, now: Instant);
 
-    /// Returns a filter of frames that the controller may hold but must no longer send. The caller passes it to
+    /// Returns a filter for frames that the controller may hold but must no longer send. The caller passes it to
     /// [`Controller::abort`], and calls again until the result is `None`.
     ///
     /// [`Controller::abort`]: crate::controller::Controller::abort

@@ -1,24 +1,24 @@
-//! The reading of the memory at a start, which checks each record (SPEC 6).
+//! The memory during a start, when the device checks each record that it reads (SPEC 6).
 
 use crate::memory::{Memory, RecordKey, open};
 
-/// A memory and its corrupt records found so far.
+/// A memory, and the records found corrupt so far.
 pub struct Reading<'a> {
     memory: &'a dyn Memory,
-    /// The bits of the corrupt records, by position.
+    /// The bits of the corrupt records, each at the position of its record.
     corrupt: u8,
 }
 
 const _: () = assert!(RecordKey::ALL.len() <= 8);
 
 impl<'a> Reading<'a> {
-    /// Creates a reading of a memory, without corrupt records so far.
+    /// Starts reading a memory. No record counts as corrupt yet.
     #[must_use]
     pub const fn new(memory: &'a dyn Memory) -> Self {
         Self { memory, corrupt: 0 }
     }
 
-    /// Decodes a record of this version. Returns `None` for a record that was never written or is corrupt.
+    /// Decodes a record with this version. Returns `None` for a record that was never written or is corrupt.
     /// [`is_corrupt`](Self::is_corrupt) distinguishes the two cases.
     pub fn record<T>(&mut self, key: RecordKey, version: u8, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         let decoded = decode(self.payload(key, version)?);

@@ -21,7 +21,7 @@ const OWN_WRITES: [Write; 3] = [
     Write::new(RecordKey::FaultLog, Requester::Device),
 ];
 
-/// The payloads of the records, and the handling of their writes.
+/// Encodes the payloads of records, and handles the results of their writes.
 pub trait Storing {
     /// Appends the payload of a write, with the present state. Returns `None` for a record that the product does not
     /// have, and for a payload that does not fit a record.
@@ -44,7 +44,7 @@ pub trait Application: Storing + Sized {
     const FAULT_LOG: bool;
     /// The payload version of the records.
     const RECORD_VERSION: u8;
-    /// The kinds of write of the product: pairs of record and requester. The queue has room for a write of each kind.
+    /// The product's kinds of write, each a pair of record and requester. The queue has room for a write of each kind.
     const WRITES: &'static [Write];
 
     /// Creates an application without power.
@@ -53,10 +53,10 @@ pub trait Application: Storing + Sized {
     /// Returns the service that handles a frame; `None` for most frames, after a few instructions.
     fn service(&self, frame: &Frame) -> Option<Self::Service>;
 
-    /// Handles a frame of a service.
+    /// Handles a frame for a service.
     fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
-    /// Handles a frame of a service while a restart is pending. Most frames are ignored then.
+    /// Handles a frame for a service while a restart is pending. Most frames are ignored then.
     fn handle_restarting(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
     /// Handles the timers that are due.
@@ -84,7 +84,7 @@ pub trait Application: Storing + Sized {
     /// See [`Device::give_back`].
     fn give_back(&mut self, frame: Frame);
 
-    /// Records that the controller has sent all its frames. Returns whether this can change more than the pending
+    /// Records that the controller has sent all its frames. Returns whether the call can change more than the pending
     /// frames, such as the deadline.
     fn all_sent(&mut self, base: &mut Base) -> bool;
 
@@ -128,7 +128,7 @@ pub struct Base {
 /// The state of the pending restart.
 #[derive(Clone, Debug, Default)]
 struct PendingRestart {
-    /// The pending restart. It waits until all writes have ended and all frames are sent.
+    /// The pending restart. It waits until all writes have ended and all frames have been sent.
     wanted: Option<Restart>,
     /// Whether the platform is executing a restart.
     handed_out: bool,
@@ -242,7 +242,7 @@ impl Base {
 pub struct Runtime<A: Application> {
     application: A,
     base: Base,
-    /// The earlier deadline of application and fault log.
+    /// The deadline of the application or of the fault log, whichever is earlier.
     deadline: Instant,
 }
 
@@ -284,7 +284,7 @@ impl<A: Application> Runtime<A> {
         &self.application
     }
 
-    /// Handles a frame of a service.
+    /// Handles a frame for a service.
     // `inline(never)` saves 49 instructions on a frame for another node, and 388 bytes of the core alone.
     #[inline(never)]
     fn take(&mut self, frame: &Frame, now: Instant, service: A::Service) {

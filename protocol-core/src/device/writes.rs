@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The maximum number of kinds of write in a device, which a valve on CANopen reaches.
+/// The maximum number of kinds of write in a device. A valve on CANopen has this number of kinds.
 /// [`Runtime`](super::runtime::Runtime) does not compile for a device with more.
 pub(super) const KINDS: usize = 10;
 

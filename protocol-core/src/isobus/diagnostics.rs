@@ -56,7 +56,7 @@ impl Dm1 {
         Outcome::Pending
     }
 
-    /// Encodes DM1 with the momentary code that was set at `now`, otherwise with the present state.
+    /// Encodes DM1. It carries the momentary code if one was set at `now`, otherwise the present state.
     #[must_use]
     pub fn render(&mut self, source: Address, now: Instant) -> Frame {
         if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {

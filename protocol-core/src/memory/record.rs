@@ -29,7 +29,7 @@ pub enum RecordKey {
     Parameters = 3,
     /// The restore flag. If it is set, the next start restores the defaults.
     RestoreFlag = 4,
-    /// The occurrence counters, which imply the previously active faults.
+    /// The occurrence counters. The previously active faults follow from them.
     FaultLog = 5,
     /// The application parameters that "save" stores in a sensor.
     Application = 6,

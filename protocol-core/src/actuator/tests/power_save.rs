@@ -103,7 +103,7 @@ fn a_drifting_spool_is_not_left_alone() {
     assert!(rig.valve.solenoids());
 }
 
-/// Without energised solenoids no position is held that could drift.
+/// Solenoids that are off hold no position from which the spool could drift.
 #[test]
 fn a_spool_does_not_drift_while_the_solenoids_are_off() {
     let mut rig = saving();

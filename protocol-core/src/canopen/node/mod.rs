@@ -217,9 +217,10 @@ impl<P: Product> Node<P> {
         self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline()).min(tpdo)
     }
 
-    /// Records whether the controller is bus-off. At bus-off the controller drops its frames. The node then drops and
-    /// counts the answers, and queues boot-up and EMCYs again. The NMT state does not change (A); a product with 0x1029
-    /// calls [`apply_error_behaviour`](Self::apply_error_behaviour).
+    /// Records whether the controller is bus-off. At bus-off the controller drops its frames. The node then drops all
+    /// answers not known to be sent, and counts them. It also drops the heartbeat and the TPDO, which are not counted.
+    /// All EMCYs and the boot-up are requeued unless they are known to be sent. The NMT state does not change (A); a
+    /// product with 0x1029 calls [`apply_error_behaviour`](Self::apply_error_behaviour).
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.pending.on_bus_off();
@@ -256,16 +257,17 @@ impl<P: Product> Node<P> {
         Some((tpdo.key()?, tpdo.mapping()))
     }
 
-    /// Replaces a TPDO that the controller may hold, after a change of the mapped values. A TPDO with the sample of its
-    /// due time is not replaced.
+    /// Replaces a TPDO that the controller may hold, after a change of the mapped values. Has no effect for a product
+    /// that samples TPDOs when due.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
             self.pending.renew_tpdo();
         }
     }
 
-    /// Enters a new error into the history, with `manufacturer` in the upper 16 bits, and queues its EMCY. Has no
-    /// effect while 0x1014 is off or the node has no node ID. Returns whether the error was entered.
+    /// Enters a new error into the history, with `manufacturer` in the upper 16 bits, and queues its EMCY if the NMT
+    /// state permits EMCYs. Has no effect while 0x1014 is off or the node has no node ID. Returns whether the error was
+    /// entered.
     pub(crate) fn report_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
@@ -283,7 +285,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Queues an answer of a non-CANopen service of the device.
+    /// Queues an answer from a non-CANopen service of the device.
     pub(crate) fn answer(&mut self, answer: Frame) {
         let mute = self.is_mute();
         self.pending.queue_answer(answer, mute);

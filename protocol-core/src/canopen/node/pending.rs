@@ -42,7 +42,7 @@ enum Candidate {
     Heartbeat,
 }
 
-/// The state of a heartbeat or TPDO, whose newest version replaces older unsent versions.
+/// The state of a heartbeat or TPDO. A newer version replaces an older unsent version.
 #[derive(Clone, Debug)]
 pub(super) struct Latest {
     pending: bool,
@@ -80,7 +80,7 @@ pub(super) struct Pending {
     tpdo_sample: Sample,
     emcys: EmcyQueue,
     answers: Answers,
-    /// The filters of frames that the controller may hold but must no longer send.
+    /// The filters for frames that the controller may hold but must no longer send.
     aborts: Vec<Filter, ABORTS>,
     dropped: u32,
 }
@@ -191,8 +191,8 @@ impl Pending {
         self.boot_up == BootUp::Done && self.emcys.is_empty()
     }
 
-    /// Handles bus-off, at which the controller drops its frames. Drops heartbeat, TPDO and answers, and requeues
-    /// boot-up and EMCYs.
+    /// Handles bus-off, at which the controller drops its frames. Drops heartbeat, TPDO and answers, and counts the
+    /// answers. Requeues EMCYs and boot-up unless they are known to be sent.
     pub(super) fn on_bus_off(&mut self) {
         self.heartbeat = Latest::NONE;
         self.tpdo = Latest::NONE;
@@ -259,8 +259,8 @@ impl Pending {
         first.1
     }
 
-    /// Returns whether a TPDO with this key may be sent. While EMCYs are unsent, a TPDO must be less urgent, because
-    /// the controller could otherwise send it first.
+    /// Returns whether a TPDO with this key may be sent. While EMCYs are unsent, the TPDO must be less urgent than an
+    /// EMCY, because the controller could otherwise send it first.
     fn may_send_tpdo(&self, key: u32, emcys: Option<u32>) -> bool {
         self.emcys.is_empty() || emcys.is_none_or(|emcys| arbitration(key) > arbitration(emcys))
     }

@@ -84,6 +84,6 @@ pub(crate) trait Product: Sized {
     /// Handles NMT stop.
     fn stopped(&mut self, _now: Instant) {}
 
-    /// Handles an EMCY of another node, from the EMCY consumer.
+    /// Handles an EMCY that the EMCY consumer received from another node.
     fn consume_emcy(&mut self, _message: Emcy, _now: Instant) {}
 }

@@ -28,7 +28,7 @@ impl<P: Product> Node<P> {
         self.listening.service(frame)
     }
 
-    /// Handles a frame of a service. Returns the resulting demand on the device.
+    /// Handles a frame for a service. Returns the resulting demand on the device.
     #[inline]
     pub(crate) fn handle(&mut self, service: Service, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
         if frame.is_remote() {

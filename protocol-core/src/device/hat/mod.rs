@@ -55,11 +55,11 @@ pub struct HatSensor {
     layer: Layer,
     /// The node ID and bit rate that the write in progress changes.
     layer_in_flight: Configuration,
-    /// The task whose end an SDO client waits for.
+    /// The task for which an SDO client waits.
     task: Option<Task>,
     /// Whether a write of the task has failed. The client gets its answer after the last write.
     task_failed: bool,
-    /// The bits of the damaged records, by position, and [`WHOLE_MEMORY`].
+    /// The bits of the damaged records, each at the position of its record, and [`WHOLE_MEMORY`].
     damaged: u8,
     /// The errors whose last report was entered into the history.
     entered: Errors,
@@ -142,8 +142,8 @@ impl HatSensor {
     }
 }
 
-/// Returns the stored parameters of a group. Returns `None` for an empty record, which "load" stores: the defaults
-/// apply.
+/// Returns a group with its stored parameters. `None` stands for the defaults, for example after "load", which stores
+/// an empty record.
 fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (Group, Option<Stored<'a>>) {
     let decode = |payload: &'a [u8]| match payload {
         [] => Some(None),

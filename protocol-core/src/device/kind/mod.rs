@@ -61,7 +61,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind of this name; `None` for an unknown name.
+    /// Returns the kind with this name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
@@ -80,7 +80,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind of this number; `None` for an unknown number.
+    /// Returns the kind with this number; `None` for an unknown number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.number() == number)

@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind of this name; `None` for an unknown name.
+    /// Returns the kind with this name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)

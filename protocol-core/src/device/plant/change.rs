@@ -151,11 +151,10 @@ impl Change {
         }
     }
 
-    /// Applies the change to the inputs of a device. Changes of memory, bus-off and words that only the simulator has
-    /// are ignored, because the platform executes them.
+    /// Applies the change to the inputs of a device. Changes of the memory fault, of bus-off and of words that only the
+    /// simulator has are ignored, because the platform executes them.
     ///
-    /// # Errors
-    /// Returns [`Inapplicable`], and changes nothing, for a word of another product or a value out of range.
+    /// # Errors Returns [`Inapplicable`], and changes nothing, for a word of another product or a value out of range.
     pub fn apply(self, inputs: &mut Inputs, now: Instant) -> Result<(), Inapplicable> {
         use ProductInputs::{Encoder, Valve};
         let word = self.word();

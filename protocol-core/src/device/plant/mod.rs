@@ -13,7 +13,7 @@ use super::{Inputs, Kind, ProductInputs};
 use crate::actuator::{Position, ValveInputs};
 use crate::time::Instant;
 
-/// The plant of a device: its inputs, and the faults of memory and bus. The controller determines the error mode in the
+/// The plant of a device: its inputs, and the memory and bus faults. The controller determines the error mode in the
 /// inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plant {
@@ -45,7 +45,8 @@ impl Plant {
         Ok(())
     }
 
-    /// Returns the changes that lead to this plant, one for each word of its product that a board has.
+    /// Returns this plant as one [`Change`] for each plant word of its product. Words that only the simulator has are
+    /// left out.
     pub fn words(&self, now: Instant) -> impl Iterator<Item = Change> + use<> {
         let own = match &self.inputs.product {
             ProductInputs::Valve(ValveInputs { supply_mv, temperature_c, spool }) => [

@@ -236,7 +236,7 @@ impl From<&ProductInputs> for Product {
 }
 
 impl Word {
-    /// Returns the value of a healthy device.
+    /// Returns the value of the word in a healthy device.
     #[must_use]
     pub fn healthy(&self) -> Option<Value> {
         let kind = match self.product {

@@ -19,7 +19,7 @@ const NEUTRAL_COMMANDS: u8 = 2;
 struct Shutdown {
     /// All faults since the beginning of the shutdown.
     faults: FaultSet,
-    /// The number of consecutive neutral commands that count: with the spool in neutral and no fault active.
+    /// The number of consecutive neutral commands received with the spool in neutral and no fault active.
     neutral: u8,
 }
 
@@ -84,7 +84,7 @@ impl AuxiliaryValve {
         self.valve.drive(Drive::Off, now);
     }
 
-    /// Returns the changes of faults. Every activation shuts the regulation down.
+    /// Returns the fault changes. Every activation shuts the regulation down.
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
@@ -182,7 +182,7 @@ impl Product for AuxiliaryValve {
     }
 }
 
-/// Returns the drive of a command, without regard to a shutdown.
+/// Returns the drive for a command, without regard to a shutdown.
 fn drive(command: Command) -> Drive {
     match command {
         Command::HandOperation => Drive::Hand,
@@ -194,7 +194,7 @@ fn drive(command: Command) -> Drive {
     }
 }
 
-/// Returns the position of a port flow command, 0–250.
+/// Returns the position for a port flow command, 0–250.
 fn position(flow: u8) -> Position {
     Scale::Per250.to_position(flow.into()).unwrap_or(Position::NEUTRAL)
 }

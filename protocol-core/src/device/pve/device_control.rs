@@ -94,8 +94,8 @@ impl DeviceControl {
         self.apply(now);
     }
 
-    /// Returns the changes of faults. Each activation shuts the valve down, transition D8. (R) In one table of the
-    /// manual, some faults do not shut it down.
+    /// Returns the fault changes. Each activation shuts the valve down, transition D8. (R) In one table of the manual,
+    /// some faults do not shut it down.
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {

@@ -1,4 +1,4 @@
-//! The codes of the faults on the bus (SPEC 3).
+//! The bus codes of the faults (SPEC 3).
 
 use crate::actuator::{Fault, FaultSet};
 use crate::wire::dm::Lamp;

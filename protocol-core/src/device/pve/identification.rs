@@ -12,18 +12,18 @@ use crate::wire::uds::{Address, Identifier, parse_id};
 /// The value of identifier 0xF010, the address format.
 const ADDRESS_FORMAT: u8 = 0xA5;
 
-/// The data of a valve that UDS reads.
+/// The valve data that UDS reads.
 pub(super) struct Identification<'a> {
     pub(super) kind: Kind,
     pub(super) factory: &'a Factory,
     /// The stored node ID and bit rate.
     pub(super) local_layer: LocalLayer,
-    /// Whether the write of a node ID by a client is waiting or in progress.
+    /// Whether a client's write of the node ID is waiting or in progress.
     pub(super) busy: bool,
 }
 
 impl Identification<'_> {
-    /// Handles a request to the node `node`.
+    /// Handles a request to the node ID or address `node`.
     pub(super) fn serve_node(&self, node: u8, frame: &Frame) -> Reaction {
         let Id::Extended(id) = frame.id() else { return Reaction::Nothing };
         if frame.is_remote() {

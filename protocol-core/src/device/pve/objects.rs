@@ -247,8 +247,8 @@ impl Product for ValveObjects {
         Value::Text(description(self.kind).as_bytes())
     }
 
-    /// Applies the values of an RPDO in the order mode, control word, set-point, whatever the mapping. Invalid values
-    /// are dropped (SPEC 4.1).
+    /// Applies the values of an RPDO in the order mode, control word, set-point. The order does not depend on the
+    /// mapping. Invalid values are dropped (SPEC 4.1).
     #[inline]
     fn receive(&mut self, values: impl Iterator<Item = (ValveObject, u32)>, now: Instant) {
         let (mut mode, mut control, mut set_point) = (None, None, None);
@@ -275,7 +275,8 @@ impl Product for ValveObjects {
         self.control.shut_down(now);
     }
 
-    /// Handles an EMCY of another node. A generic error is an emergency stop (SPEC 4.2).
+    /// Handles an EMCY from another node. A generic error is an emergency stop: it shuts an active valve down (SPEC
+    /// 4.2).
     fn consume_emcy(&mut self, message: Emcy, now: Instant) {
         if message.code == GENERIC_ERROR && self.control.state() == DeviceState::Active {
             self.control.shut_down(now);

@@ -15,7 +15,7 @@ use crate::wire::nmt;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::valve::State as ValveState;
 
-/// The maximum number of faults of a kind.
+/// The maximum number of faults that a kind of device has.
 pub const FAULTS: usize = Fault::ALL.len();
 
 /// The state of a device at one moment.
@@ -31,7 +31,7 @@ pub struct View {
     pub position: i16,
     /// The state of a valve; `None` for another product.
     pub valve: Option<ValveView>,
-    /// All faults of the kind, in the order of [`Kind::fault_names`](super::Kind::fault_names).
+    /// All faults that the kind has, in the order of [`Kind::fault_names`](super::Kind::fault_names).
     pub faults: Vec<FaultView, FAULTS>,
 }
 

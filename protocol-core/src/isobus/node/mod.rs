@@ -80,7 +80,7 @@ pub struct Node<const DM2: usize> {
     pending: MessageSet,
     /// The messages whose frames the controller may hold.
     in_controller: MessageSet,
-    /// The filters of frames that the controller must no longer send.
+    /// The filters for frames that the controller must no longer send.
     aborts: Vec<Filter, { Message::ALL.len() }>,
     answers: Answers,
     dropped: u32,
@@ -142,8 +142,8 @@ impl<const DM2: usize> Node<DM2> {
         self.dropped
     }
 
-    /// Sets whether the controller is bus-off. Bus-off drops all pending messages but DM1 and an unsent first claim.
-    /// DM1 reports the state at the time of its transmission.
+    /// Sets whether the controller is bus-off. Bus-off drops all answers, and all pending messages except DM1 and an
+    /// unsent first claim. DM1 reports the state at the time of its transmission.
     pub fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.give_up_all();
@@ -204,7 +204,7 @@ impl<const DM2: usize> Node<DM2> {
         self.groups.take_filters()
     }
 
-    /// Returns a filter of frames that the controller must no longer send.
+    /// Returns a filter for frames that the controller must no longer send.
     #[inline]
     pub fn take_abort(&mut self) -> Option<Filter> {
         self.aborts.pop()
@@ -251,7 +251,7 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns the trouble code of the last DM1 on the bus. Returns `None` while a DM1 is unsent.
+    /// Returns the trouble code in the last DM1 on the bus. Returns `None` while a DM1 is unsent.
     #[must_use]
     pub fn reported(&self) -> Option<Trouble> {
         let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.pending.contains(Message::Dm1);
@@ -376,7 +376,7 @@ impl<const DM2: usize> Node<DM2> {
     }
 
     /// Returns the message that a frame returned by the controller carries. Returns `None` for an answer and, after the
-    /// loss of the address, for all frames but a cannot-claim.
+    /// loss of the address, for every frame except a cannot-claim.
     fn message_of(&self, frame: &Frame) -> Option<Message> {
         Message::ALL.into_iter().find(|message| self.key_of(*message) == frame.key())
     }

@@ -39,7 +39,7 @@ impl<const DM2: usize> Node<DM2> {
         self.groups.service(frame)
     }
 
-    /// Handles a frame of a service. The services ignore remote frames, and the product must ignore indicated remote
+    /// Handles a frame for a service. The services ignore remote frames, and the product must ignore indicated remote
     /// frames.
     #[inline]
     pub fn handle(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
@@ -200,8 +200,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Drops all answers, a running broadcast and all pending messages but DM1. Counts the answers and the broadcast.
-    /// Frames in the controller are no longer tracked.
+    /// Drops all answers, a running broadcast, and all pending messages except DM1. Counts the answers and the
+    /// broadcast. Frames in the controller are no longer tracked.
     pub(super) fn give_up_all(&mut self) {
         let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
         self.pending = MessageSet::EMPTY;

@@ -176,7 +176,7 @@ fn what_the_product_learns() {
     assert_eq!(rig.node.service(&frame("0CFF1027: 01")), None, "ignores everybody");
 }
 
-/// Whether the controller or the node does the ordering.
+/// The order is the same whether the controller or the node sorts the frames.
 #[test]
 fn answers_and_messages_in_the_order_of_arbitration() {
     for room in [9, 1] {

@@ -8,7 +8,7 @@ use crate::device::runtime::Base;
 use crate::wire::emcy::Emcy;
 
 impl CanopenValve {
-    /// Reports the changes of faults: each activation in order of priority, then the end of the last fault.
+    /// Reports the fault changes: each activation in order of priority, then the end of the last fault.
     pub(super) fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         self.node.renew_tpdo();

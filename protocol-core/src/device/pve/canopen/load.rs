@@ -1,11 +1,11 @@
 //! The restore flag: the execution of a "load" at a start, and the "load" that a client demands (SPEC 4.5, 6).
 //!
 //! A start that finds the restore flag set executes a "load": the valve uses the defaults, stores them, and then clears
-//! the flag. A "save" in between stores its parameters instead of the defaults. The "save" is answered only after the
-//! flag is cleared, because otherwise the next start would overwrite the saved parameters.
+//! the flag. A "save" before the end of this "load" stores its parameters instead of the defaults. The "save" is
+//! answered only after the flag is cleared, because otherwise the next start would overwrite the saved parameters.
 //!
-//! The "load" of a client sets the flag for the next start, and a later "save" leaves the flag set (R). Once the
-//! defaults or newer parameters are stored, a write that sets the flag also completes the executed "load".
+//! A client's "load" sets the flag for the next start. A later "save" leaves the flag set (R). Once the defaults or
+//! newer parameters are stored, a write that sets the flag also completes the executed "load".
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
@@ -68,7 +68,7 @@ impl Load {
         self.executed == Executed::FlagUncleared
     }
 
-    /// Records the "load" of a client.
+    /// Records a client's "load".
     pub(super) fn demand(&mut self) {
         if self.demanded == Demanded::No {
             self.demanded = Demanded::Unstored;
@@ -80,8 +80,8 @@ impl Load {
         self.demanded != Demanded::No
     }
 
-    /// Handles the result of a write of the flag. If `is_last`, no equal write waits, and the result decides the "load"
-    /// of a client.
+    /// Handles the result of a write of the flag. If `is_last`, no equal write waits, and the result decides a client's
+    /// "load".
     pub(super) fn flag_written(&mut self, stored: bool, is_last: bool, now: Instant) {
         if is_last && self.demanded == Demanded::Unstored {
             self.demanded = if stored { Demanded::Stored } else { Demanded::No };

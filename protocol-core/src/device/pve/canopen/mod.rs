@@ -1,4 +1,4 @@
-//! The application of a valve on CANopen, made of the node of `canopen/` and the objects of the valve (SPEC 4, 7).
+//! The application of a valve on CANopen. It combines the node of `canopen/` with the objects of the valve (SPEC 4, 7).
 //!
 //! ```text
 //! mod        the application: node and valve

@@ -1,4 +1,4 @@
-//! The application of a valve on ISOBUS, made of the node of `isobus/` and an auxiliary valve (SPEC 5, 7).
+//! The application of a valve on ISOBUS. It combines the node of `isobus/` with an auxiliary valve (SPEC 5, 7).
 //!
 //! ```text
 //! mod      the application: node and valve
@@ -66,8 +66,8 @@ impl IsobusValve {
         &self.auxiliary.valve
     }
 
-    /// Reports the changes of faults to DM1 and to the fault log. A waiting DM3 will not clear a fault that has
-    /// occurred again.
+    /// Reports the fault changes to DM1 and to the fault log. A waiting DM3 will not clear a fault that has occurred
+    /// again.
     fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         let changes = self.auxiliary.take_changes(now);

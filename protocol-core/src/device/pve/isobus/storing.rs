@@ -51,7 +51,7 @@ impl IsobusValve {
     }
 
     /// Handles the result of a write for DM3. If the write was `stored`, the counters of the faults in `asked` are
-    /// cleared.
+    /// cleared, except the counters of faults that have occurred again.
     ///
     /// Each DM3 whose faults are all in `asked` gets its answer. After a failure, a DM3 that the waiting write also
     /// covers gets its answer after that write (A).
