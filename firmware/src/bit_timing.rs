@@ -17,7 +17,7 @@ pub struct BitTiming {
 }
 
 impl BitTiming {
-    /// Returns the timing of a bit rate. The sample point is at 87.5 %; at 800 kbit/s it is at 90 %.
+    /// Returns the timing for a bit rate. The sample point is at 87.5 %; at 800 kbit/s it is at 90 %.
     #[must_use]
     pub const fn of(bit_rate: BitRate) -> Self {
         let (prescaler, segment_1, segment_2) = match bit_rate {

@@ -4,7 +4,7 @@ use protocol_core::device::Kind;
 
 use crate::plant::{Change, Word, natural};
 
-/// The help for the commands of the board, a line each. The help for the plant words precedes it.
+/// The help for the commands of the board, one line for each command. The help for the plant words precedes it.
 pub const HELP: &str = "\
 status              prints kind, node ID, bit rate, bus, counters and plant\r\n\
 kind KIND [SERIAL]  makes the board a new device: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000\r\n\
@@ -62,7 +62,7 @@ impl Command {
     }
 }
 
-/// Parses an optional serial number, decimal or with 0x; `None` for an invalid number.
+/// Parses an optional serial number, decimal or hexadecimal with 0x; `None` for an invalid number.
 fn serial(word: Option<&str>) -> Option<Option<u32>> {
     let Some(word) = word else { return Some(None) };
     let (digits, radix) = word.strip_prefix("0x").map_or((word, 10), |digits| (digits, 16));

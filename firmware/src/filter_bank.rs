@@ -27,7 +27,7 @@ pub struct Bank {
 }
 
 impl Bank {
-    /// Creates the bank that passes the data frames of a filter.
+    /// Creates the bank that passes the same data frames as a filter.
     #[must_use]
     pub fn of(filter: &Filter) -> Self {
         let is_extended = filter.key & key(extended(0).into()) != 0;
@@ -42,11 +42,12 @@ impl Bank {
     }
 }
 
-/// Returns the next change towards the wanted filters: the number of a bank and its new contents, `None` for inactive.
+/// Returns the next change towards the wanted filters: the number of a bank and its new contents, or `None` to make the
+/// bank inactive.
 ///
-/// A bank is inactive while it changes. A filter that stays therefore keeps its bank, and new filters are added before
-/// old filters are removed. An identifier that is wanted before and after the change is received throughout. A new
-/// filter replaces an old filter only if no bank is free.
+/// A bank is inactive while it changes. A filter that is still wanted keeps its bank, and new filters are added before
+/// old filters are removed. An identifier that is wanted before and after the change is therefore received throughout.
+/// A new filter replaces an old filter only if no bank is free.
 #[must_use]
 pub fn next_change(held: &[Option<Bank>; BANKS], wanted: &Filters) -> Option<(usize, Option<Bank>)> {
     let is_held = |bank: &Bank| held.contains(&Some(*bank));

@@ -1,4 +1,4 @@
-//! The reception of a line of the console, character by character.
+//! The reception of console lines, character by character.
 
 use heapless::String;
 
@@ -20,7 +20,7 @@ const BACKSPACE: u8 = 0x08;
 /// The character that many terminals send instead of backspace.
 const DELETE: u8 = 0x7F;
 
-/// A line of the console, which ends with CR, LF or both. The next character begins a new line.
+/// A console line, which ends with CR, LF or both. The next character begins a new line.
 #[derive(Debug, Default)]
 pub struct Line {
     text: String<LONGEST>,
@@ -37,7 +37,7 @@ impl Line {
         Self { text: String::new(), is_too_long: false, is_damaged: false, has_ended: false, last: 0 }
     }
 
-    /// Returns the characters so far or, after its end, the complete line.
+    /// Returns the received part of the line, or the complete line after its end.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text

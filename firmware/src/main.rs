@@ -4,16 +4,16 @@
 //! ```text
 //! board                 peripherals and tasks
 //! board/nucleo_…        pins, watchdog and LEDs of each board
-//! board/device          task of the device
+//! board/device          device task
 //! board/wake_up         events that wake this task
 //! board/link            joining and leaving the bus
 //! board/can             CAN controller
 //! board/local_controls  console and button, for the device task
-//! board/console         task of the console
+//! board/console         console task
 //! board/serial          serial port of the console
-//! board/button          task of the user button
-//! board/led             task of the LEDs
-//! board/storage         task of the memory
+//! board/button          user button task
+//! board/led             LED task
+//! board/storage         memory task
 //! board/flash           flash sectors of the memory
 //! board/clock           clock tree
 //! board/watchdog        watchdog

@@ -24,7 +24,7 @@ pub struct Settings {
     pub fresh: bool,
     /// Whether the console has chosen the kind. Otherwise the board takes the kind of the image, also after an update.
     pub chosen: bool,
-    /// The serial number of a new memory; `None` for the default of all boards.
+    /// The serial number for a new memory; `None` for the default that all boards share.
     pub serial: Option<u32>,
 }
 
@@ -43,19 +43,19 @@ impl Settings {
         }
     }
 
-    /// Returns the settings of a new device of this kind, chosen at the console.
+    /// Returns the settings for a new device of this kind, chosen at the console.
     #[must_use]
     pub const fn new(kind: Kind, serial: Option<u32>) -> Self {
         Self { kind, blank: false, fresh: true, chosen: true, serial }
     }
 
-    /// Returns the settings of a new device without a node ID; `None` for a kind that always has an address.
+    /// Returns the settings for a new device without a node ID; `None` for a kind that always has an address.
     #[must_use]
     pub const fn new_blank(kind: Kind, serial: Option<u32>) -> Option<Self> {
         if kind.can_be_blank() { Some(Self { blank: true, ..Self::new(kind, serial) }) } else { None }
     }
 
-    /// Returns the setup of the device for a new memory.
+    /// Returns the device setup for a new memory.
     #[must_use]
     pub fn setup(&self) -> Setup {
         let setup = Setup { serial: self.serial, ..Setup::new(self.kind) };
@@ -74,7 +74,7 @@ impl Settings {
         [VERSION, self.kind.number() - FIRST, flags, a, b, c, d]
     }
 
-    /// Decodes settings; `None` if they are invalid or of another version.
+    /// Decodes settings; `None` if they are invalid or have another version.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, kind, flags, a, b, c, d] = bytes else { return None };
@@ -96,7 +96,7 @@ const DEFAULT_KIND: Kind = match option_env!("PVE_KIND") {
     Some(name) => named(name),
 };
 
-/// Returns the kind of this name, at build time.
+/// Returns the kind with this name, at build time.
 const fn named(name: &str) -> Kind {
     let mut i = 0;
     while i < Kind::ALL.len() {

@@ -1,5 +1,5 @@
-//! A reader of the previous layout: items of `sequential-storage` 8, in sectors whose last words announce erases. An
-//! item consists of its checksum, its length, the checksum of the length, its key and its content.
+//! A reader for the previous layout, which contains items of `sequential-storage` 8. The last words of each sector
+//! announce erases. An item consists of its checksum, its length, the checksum of the length, its key and its content.
 
 use core::ops::Range;
 
@@ -30,7 +30,7 @@ const LENGTH_CHECKSUM: Range<usize> = 6..8;
 const ANNOUNCEMENTS: usize = 16;
 /// The byte that fills the first word of an announcement when an erase of the other sector begins.
 const ANNOUNCED: u8 = 0x5A;
-/// The byte that fills the word at the end of a full sector.
+/// The byte that fills the last word before the announcements of a full sector.
 const FULL: u8 = 0;
 
 impl<F: NorFlash> Log<'_, F> {
@@ -38,8 +38,8 @@ impl<F: NorFlash> Log<'_, F> {
     const LEGACY_SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * 2 * F::WRITE_SIZE;
     const LEGACY_HEADER: usize = LENGTH_CHECKSUM.end.next_multiple_of(F::WRITE_SIZE);
 
-    /// Visits the items of a sector in the previous layout, from the oldest to the newest. A sector of the present
-    /// layout, or with an unfinished erase, is skipped. `visit` receives the address, key and content of an item.
+    /// Visits the items of a sector in the previous layout, from the oldest to the newest. A sector with the present
+    /// layout or with an unfinished erase is skipped. `visit` receives the address, key and content of an item.
     pub(crate) fn legacy_items(
         &mut self,
         sector: usize,

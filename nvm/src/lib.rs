@@ -4,13 +4,13 @@
 //! # Layers
 //!
 //! The log writes entries to one sector until it is full, then copies the newest entries to the other sector. Above the
-//! log, the store manages a record of each key, an inventory of the keys ever stored, and a setting of the platform.
-//! Beside the log, a reader of the previous layout imports the records of flashes that still have it.
+//! log, the store manages a record for each key, an inventory of all keys ever stored, and a setting of the platform.
+//! Beside the log, a reader imports the records of flashes that still have the previous layout.
 //!
 //! ```text
 //! store    records by key, inventory and setting
 //! log      entries in the flash
-//! legacy   reader of the previous layout
+//! legacy   reader for the previous layout
 //! ```
 //!
 //! Every call blocks until it succeeds or fails. A later write repeats an interrupted move. On the board, the task with

@@ -1,4 +1,4 @@
-//! A log of entries in a NOR flash of two sectors. New entries are appended, and the newest intact entry of a key
+//! A log of entries in a NOR flash of two sectors. New entries are appended. For each key, the newest intact entry
 //! counts.
 //!
 //! An entry has a sequence number and a checksum, and begins at a word. The log searches sectors word by word, so that
@@ -6,7 +6,7 @@
 //!
 //! When the sector in use is full, the log moves. It erases the other sector, copies the newest entry of each key into
 //! that sector, and finally writes the new entry, which completes the move. The full sector does not change until the
-//! next move. A sector that holds only copies remains from an interrupted move, which starts over with the erase.
+//! next move. A sector with only copies shows that a move was interrupted. The move then starts again with the erase.
 //!
 //! No word is written twice between two erases. An unreadable word counts as damage. In a flash with error correction,
 //! an interrupted write leaves such words.
@@ -19,9 +19,9 @@ use protocol_core::memory::StoreError;
 
 use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MAX, index_of};
 
-/// The CRC of entries. Its polynomial differs from that of the records, because a CRC over data that ends in its own
-/// CRC is constant. The table takes 1.2 KiB of flash. It shortens a start with a full sector from 11.6 ms to 3.3 ms on
-/// the STM32F429.
+/// The CRC of entries. Its polynomial differs from the polynomial of the record CRC, because a CRC over data that ends
+/// in its own CRC is constant. The table takes 1.2 KiB of flash. It shortens a start with a full sector from 11.6 ms to
+/// 3.3 ms on the STM32F429.
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// The length of the header of an entry: mark, key, length, kind, sequence number and checksum.
@@ -44,11 +44,11 @@ pub(crate) struct Log<'buffer, F> {
 /// The kind of an entry.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A copy of an older entry, whose sector will be erased or whose newer version is damaged.
+    /// A copy of an older entry. Either the sector of the older entry will be erased, or a newer version is damaged.
     Copy = 0,
     /// New content.
     Stored = 1,
-    /// New content, which invalidates all older entries but the setting.
+    /// New content. This entry invalidates all older entries except the setting.
     Beginning = 2,
 }
 
@@ -122,7 +122,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
 
     /// Visits the items of the previous layout, then the intact entries, the older sector first. The last visited entry
     /// of a key is therefore the newest. `visit` receives the key, the content, and whether the entry is a beginning. A
-    /// beginning invalidates all earlier entries but the setting.
+    /// beginning invalidates all earlier entries except the setting.
     pub(crate) fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8], bool)) -> Result<(), F::Error> {
         let order = self.order()?;
         for sector in order.into_iter().flatten() {
@@ -144,7 +144,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.move_from(survey.home, &|found| found.key != key, source)
     }
 
-    /// Removes all entries but the setting. A power cut leaves all entries, or the setting and the inventory.
+    /// Removes all entries except the setting. A power cut leaves all entries, or the setting and the inventory.
     pub(crate) fn begin_anew(&mut self, inventory: &[u8]) -> Result<(), StoreError> {
         let old = self.gather()?.home;
         let beginning = Source::New(Kind::Beginning, INVENTORY, inventory);

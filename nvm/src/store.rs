@@ -1,12 +1,12 @@
-//! The records by key, stored in a [log](crate::log) of entries.
+//! The records, each stored under its key in a [log](crate::log) of entries.
 //!
-//! The store adds an inventory of the keys ever stored to the log. The inventory distinguishes lost records from
+//! The store adds an inventory of all keys ever stored to the log. The inventory distinguishes lost records from
 //! records that were never written.
 //!
 //! The store keeps no state between operations. Each operation scans the flash as a start does, from the oldest entry
 //! to the newest.
 //!
-//! Besides the records of the device, the store holds a setting of the platform, such as its kind of device.
+//! Besides the records of the device, the store contains a setting of the platform, such as the kind of device.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -66,7 +66,7 @@ struct Survey {
 }
 
 impl Survey {
-    /// Adds a scanned entry, which replaces earlier entries of its key. A beginning invalidates all earlier records.
+    /// Adds a scanned entry, which replaces earlier entries with its key. A beginning invalidates all earlier records.
     fn note(&mut self, key: u8, bytes: &[u8], is_beginning: bool) {
         self.any = true;
         if is_beginning {
@@ -95,7 +95,7 @@ pub struct Records<'buffer, F> {
 }
 
 impl<'buffer, F: NorFlash> Records<'buffer, F> {
-    /// Creates the records of a flash, without access to the flash.
+    /// Creates the records for a flash. The flash is not accessed.
     pub const fn new(flash: F, buffer: &'buffer mut [u8; BUFFER]) -> Self {
         Self { log: Log::new(flash, buffer) }
     }

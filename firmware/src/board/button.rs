@@ -1,4 +1,4 @@
-//! The task of the user button. Each press injects the next fault.
+//! The user button task. Each press injects the next fault.
 
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;

@@ -26,7 +26,7 @@ pub(super) fn config() -> Config {
     config
 }
 
-/// Configures the flash accelerator and the supply detector, which `embassy_stm32::init` leaves alone.
+/// Configures the flash accelerator and the supply detector, which `embassy_stm32::init` does not configure.
 pub(super) fn finish() {
     FLASH.acr().modify(|acr| {
         acr.set_prften(true);

@@ -21,8 +21,8 @@ const STATUS: usize = 352;
 /// The lines of `status`, or one line of `help`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A received line, with a buffer for the lines of `status`. The only exchange belongs to the console task. It
-/// goes to the device task with the line, and comes back with the answer.
+/// A received line, with a buffer for the lines of `status`. The console task owns the only exchange. It passes the
+/// exchange with the line to the device task, which returns the exchange with the answer.
 pub(super) struct Exchange {
     /// The received line.
     pub(super) line: Line,
@@ -32,7 +32,7 @@ pub(super) struct Exchange {
 
 /// The signal that passes a line to the device task.
 pub(super) type Lines = Signal<CriticalSectionRawMutex, &'static mut Exchange>;
-/// The signal that returns the answer of the device task.
+/// The signal that returns the answer from the device task.
 pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange, Answer)>;
 
 /// The answer to a line.

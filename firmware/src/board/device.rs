@@ -1,5 +1,5 @@
-//! The device task, with the highest priority of all tasks. No other task feeds the watchdog, and this task
-//! feeds it only while the memory answers its requests.
+//! The device task, which has the highest priority of all tasks. Only this task feeds the watchdog, and only while no
+//! memory result is overdue.
 
 use embassy_time::{Duration, Instant};
 use firmware::console::{Command, OTHER_KIND};
@@ -123,8 +123,8 @@ impl Board {
         }
     }
 
-    /// Passes the error mode of the controller, the results of the memory, the lines of the console and the presses of
-    /// the button to the device. Returns the answer to a line, if it is known.
+    /// Passes the controller's error mode, memory results, console lines and button presses to the device. Returns the
+    /// answer to a line if the answer is known already.
     fn look(&mut self, events: Events, device: &mut SendDevice) -> Option<Answer> {
         if events.include(Event::Errors) || self.plant.inputs.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);
@@ -135,14 +135,14 @@ impl Board {
         if events.include(Event::Controls) { self.look_at_controls(device) } else { None }
     }
 
-    /// Returns the time of the next poll without an event.
+    /// Returns the time of the next poll if no event occurs before.
     fn next_look(&self, device: &SendDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
         let is_calm = self.plant.inputs.bus == BusErrorMode::ErrorActive && !can::retry();
         due.min(now + if is_calm { FEED } else { LOOK })
     }
 
-    /// Passes the error mode of the controller to the device.
+    /// Passes the controller's error mode to the device.
     fn look_at_bus(&mut self, device: &mut SendDevice) {
         let mode = self.link.follow(self.plant.bus_off);
         if mode != self.plant.inputs.bus {
@@ -151,7 +151,7 @@ impl Board {
         }
     }
 
-    /// Passes the results of the memory to the device.
+    /// Passes the memory results to the device.
     fn look_at_memory(&mut self, device: &mut SendDevice) {
         while let Some(done) = self.memory.take() {
             match done {
@@ -170,7 +170,7 @@ impl Board {
         }
     }
 
-    /// Executes a press of the button and a line of the console. Returns the answer to the line, if it is known.
+    /// Executes a button press and a console line. Returns the answer to the line if the answer is known already.
     fn look_at_controls(&mut self, device: &mut SendDevice) -> Option<Answer> {
         if let Some(plant) = self.controls.pressed(&self.plant) {
             self.set_plant(plant, device);
@@ -188,9 +188,9 @@ impl Board {
         }
     }
 
-    /// Requests that the memory store `settings`, so that the next start is that of a new device; `None` is an
-    /// impossible device. Returns the answer to a refused command. Otherwise the answer follows with the result of the
-    /// memory.
+    /// Requests the write of `settings`, so that the board is a new device at the next start. `None` stands for an
+    /// impossible device. Returns the answer if the command is refused. Otherwise the answer follows with the memory
+    /// result.
     fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
         let Some(settings) = settings else {
             return Some(Answer::Refused("on ISOBUS a valve always has an address"));

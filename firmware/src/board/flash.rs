@@ -78,8 +78,8 @@ fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
     }
 }
 
-/// Sets the width of erases to words, because the driver uses the present width and leaves it at bytes. The erase of a
-/// sector then takes 250 ms instead of 400 ms.
+/// Sets the width of erases to words, because the driver uses the present width and leaves it at bytes. Erasing a
+/// sector by words takes 250 ms instead of 400 ms.
 fn erase_by_words() {
     if FLASH.cr().read().lock() {
         KEYS.into_iter().for_each(|key| FLASH.keyr().write_value(key));
@@ -95,8 +95,9 @@ fn erase_by_words() {
 struct Uncached;
 
 impl Uncached {
-    /// # Errors
-    /// Returns [`Error::Protected`] if the supply is too low for writing.
+    /// Disables the data cache.
+    ///
+    /// # Errors Returns [`Error::Protected`] if the supply is too low for writing.
     fn new() -> Result<Self, Error> {
         if !supply_is_good() {
             return Err(Error::Protected);

@@ -35,7 +35,7 @@ pub(super) fn led_of(device: &dyn Device, inputs: &Inputs) -> Led {
     }
 }
 
-/// The state that the LEDs show; `None` before the first state, with the LEDs off.
+/// The state that the LEDs show. Before the first state it is `None`, and the LEDs are off.
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {

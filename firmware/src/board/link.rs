@@ -6,7 +6,7 @@ use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
 use super::can::Can1;
 use super::wake_up::WakeUp;
 
-/// The polling period of a controller that leaves the bus at the end of a frame.
+/// The polling period while the controller is leaving the bus.
 const LEAVING: Duration = Duration::from_micros(50);
 
 /// The maximum duration of a frame: 160 bits at 10 kbit/s, followed by an error frame.
@@ -18,7 +18,7 @@ const POLLS: u64 = LONGEST_FRAME.as_micros() / LEAVING.as_micros();
 /// The maximum duration of [`Link::settle`].
 pub(super) const LONGEST_SETTLE: Duration = Duration::from_micros(2 * LONGEST_FRAME.as_micros());
 
-/// The number of bits of a bus-off recovery (ISO 11898-1): 128 sequences of 11.
+/// The number of bits in a bus-off recovery (ISO 11898-1): 128 sequences of 11.
 const RECOVERY_BITS: u32 = 128 * 11;
 
 /// The controller and its connection to the bus.
@@ -28,7 +28,7 @@ pub(super) struct Link {
     bit_rate: BitRate,
     state: State,
     mode: BusErrorMode,
-    /// The number of polls of a controller that leaves the bus; `None` for a controller that does not leave.
+    /// The number of polls since the controller began to leave the bus; `None` while it is not leaving.
     leaving: Option<u64>,
 }
 

@@ -38,7 +38,8 @@ impl LocalControls {
         Some(self.injection.applied_to(*plant))
     }
 
-    /// Returns the command of a line from the console. A line that cannot be parsed gets its answer here.
+    /// Takes a line from the console and returns its command; `None` without a line, or for a line that cannot be
+    /// parsed, which is answered at once.
     pub(super) fn command(&mut self) -> Option<Command> {
         let exchange = self.exchange.insert(self.lines.try_take()?);
         let command = Command::parse(exchange.line.text());

@@ -4,10 +4,10 @@
 //! | --- | --- |
 //! | [`CAN_PRIORITY`] | CAN interrupts, which move received frames to a queue and load the next frame into a mailbox |
 //! | [`CLOCK_PRIORITY`] | interrupt of the clock, for timers |
-//! | [`DEVICE_PRIORITY`] | the device task, with its own executor |
+//! | [`DEVICE_PRIORITY`] | device task, with its own executor |
 //! | [`SERIAL_PRIORITY`] | UART interrupt of the console, which detects damaged characters before their use |
-//! | [`SERVICE_PRIORITY`] | tasks of console, LEDs and button, with their own executor; interrupts of DMA and flash |
-//! | thread | the memory task, which blocks while the flash is busy |
+//! | [`SERVICE_PRIORITY`] | console, LED and button tasks, with their own executor; interrupts of DMA and flash |
+//! | thread | memory task, which blocks while the flash is busy |
 
 mod button;
 mod can;
@@ -45,7 +45,7 @@ const DEVICE_PRIORITY: Priority = Priority::P8;
 const SERIAL_PRIORITY: Priority = Priority::P10;
 const SERVICE_PRIORITY: Priority = Priority::P12;
 
-/// The executor of the device task, in the interrupt of an unused peripheral.
+/// The executor of the device task. It runs in the interrupt of an unused peripheral.
 static DEVICE: InterruptExecutor = InterruptExecutor::new();
 
 #[interrupt]
@@ -54,7 +54,7 @@ fn UART5() {
     unsafe { DEVICE.on_interrupt() }
 }
 
-/// The executor of the tasks of console, LEDs and button, in the interrupt of an unused peripheral. It preempts
+/// The executor of the console, LED and button tasks. It runs in the interrupt of an unused peripheral, and preempts
 /// the memory task, which blocks while the flash is busy.
 static SERVICES: InterruptExecutor = InterruptExecutor::new();
 

@@ -19,7 +19,7 @@ const PANIC: u32 = 0x5041_4E49;
 #[unsafe(link_section = ".uninit.MARKER")]
 static mut MARKER: MaybeUninit<u32> = MaybeUninit::uninit();
 
-/// Returns the cause of the start. This function can be called once.
+/// Returns the cause of the start. This function may be called only once.
 pub(super) fn cause() -> StartCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));

@@ -1,4 +1,4 @@
-//! The memory task, which writes the records of the device while the bus keeps running.
+//! The memory task, which reads and writes the memory while the bus keeps running.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::{Channel, Receiver, Sender};
@@ -11,14 +11,14 @@ use static_cell::ConstStaticCell;
 use super::flash::{LONGEST_ERASE, Sectors};
 use super::wake_up::{Event, notify};
 
-/// The capacity of the queues: a request of each kind.
+/// The capacity of the queues: one request of each kind.
 const REQUESTS: usize = 3;
 
 /// The maximum duration of a request: four erases, and the words written in between.
 const LONGEST: Duration = Duration::from_secs(3);
 const _: () = assert!(LONGEST.as_millis() > 4 * LONGEST_ERASE.as_millis());
 
-/// A request of the device task.
+/// A request from the device task.
 pub(super) enum Request {
     /// Write this record.
     Store(RecordKey, Record),
@@ -45,7 +45,7 @@ pub(super) type Requests = Channel<CriticalSectionRawMutex, Request, REQUESTS>;
 /// The channel from the memory task to the device task.
 pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
 
-/// The memory, for the device task.
+/// The device task's access to the memory.
 pub(super) struct Client {
     requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
@@ -66,8 +66,7 @@ impl Client {
 
     /// Queues a request. [`take`](Self::take) returns its result.
     ///
-    /// # Errors
-    /// Returns an error if the queue of requests is full.
+    /// # Errors Returns an error if the request queue is full.
     pub(super) fn ask(&mut self, request: Request) -> Result<(), StoreError> {
         self.requests.try_send(request).map_err(|_| StoreError)?;
         self.overdue = if self.awaited == 0 { Instant::now() + LONGEST } else { self.overdue };

@@ -25,7 +25,7 @@ pub(super) enum Event {
     Errors = 1 << 2,
     /// The memory has the result of a request.
     Memory = 1 << 3,
-    /// A line of the console or a press of the button has arrived.
+    /// A console line or a button press has arrived.
     Controls = 1 << 4,
     /// The LEDs need the present state.
     Leds = 1 << 5,

@@ -1,4 +1,4 @@
-//! The watchdog, which resets the processor if the device task does not run or the memory does not answer.
+//! The watchdog, which resets the processor if the device task does not run or if a memory result is overdue.
 
 use embassy_stm32::pac::DBGMCU;
 use embassy_stm32::peripherals::IWDG;
@@ -12,8 +12,8 @@ use super::storage::Client;
 /// The maximum time between two feedings by an idle device task.
 pub(super) const FEED: Duration = Duration::from_millis(100);
 
-/// The nominal and the highest frequency of the oscillator of the watchdog (LSI), in kHz (DS9405, DS10693). The
-/// time-out of the watchdog is defined at the nominal frequency.
+/// The nominal and the highest frequency of the watchdog oscillator (LSI), in kHz (DS9405, DS10693). The time-out of
+/// the watchdog is defined at the nominal frequency.
 const TYPICAL_LSI_KHZ: u64 = 32;
 const FASTEST_LSI_KHZ: u64 = 47;
 
@@ -36,7 +36,7 @@ impl Watchdog {
         Self(watchdog)
     }
 
-    /// Restarts the watchdog timer, unless an answer of the memory is overdue.
+    /// Restarts the watchdog timer, unless a result from the memory task is overdue.
     pub(super) fn feed(&mut self, memory: &Client, now: Instant) {
         if !memory.hangs(now) {
             self.0.pet();

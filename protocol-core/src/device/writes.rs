@@ -88,7 +88,7 @@ impl Writes {
         }
     }
 
-    /// Inserts a write before all others. The write must be the second half of a write that has just ended.
+    /// Inserts a write before all others. The write must complete a request whose first write has just ended.
     pub fn request_first(&mut self, write: Write) {
         let _ = self.queue.insert(0, write);
     }

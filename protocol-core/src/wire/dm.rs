@@ -36,7 +36,7 @@ pub const MAX_COUNT: u8 = 127;
 /// The second byte of a message, the flash status of the lamps: always "not available".
 const FLASH_STATUS: u8 = 0xFF;
 
-/// The fill byte after the trouble code of a single frame.
+/// The fill byte after the trouble code in a single frame.
 const FILL: u8 = 0xFF;
 
 /// The number of bytes before the first trouble code: lamp status and flash status.
@@ -83,8 +83,8 @@ pub const fn single(trouble: Option<Trouble>) -> [u8; 8] {
     }
 }
 
-/// Encodes a message with several trouble codes for the transport protocol. The lamp is the most severe of all codes.
-/// Codes that do not fit into `N` bytes, see [`payload_len`], are left out.
+/// Encodes a message with these trouble codes for the transport protocol. The lamp is the most severe lamp of all
+/// codes. Codes that do not fit into `N` bytes, see [`payload_len`], are left out.
 #[must_use]
 pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) -> Vec<u8, N> {
     let lamp = troubles.clone().map(|trouble| trouble.lamp).max().unwrap_or(Lamp::OFF);

@@ -69,8 +69,8 @@ impl Pgn {
         Self(0x00_FE30 | (number & 0xF) as u32)
     }
 
-    /// Returns the group of auxiliary valve estimated flows (AVEF) of a valve. The low four bits of `number` select the
-    /// valve.
+    /// Returns the group of auxiliary valve estimated flows (AVEF) from a valve. The low four bits of `number` select
+    /// the valve.
     #[inline]
     #[must_use]
     pub const fn avef(number: u8) -> Self {

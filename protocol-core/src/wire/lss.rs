@@ -101,7 +101,7 @@ impl FastScan {
     }
 }
 
-/// A request of an LSS master.
+/// A request from an LSS master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// 0x04: switch all slaves to waiting (0) or configuration (1).
@@ -167,7 +167,7 @@ impl Request {
     }
 }
 
-/// An answer of an LSS slave.
+/// An answer from an LSS slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// 0x44: all four parts of the LSS address match, and the slave is in configuration.
@@ -191,7 +191,7 @@ pub enum Answer {
 /// The result of a successful configuration or store. The product defines the error codes.
 pub const SUCCESS: u8 = 0;
 
-/// The number of a slave without a node ID.
+/// The number that stands for no node ID.
 pub const NO_NODE_ID: u8 = 255;
 
 impl Answer {

@@ -3,7 +3,7 @@
 use super::cob_id::{Function, NodeId};
 use crate::frame::Frame;
 
-/// A command of an NMT master.
+/// A command from an NMT master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Command {
@@ -49,11 +49,11 @@ pub enum State {
     /// Initialising, before the boot-up message.
     #[default]
     Initialising,
-    /// Pre-operational: all services but PDOs.
+    /// Pre-operational: all services except PDOs.
     PreOperational,
     /// Operational: all services, PDOs included.
     Operational,
-    /// Stopped: only NMT and error control, among the services of CiA 301.
+    /// Stopped: the only permitted CiA 301 services are NMT and error control.
     Stopped,
 }
 
@@ -74,7 +74,7 @@ impl State {
         }
     }
 
-    /// Returns the state of a code in a heartbeat; `None` for an unknown code.
+    /// Returns the state with this code in a heartbeat; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.code() == code)

@@ -71,7 +71,7 @@ impl Segment {
     }
 }
 
-/// A request of an SDO client.
+/// A request from an SDO client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Read an object.
@@ -139,7 +139,7 @@ impl Request {
     }
 }
 
-/// An answer of an SDO server.
+/// An answer from an SDO server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// The value of an object of up to four bytes.
@@ -189,7 +189,7 @@ impl Answer {
         }
     }
 
-    /// Decodes an answer of a server; `None` for a command that is not part of expedited or segmented transfers.
+    /// Decodes an answer from a server; `None` for a command that is not part of expedited or segmented transfers.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Option<Self> {
         let command = bytes[0];

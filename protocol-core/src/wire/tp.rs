@@ -79,7 +79,7 @@ impl Announcement {
     }
 }
 
-/// Returns the group of a request to send (RTS); `None` for any other control byte.
+/// Returns the group in a request to send (RTS); `None` for any other control byte.
 #[must_use]
 pub const fn request_to_send(bytes: &[u8; 8]) -> Option<Pgn> {
     match *bytes {

@@ -109,7 +109,7 @@ pub fn single_frame(data: &[u8]) -> Option<(&[u8], bool)> {
     matches!(len, 1..=7).then_some((bytes, bytes.len() == usize::from(len)))
 }
 
-/// An answer of a UDS server.
+/// An answer from a UDS server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer<'a> {
     /// `n 62 hi lo data…`, up to four bytes of data.

@@ -51,7 +51,7 @@ impl State {
     }
 }
 
-/// The command of an AVC. A flow is a port flow command, 0–[`MAX_FLOW`].
+/// The command in an AVC. A flow is a port flow command, 0–[`MAX_FLOW`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Close the valve.
@@ -68,7 +68,7 @@ pub enum Command {
     EmergencyStop,
 }
 
-/// The reason an entire AVC is ignored.
+/// The reason why an entire AVC is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ignored {
     /// The length is not eight bytes.
@@ -219,7 +219,7 @@ mod tests {
         }
     }
 
-    /// Every first and third byte, against the rule of SPEC 5 in the opposite order.
+    /// Checks every first and third byte against the rules of SPEC 5, in the opposite order.
     #[test]
     fn every_reason_to_ignore_a_command() {
         for flow in 0..=u8::MAX {

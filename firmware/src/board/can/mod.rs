@@ -37,7 +37,7 @@ pub(super) use transmit::retry;
 /// The alternate function of the pins for CAN 1.
 const AF_CAN: u8 = 9;
 
-/// The number of error interrupts so far.
+/// The number of error interrupts since the start.
 pub(super) static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
 /// The registers of CAN 1, for `bxcan`.
@@ -69,8 +69,8 @@ fn CAN1_SCE() {
     notify(Event::Errors);
 }
 
-/// Enables the interrupts of the error modes that are not reached, and disables the others, which would occur again at
-/// every error. The device task polls for recovery.
+/// Enables the interrupts for error modes that are not reached, and disables the interrupts for reached modes. An
+/// interrupt for a reached mode would occur again at every error. The device task polls for recovery.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
     CAN1.ier().modify(|ier| {
@@ -152,7 +152,7 @@ impl Can1 {
         let _ = self.config.enable_non_blocking();
     }
 
-    /// Returns the error mode, and enables the interrupts of worse modes.
+    /// Returns the error mode, and enables the interrupts for worse modes.
     pub(super) fn mode(&mut self) -> BusErrorMode {
         critical_section::with(|_| interrupt_unless_reached());
         // The read follows the enabling of the interrupts, so that no mode is missed in between.

@@ -70,10 +70,9 @@ impl Transmission {
         self.tx.is_idle() && self.staged.is_none()
     }
 
-    /// Accepts a frame for transmission. Returns a less urgent frame that it displaces.
+    /// Accepts a frame for transmission. Returns the less urgent frame that the new frame displaces, if any.
     ///
-    /// # Errors
-    /// Returns [`nb::Error::WouldBlock`] if the staged frame is at least as urgent.
+    /// # Errors Returns [`nb::Error::WouldBlock`] if the staged frame is at least as urgent.
     pub(super) fn put(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
         // A mailbox that has just become free takes the staged frame first, because it is older than an equally urgent
         // new frame.
@@ -114,7 +113,7 @@ impl Transmission {
         }
     }
 
-    /// Loads a frame into a mailbox through `bxcan`. Returns a frame that it displaces from the mailbox.
+    /// Loads a frame into a mailbox through `bxcan`. Returns the frame displaced from the mailbox, if any.
     fn offer(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
         // With all mailboxes full, `bxcan` aborts a mailbox, and would busy-wait for the end of a frame on the wire. No
         // interrupt reports that this frame has lost arbitration.
