@@ -7,13 +7,13 @@ use protocol_core::time::{Instant, NEVER, after};
 use super::faults::{FaultId, Handed};
 use super::transmit::Transmit;
 
-/// The maximum number of delayed frames of a device or gateway. The application must keep further frames.
+/// The maximum number of delayed frames from a device or gateway. The application must keep further frames.
 const MAX: usize = 256;
 
 /// The maximum number of delayed frames including copies; further copies are not sent.
 const MAX_COPIES: usize = 4096;
 
-/// The maximum number of pending answers of a slow application (A); further answers are dropped.
+/// The maximum number of pending answers from a slow application (A); further answers are dropped.
 const MAX_ANSWERS: usize = 32;
 
 /// Delayed frames, in the order in which the application sent them.
@@ -73,7 +73,7 @@ impl DelayedFrames {
         self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.handed.is_copy).count() >= MAX
     }
 
-    /// Returns whether the maximum number of answers of a slow application is pending.
+    /// Returns whether the maximum number of answers from a slow application is pending.
     pub(super) fn is_full_of_answers(&self) -> bool {
         self.0.len() >= MAX_ANSWERS && self.0.iter().filter(|delayed| delayed.handed.is_own).count() >= MAX_ANSWERS
     }

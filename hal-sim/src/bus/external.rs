@@ -53,8 +53,8 @@ impl Bus {
         }
     }
 
-    /// Sets the frame that a controller offers for the next arbitration. The call has no effect while a frame of the
-    /// controller is on the wire. A listen-only controller offers no frame.
+    /// Sets the frame that a controller offers for the next arbitration. The call has no effect while the controller's
+    /// frame is on the wire. A listen-only controller offers no frame.
     pub(crate) fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();

@@ -14,7 +14,7 @@ pub const MAX_REPEATS: u32 = 1000;
 /// The probability of a fault that affects every frame, in millionths.
 pub const ALWAYS: u32 = 1_000_000;
 
-/// The maximum for every time parameter of a fault.
+/// The maximum value of each time parameter.
 const LONGEST_TIME: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// The mask of all 29 identifier bits.

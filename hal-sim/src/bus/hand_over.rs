@@ -60,7 +60,7 @@ impl Controller for DeviceCan<'_> {
 }
 
 impl Bus {
-    /// Queues a frame of the application for transmission. Returns the displaced, less urgent frame, if any. The
+    /// Queues a frame from the application for transmission. Returns the displaced, less urgent frame, if any. The
     /// caller must call [`refresh`](Self::refresh) afterwards.
     ///
     /// # Errors
@@ -159,7 +159,7 @@ impl Bus {
         self.slow_down();
     }
 
-    /// Sets whether refused frames of a device wait for a free mailbox. A device with a slow cycle could offer a
+    /// Sets whether refused frames from a device wait for a free mailbox. A device with a slow cycle could offer a
     /// refused frame again only in its next cycle.
     pub(crate) fn queue_frames(&mut self, id: PortId, queues: bool) {
         self.ports[id.0].queues = queues;
@@ -170,7 +170,7 @@ impl Bus {
         self.faults.slow_down(self.ports.iter().any(|port| port.answers.is_some() || port.queues));
     }
 
-    /// Hands the due frames of a port to its controller, and updates the list of ports with delayed frames.
+    /// Hands a port's due frames to its controller, and updates the list of ports with delayed frames.
     pub(super) fn release(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         port.used |= port.delayed.release(&mut port.transmit, now);
@@ -193,7 +193,7 @@ impl Bus {
         }
     }
 
-    /// Hands over the frames that wait for a free mailbox, after a frame of the port was sent or aborted.
+    /// Hands over the frames that wait for a free mailbox, after a frame on the port was sent or aborted.
     pub(super) fn release_waiting(&mut self, id: PortId, now: Instant) {
         if !self.ports[id.0].delayed.is_empty() {
             self.release(id, now);

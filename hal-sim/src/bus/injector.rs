@@ -76,14 +76,14 @@ pub struct DestroyNext {
 }
 
 impl DestroyNext {
-    /// Creates an injector that destroys the next `count` transmission attempts of any sender, including
+    /// Creates an injector that destroys the next `count` transmission attempts by any sender, including
     /// retransmissions.
     #[must_use]
     pub const fn frames(count: u32) -> Self {
         Self { left: count, from: None }
     }
 
-    /// Creates an injector that destroys the next `count` transmission attempts of the port named `from`.
+    /// Creates an injector that destroys the next `count` transmission attempts by the port named `from`.
     #[must_use]
     pub fn frames_of(from: &str, count: u32) -> Self {
         Self { left: count, from: Some(from.into()) }

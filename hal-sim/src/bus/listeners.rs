@@ -94,7 +94,7 @@ impl Group {
         }
     }
 
-    /// Adds a port to the listener lists of its filters; `None` receives every frame.
+    /// Adds a port to the listener lists of its filters; with `None`, the port receives every frame.
     pub(super) fn list(&mut self, id: PortId, filters: Option<&[Filter]>) {
         let Some(filters) = filters else { return self.open.push(id) };
         for filter in filters {

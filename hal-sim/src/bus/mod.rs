@@ -186,15 +186,15 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Drops the pending frames of a port. Its frame on the wire is cut off.
+    /// Drops a port's pending frames. Its frame on the wire is cut off.
     pub(crate) fn drop_pending(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.clear(id);
         self.refresh(id, now);
     }
 
-    /// Drops the pending frames of a port and cuts off its frame on the wire. Frames that a fault delays remain,
-    /// because the application considers these frames sent.
+    /// Drops a port's pending frames and cuts off its frame on the wire. Frames that a fault delays remain, because the
+    /// application considers these frames sent.
     pub(crate) fn drop_own(&mut self, id: PortId, now: Instant) {
         let delayed = self.ports[id.0].delayed.take_away();
         self.drop_pending(id, now);
@@ -313,7 +313,7 @@ impl Bus {
         self.faults.inserts(fault)
     }
 
-    /// Drops the queued frames of a client except the frame on the wire.
+    /// Drops a client's queued frames, except the frame on the wire.
     pub(crate) fn drop_waiting(&mut self, id: PortId, now: Instant) {
         self.ports[id.0].transmit.drop_waiting();
         self.refresh(id, now);

@@ -32,7 +32,7 @@ pub struct Port {
     pub(super) transmit: Transmit,
     /// The frames delayed between the application and the controller.
     pub(super) delayed: DelayedFrames,
-    /// The delay of the device's answers, if any.
+    /// The device's answer delay, if any.
     pub(super) answers: Option<Box<SlowAnswers>>,
     /// True if refused frames wait in front of the controller for a free mailbox.
     pub(super) queues: bool,
@@ -67,7 +67,7 @@ pub struct Port {
     pub(super) external: Option<Box<External>>,
 }
 
-/// The random delay of a device's answers, within bounds.
+/// The bounds of a device's random answer delay.
 #[derive(Clone, Debug)]
 pub(crate) struct SlowAnswers {
     pub(crate) is_answer: fn(&Frame) -> bool,
@@ -209,7 +209,7 @@ impl Port {
         self.transmit.is_empty()
     }
 
-    /// Returns whether a further frame of the application can be delayed.
+    /// Returns whether a further frame from the application can be delayed.
     pub(crate) fn can_delay(&self) -> bool {
         !self.delayed.is_full()
     }

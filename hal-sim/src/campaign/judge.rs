@@ -72,7 +72,7 @@ impl Judge {
         })
     }
 
-    /// Observes an event of the bus.
+    /// Observes a bus event.
     pub fn event(&mut self, happened: &Happened) {
         self.oracles.event(happened);
     }

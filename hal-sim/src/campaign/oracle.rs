@@ -22,7 +22,7 @@ pub(super) struct Oracle<T> {
 /// The proof that the controller has detected the fault.
 #[derive(Debug)]
 pub(super) enum Proof {
-    /// Frames of any sender, in order.
+    /// Frames from any sender, in order.
     Frames(Vec<Pattern>),
     /// A state of a device.
     State(Wanted),

@@ -216,8 +216,7 @@ impl<'a> Oracles<'a> {
         }
     }
 
-    /// Returns whether each oracle of the plan is fulfilled already. A safe state that must hold until the end never
-    /// is.
+    /// Returns whether each oracle of the plan is fulfilled already. False if a safe state must hold until the end.
     pub(super) fn are_decided(&self) -> bool {
         (self.proof.is_none() || self.detected.is_some())
             && self.safe.as_ref().is_none_or(|safety| safety.proved.is_some())

@@ -146,7 +146,7 @@ fn more_than_ten_million_cells_are_refused() {
     }
 }
 
-/// The published copy is the schema of this version: `RENEW_SCHEMA=1` writes it.
+/// The published schema is that of this version. `RENEW_SCHEMA=1` writes the schema.
 #[test]
 fn the_schema_for_editors_is_in_the_docs() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/campaign.schema.json");

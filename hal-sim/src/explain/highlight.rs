@@ -32,7 +32,7 @@ pub(super) fn mark(frame: &Frame, context: &Context<'_>) -> Mark {
     }
 }
 
-/// Returns the node ID or address that the identifier of a frame contains as its source.
+/// Returns the source in a frame's identifier: a node ID or an address.
 fn source(frame: &Frame) -> Option<u8> {
     // A remote frame has the identifier of the requested frame.
     if frame.is_remote() {

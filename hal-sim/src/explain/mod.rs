@@ -2,7 +2,7 @@
 //!
 //! An explanation depends only on the frame and the table of devices, so that a trace can begin at any frame. There are
 //! two exceptions that need earlier frames: a segment of an SDO block transfer looks like other frames, and the
-//! response to a write of the node ID by UDS does not identify its sender. PDOs are decoded by the default mapping and
+//! response to a node ID write by UDS does not identify its sender. PDOs are decoded by the default mapping and
 //! identifiers (SPEC 4.1).
 //!
 //! ```text
@@ -75,7 +75,7 @@ impl Explainer {
     }
 
     /// Records a frame, after the frame itself has been explained. Later segments of an SDO block transfer and the
-    /// answer to a write of the node ID can then be explained.
+    /// answer to a node ID write can then be explained.
     pub fn observe(&mut self, frame: &Frame) {
         self.blocks.observe(frame);
         self.writes.observe(frame);

@@ -42,7 +42,7 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     Some(format!("{parties}: UDS {meaning}{length}"))
 }
 
-/// The devices with a pending write of their node ID. The response does not identify its sender, so the request must be
+/// The devices with a pending node ID write. The response does not identify its sender, so the request must be
 /// remembered.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Writes(BTreeSet<u8>);
@@ -62,8 +62,8 @@ impl Writes {
         }
     }
 
-    /// Returns the name of the device with a pending write; a general text unless exactly one device has a pending
-    /// write.
+    /// Returns the name of the device with a pending write. Returns a general text unless exactly one device has a
+    /// pending write.
     fn asked(&self, context: &Context<'_>) -> String {
         match self.0.iter().collect::<Vec<_>>()[..] {
             [id] => context.name(*id),
@@ -72,7 +72,7 @@ impl Writes {
     }
 }
 
-/// Returns whether a message is the response to a write of the node ID. All valves send this response with the same
+/// Returns whether a message is the response to a node ID write. All valves send this response with the same
 /// identifier.
 fn answers_write(id: u32, message: &[u8]) -> bool {
     id == NODE_ID_ANSWER && matches!(message, [WRITTEN, 0x10, 0x01] | [NEGATIVE, WRITE, ..])

@@ -159,7 +159,7 @@ impl Parser {
     /// Parses a classic CAN frame in the line format of CAN FD controllers: identifier, name, BRS, ESI, length code,
     /// length, data, two durations, flags.
     fn frame_of_fd_controller(&self, words: &[&str]) -> Result<Frame, Reason> {
-        /// The flags of remote frames and of CAN FD frames.
+        /// The flags for remote frames and CAN FD frames.
         const REMOTE: u32 = 1 << 4;
         const EXTENDED_DATA_LENGTH: u32 = 1 << 12;
         let words: Vec<&str> = match words {

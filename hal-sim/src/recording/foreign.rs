@@ -1,4 +1,4 @@
-//! Detects files of unsupported formats, so that a single message can refuse them as a whole.
+//! Detects files in unsupported formats, so that a single message can refuse them as a whole.
 
 /// Appends the accepted formats and the remedy to an error message.
 macro_rules! refusal {
@@ -20,8 +20,8 @@ pub(super) const UNKNOWN: &str = refusal!("not a recording in a known format");
 const PCAP: [&[u8]; 4] =
     [&[0xD4, 0xC3, 0xB2, 0xA1], &[0xA1, 0xB2, 0xC3, 0xD4], &[0x4D, 0x3C, 0xB2, 0xA1], &[0xA1, 0xB2, 0x3C, 0x4D]];
 
-/// Returns the error message for a file of an unsupported format, by its first four bytes; `None` if the file may be a
-/// recording.
+/// Returns the error message for a file in an unsupported format, recognised by its first four bytes; `None` if the
+/// file may be a recording.
 pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     match head {
         b"LOGG" => Some(refusal!("a BLF file")),
@@ -33,8 +33,8 @@ pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Returns the error message for a text of an unsupported format, by an unreadable line; `None` if the format is not
-/// recognised.
+/// Returns the error message for a text in an unsupported format, recognised by an unreadable line; `None` if the
+/// format is not recognised.
 pub(super) fn by_line(line: &str) -> Option<&'static str> {
     // Zero bytes occur in unwritten parts of a file, escape characters in coloured terminal output.
     let is_binary = |char: char| {

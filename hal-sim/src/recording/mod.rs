@@ -6,7 +6,7 @@
 //! asc      the format of Vector's tools; candump's is in `log`
 //! pcapng   the format of Wireshark
 //! date     dates of ASC
-//! foreign  files of unsupported formats, which are refused
+//! foreign  files in unsupported formats, which are refused
 //! ```
 //!
 //! A recording is processed entry by entry, never loaded as a whole.

@@ -205,8 +205,8 @@ impl Packets {
 const CUT_OFF: Reason = "the file is truncated here";
 const BROKEN: Reason = "invalid pcapng block; the rest of the file is unreadable";
 
-/// Decodes a packet block. Other blocks return `None`; section headers and interface descriptions update the
-/// interfaces.
+/// Decodes a packet block. Returns `None` for any other block; a section header or interface description updates
+/// `interfaces`.
 fn take(
     interfaces: &mut Vec<Interface>,
     last: &mut usize,

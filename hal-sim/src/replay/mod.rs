@@ -18,7 +18,7 @@
 //! A client sends the frames of other nodes so that they end at the logged times. Such a frame may lose an arbitration
 //! that it won in the log, and is then late by the length of one frame.
 //!
-//! A log frame of a replayed device may remain unrecognised, for example a PDO with a changed COB-ID. The client then
+//! A log frame from a replayed device may remain unrecognised, for example a PDO with a changed COB-ID. The client then
 //! sends this frame, and later the simulated device sends the same identifier. The next round repeats the replay with
 //! this identifier attributed to the devices.
 
@@ -82,7 +82,7 @@ pub struct ReplayOptions {
 /// The outcome of a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// The number of log frames compared with frames of the simulated devices.
+    /// The number of log frames compared with frames from the simulated devices.
     pub compared: u64,
     /// The number of log frames sent to the simulated devices.
     pub played: u64,
@@ -125,7 +125,7 @@ pub enum ReplayError {
         /// The file.
         path: PathBuf,
     },
-    /// The file contains no frame of a device.
+    /// The file contains no frame from a device.
     #[error("{}: no {what} from {name} in the log", path.display())]
     NotThere {
         /// The file.
@@ -256,7 +256,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Processes a log frame: queues a frame of a simulated device for comparison, and sends any other frame.
+    /// Processes a log frame: queues a frame from a simulated device for comparison, and sends any other frame.
     fn take(&mut self, logged: &Logged, frame: Frame, at: Instant) {
         self.bus.run_to_start(&frame, at);
         self.collect();

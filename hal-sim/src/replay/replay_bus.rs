@@ -27,7 +27,7 @@ pub(super) struct ReplayBus {
     places: BTreeMap<Arc<str>, usize>,
     nodes: Vec<NodeId>,
     explainer: Explainer,
-    /// The frames of the simulated devices that have not been taken yet, oldest first.
+    /// The frames from the simulated devices that have not been taken yet, oldest first.
     pub(super) sent: Vec<Item>,
     /// The identifiers sent by the simulated devices, as [keys](Frame::key).
     pub(super) sent_keys: BTreeSet<u32>,

@@ -139,7 +139,7 @@ fn as_logged(line: &str, file: &NamedTempFile) -> u64 {
 
 const VALVE: &str = "--device pvea-canopen@0x20";
 
-/// Returns a session of a valve at rest: SDO, NMT, heartbeats every 100 ms, and an EMCY for a missing master.
+/// Returns a session with a valve at rest: SDO, NMT, heartbeats every 100 ms, and an EMCY for a missing master.
 fn at_rest() -> Session {
     let mut session = Session::new(VALVE);
     session.send(3, &["620: 40 18 10 01 00 00 00 00", "620: 2B 17 10 00 64 00 00 00", "000: 01 20"]);
@@ -149,7 +149,7 @@ fn at_rest() -> Session {
     session
 }
 
-/// Returns a session of a valve whose spool moves most of the time.
+/// Returns a session with a valve whose spool moves most of the time.
 fn moving() -> Session {
     let mut session = Session::new(VALVE);
     session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);

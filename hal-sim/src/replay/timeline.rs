@@ -12,7 +12,7 @@ use crate::log::{Entry, Timestamp};
 use crate::recording::{Logged, ReadError, Reader};
 use crate::world::{EventKind, World};
 
-/// The maximum time from power-up to the first frame of a device that sends without a request (A).
+/// The maximum time from power-up to the first frame from a device that sends without a request (A).
 const SILENT: Duration = Duration::from_secs(2);
 
 /// The time before the first entry at which a device is powered up if its first frame is not in the log. The device has
@@ -33,7 +33,7 @@ pub(super) struct Timeline {
 #[derive(Debug)]
 pub(super) struct PowerUp {
     pub(super) at: Instant,
-    /// The first frame of the simulated device; `None` for a blank device, which sends no frame without a request.
+    /// The first frame from the simulated device; `None` for a blank device, which sends no frame without a request.
     pub(super) frame: Option<Frame>,
     /// The first frame of the device in the log: equal to `frame`, or with the same identifier and different data.
     pub(super) logged: Option<Frame>,
@@ -41,7 +41,7 @@ pub(super) struct PowerUp {
     number: Option<u64>,
 }
 
-/// The first frame of a simulated device, and its delay after the power-up.
+/// The first frame from a simulated device, and its delay after the power-up.
 struct First {
     frame: Frame,
     delay: Duration,
@@ -82,7 +82,7 @@ impl Search {
         matches!(self, Self::Found(_) | Self::Before)
     }
 
-    /// Continues the search with a log entry. `first` is the first frame of the simulated device. If `exactly`, only an
+    /// Continues the search with a log entry. `first` is the simulated device's first frame. If `exactly`, only an
     /// equal frame is accepted.
     fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, exactly: bool) -> Self {
         let frame = &entry.frame;
@@ -108,7 +108,7 @@ impl Search {
 }
 
 impl Timeline {
-    /// Finds the first frames of the devices in the log and derives the power-ups.
+    /// Finds the first frames from the devices in the log and derives the power-ups.
     pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
         let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
         let mut found = vec![Search::Open; firsts.len()];
@@ -180,7 +180,7 @@ impl Timeline {
         self.zero.at(at)
     }
 
-    /// Returns whether a log entry contains the first frame of a device.
+    /// Returns whether a log entry contains the first frame from a device.
     pub(super) fn is_first(&self, number: u64) -> bool {
         self.power_ups.iter().any(|device| device.number == Some(number))
     }
@@ -199,7 +199,7 @@ fn is_like(first: &Frame, frame: &Frame) -> bool {
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }
 
-/// Determines the first frame of a device by a simulation of the device alone, at its bit rate.
+/// Determines the first frame from a device by a simulation of the device alone, at its bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
     let rate = device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied())?;
     let mut world = World::new(rate, 0);

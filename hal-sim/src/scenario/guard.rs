@@ -20,7 +20,8 @@ pub(super) struct Guard<'a> {
 
 #[derive(Clone, Copy)]
 enum Guarded<'a> {
-    /// Forbidden frames, the number of the next event to check, and the instant from which frames of any sender count.
+    /// Forbidden frames, the number of the next event to check, and the instant since which frames from any sender
+    /// count.
     Frames(&'a [Pattern], u64, Option<Instant>),
     State(&'a Wanted),
 }
@@ -41,7 +42,7 @@ impl<'a> Guard<'a> {
         (Self { step, since: now, until, what, ticket: None }, command)
     }
 
-    /// Returns the violation of the prohibition, if any. `ended` is the result of the completed ticket, if any.
+    /// Returns the failure if the prohibition was violated. `ended` is the result of the completed ticket, if any.
     pub(super) fn violation(&mut self, ended: Option<&Result<Reply, Refusal>>, history: &History) -> Option<Failure> {
         match (&mut self.what, ended) {
             (Guarded::Frames(patterns, next, since), _) => {

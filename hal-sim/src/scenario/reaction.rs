@@ -21,9 +21,9 @@ pub(super) struct Reaction {
 /// The trigger of a rule.
 #[derive(Debug)]
 pub(super) enum Trigger {
-    /// A frame of a device.
+    /// A frame from a device.
     On(Pattern),
-    /// No frame of a device for this time. The first such frame starts the supervision.
+    /// No frame from a device for this time. The first such frame starts the supervision.
     Missing(Pattern, Duration),
 }
 

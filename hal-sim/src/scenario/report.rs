@@ -67,8 +67,8 @@ impl Outcome {
         self.failures.iter().map(move |failure| format!("{file}:{}: {}", failure.line, failure.headline))
     }
 
-    /// Returns the report of the failures in indented lines; empty if the scenario passed. `file` is the name of the
-    /// scenario file.
+    /// Returns the failure report in indented lines; empty if the scenario passed. `file` is the name of the scenario
+    /// file.
     #[must_use]
     pub fn failures(&self, file: &str) -> String {
         let mut text = String::new();

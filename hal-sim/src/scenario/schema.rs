@@ -14,7 +14,7 @@ pub fn schema() -> String {
     published(&ScenarioFile::name(), "Scenario of pve-sim", definitions)
 }
 
-/// Returns the named definition as the text of a JSON schema that contains the other definitions.
+/// Returns the JSON schema text of the named definition, including the other definitions.
 pub(crate) fn published(name: &str, title: &str, mut definitions: Map<String, Value>) -> String {
     let mut schema = definitions.remove(name).unwrap_or_default();
     if let Some(root) = schema.as_object_mut() {

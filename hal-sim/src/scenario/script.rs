@@ -22,7 +22,7 @@ pub struct Scenario {
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
-    /// True if a step must claim every frame of a device.
+    /// True if a step must claim every frame from a device.
     pub(super) strict: bool,
     pub(super) reactions: Vec<Reaction>,
     pub(super) steps: Vec<Step>,

@@ -33,8 +33,8 @@ pub(super) enum Begin {
 pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
-    /// The time from which frames of any sender count. With `None`, only frames of the devices count, from the start of
-    /// the step.
+    /// The time since which frames from any sender count. With `None`, only device frames count, since the start of the
+    /// step.
     pub(super) since: Option<Instant>,
     pub(super) within: Duration,
     /// The period with which the frame must repeat after the expectation.

@@ -1,4 +1,4 @@
-//! Strict scenarios: every frame of a device must be claimed by a step.
+//! Strict scenarios: every frame from a device must be claimed by a step.
 
 use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant, after, since};
@@ -73,7 +73,7 @@ impl<'a> Claims<'a> {
         }
     }
 
-    /// Starts expecting a frame cyclically, every `period`; `last` is the time of its latest reception.
+    /// Starts expecting a frame cyclically, every `period`; `last` is the time of the latest such frame.
     pub(super) fn begin(&mut self, pattern: &'a Pattern, period: Duration, last: Instant) {
         self.again.push(Again { pattern, period, last });
     }

@@ -21,7 +21,7 @@ pub const KEPT: usize = 4096;
 /// The maximum number of history entries considered for an excerpt, including repeated cyclic frames.
 const SHOWN: usize = 256;
 
-/// The maximum number of lines of an excerpt.
+/// The maximum number of lines in an excerpt.
 const LINES: usize = 12;
 
 /// A frame that was on the bus.
@@ -137,7 +137,7 @@ pub struct Heard {
     pub frame: Frame,
 }
 
-/// A copy of the latest frames and errors with an explainer, so that another thread can explain them.
+/// A copy of the latest frames and errors, with an explainer, for use in another thread.
 #[derive(Clone, Debug)]
 pub struct Excerpt {
     entries: Vec<Entry>,

@@ -60,7 +60,7 @@ pub struct Simulation {
     profiles: Profiles,
     rates: RateWatch,
     history: History,
-    /// The events not taken yet; the queue is reused to keep its capacity.
+    /// The events that have not been taken. The queue is reused to keep its capacity.
     events: VecDeque<Event>,
     completed: Completed,
     /// The number of tickets issued so far.
@@ -155,7 +155,7 @@ impl Simulation {
         &self.history
     }
 
-    /// Returns the monitor of the device bit rates, mutably.
+    /// Returns the device bit-rate monitor, mutably.
     pub const fn rates_mut(&mut self) -> &mut RateWatch {
         &mut self.rates
     }

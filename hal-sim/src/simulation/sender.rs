@@ -138,7 +138,7 @@ impl Sender {
         }
     }
 
-    /// Completes the command of the frame in the controller if the frame was sent or is delayed by a fault. Returns
+    /// Completes the command whose frame is in the controller if the frame was sent or is delayed by a fault. Returns
     /// whether the frame has left the controller.
     fn complete(&mut self, world: &World, completed: &mut Completed) -> bool {
         let Some(sent) = self.sending.take_if(|_| world.is_controller_empty(self.port)) else { return false };

@@ -100,8 +100,8 @@ fn bit_rates(kind: Kind) -> Vec<Values> {
     rates.into_iter().map(|rate| Values::Numbers(rate..=rate)).collect()
 }
 
-/// Refuses a value that a device of this kind and name never has, and values that it never has at the same time. `none`
-/// is the word for null in messages.
+/// Refuses a value that a device of this kind and name never has, and values that never occur together. `none` is the
+/// word for null in messages.
 ///
 /// # Errors
 /// A message with the key, its value, and its possible values.

@@ -32,7 +32,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Records an event. Returns the error class and the message of an event to report. A communication fault has no
+    /// Records an event. Returns the error class and the message for an event to report. A communication fault has no
     /// class.
     pub fn note(&mut self, event: &Event) -> Option<(Option<ErrorClass>, String)> {
         match &event.what {

@@ -10,7 +10,7 @@ fn at(ms: u64) -> Instant {
     Instant::from_micros(ms * 1000)
 }
 
-/// Writes a frame of a device or a client.
+/// Writes a frame from a device or a client.
 fn show(layout: &mut Layout, out: &mut String, ms: u64, who: &str, text: &str, meaning: (&str, Mark)) {
     let meaning = (meaning.0.to_owned(), meaning.1);
     layout.frame(out, (at(ms), &who.into(), &frame(text)), who == "valve", || meaning);

@@ -3,7 +3,7 @@
 use protocol_core::time::{Instant, NEVER};
 
 /// The due times of all devices, as a tournament tree. The earliest due time wins; among equal times, the lowest device
-/// number. A change of a due time replays only the matches of its device.
+/// number. A new due time replays only the matches of its device.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Agenda {
     /// The due time of each device, by number.
@@ -52,7 +52,7 @@ impl Agenda {
         self.play(node);
     }
 
-    /// Replays the matches of a device after a change of its due time.
+    /// Replays the matches of a device after its due time has changed.
     fn play(&mut self, node: usize) {
         let mut place = (self.winners.len() / 2 + node) / 2;
         while place > 0 {

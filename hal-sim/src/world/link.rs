@@ -179,8 +179,8 @@ impl World {
         }
     }
 
-    /// Returns the inputs of a sensor with the angle of its link, which must be up to date. Without a link, the inputs
-    /// are unchanged.
+    /// Returns a sensor's inputs with the angle from its link, which must be up to date. Without a link, returns the
+    /// inputs unchanged.
     pub(super) fn as_linked(&self, sensor: NodeId, mut inputs: Inputs) -> Inputs {
         if let Some(coupling) = self.couplings.iter().find(|coupling| coupling.sensor == sensor)
             && let Some(shaft) = inputs.shaft_mut()

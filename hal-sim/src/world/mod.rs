@@ -71,7 +71,7 @@ pub struct ClientPortId(PortId);
 pub struct World {
     now: Instant,
     bit_rate: BitRate,
-    /// A counter of bit rate changes of the bus and the devices, including starts, restarts and power cuts.
+    /// A counter of bit rate changes on the bus and in the devices, including starts, restarts and power cuts.
     rate_changes: u64,
     bus: Bus,
     nodes: Vec<Node>,
@@ -269,8 +269,8 @@ impl World {
     }
 
     /// Adds a gateway: a client that discards received frames. A second controller, which never sends, acknowledges the
-    /// frames of the gateway even when a device sends the same frame simultaneously. The second controller also
-    /// acknowledges the frames of a lone device, which therefore does not become error-passive.
+    /// gateway's frames even when a device sends the same frame simultaneously. The second controller also acknowledges
+    /// the frames from a lone device, which therefore does not become error-passive.
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}{LISTENING}");
         let [port, _] = [name, &listener].map(|name| self.add_deaf_client(name.into()));
@@ -303,35 +303,35 @@ impl World {
         self.bus.refresh(port.0, self.now);
     }
 
-    /// Drops the pending frames of a client. A frame on the wire is cut off.
+    /// Drops a client's pending frames. A frame on the wire is cut off.
     pub fn withdraw(&mut self, port: ClientPortId) {
         self.bus.drop_pending(port.0, self.now);
     }
 
-    /// Returns the number of pending frames of a client, including delayed frames and the frame on the wire.
+    /// Returns the number of a client's pending frames, including delayed frames and the frame on the wire.
     #[must_use]
     pub fn pending(&self, port: ClientPortId) -> usize {
         self.bus.port(port.0).pending()
     }
 
-    /// Drops the pending frames of a client, except the frame on the wire and the frames delayed by faults.
+    /// Drops a client's pending frames, except the frame on the wire and the frames delayed by faults.
     pub fn drop_waiting(&mut self, port: ClientPortId) {
         self.bus.drop_waiting(port.0, self.now);
     }
 
-    /// Returns whether the controller of a client has no pending frame. Frames delayed by faults do not count.
+    /// Returns whether a client's controller has no pending frame. Frames delayed by faults do not count.
     #[must_use]
     pub fn is_controller_empty(&self, port: ClientPortId) -> bool {
         self.bus.port(port.0).is_controller_empty()
     }
 
-    /// Returns whether a further frame of a client can be delayed by faults.
+    /// Returns whether faults can delay a further frame from a client.
     #[must_use]
     pub fn can_delay(&self, port: ClientPortId) -> bool {
         self.bus.port(port.0).can_delay()
     }
 
-    /// Returns whether a frame of a client is on the wire.
+    /// Returns whether a client's frame is on the wire.
     #[must_use]
     pub fn is_sending(&self, port: ClientPortId) -> bool {
         self.bus.is_sending(port.0)
@@ -377,7 +377,8 @@ impl World {
         self.on(node).is_some_and(|device| device.is_switching_bit_rate())
     }
 
-    /// Returns the counter of bit rate changes of the bus and the devices, including starts, restarts and power cuts.
+    /// Returns the counter of bit rate changes on the bus and in the devices, including starts, restarts and power
+    /// cuts.
     pub(crate) const fn rate_changes(&self) -> u64 {
         self.rate_changes
     }

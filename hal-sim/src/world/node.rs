@@ -69,7 +69,7 @@ pub(super) struct Node {
     pub(super) power: Power,
     pub(super) write: Option<Write>,
     pub(super) forced_bus_off: bool,
-    /// The value of the device's counter of dropped frames when the device was last served.
+    /// The number of frames that the device had dropped when it was last served.
     pub(super) frames_dropped: u32,
     pub(super) electronics: electronics::State,
     /// The spool times of a valve in warm oil; `None` if the times do not depend on the temperature.
@@ -100,7 +100,7 @@ pub struct Write {
 }
 
 impl Write {
-    /// Starts the write of a record. `takes` is the duration, usually [`write_time`].
+    /// Starts a record write. `takes` is the duration, usually [`write_time`].
     #[must_use]
     pub fn begin(key: RecordKey, record: Record, now: Instant, takes: Duration) -> Self {
         Self { key, record, began: now, done: after(now, takes) }
@@ -123,7 +123,7 @@ pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>, electronics: &e
     electronics.cycle_from(device.deadline()).min(write.map_or(NEVER, |write| write.done))
 }
 
-/// Returns the duration of a write of the record under `key`.
+/// Returns the write time of the record under `key`.
 #[must_use]
 pub const fn write_time(key: RecordKey) -> Duration {
     match key {

@@ -125,7 +125,7 @@ pub(super) fn kind(fault: &PlanFault) -> String {
     format!("{}{}", toml::Value::Table(without_numbers(fault.entry.clone())), words(fault).join(" "))
 }
 
-/// Returns the words of the plant that a fault sets.
+/// Returns the plant words that a fault sets.
 fn words(fault: &PlanFault) -> Vec<&str> {
     let keys = fault.entry.get("plant").and_then(toml::Value::as_table).into_iter().flatten();
     keys.filter_map(|(key, value)| match key.as_str() {

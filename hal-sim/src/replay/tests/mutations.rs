@@ -101,7 +101,7 @@ impl Recording {
     }
 }
 
-/// Returns the distance of a shaft the shorter way round; the distance of a spool is unchanged.
+/// Returns a shaft's distance in the shorter direction; a spool's distance is unchanged.
 fn around_turn(way: i32, is_hat: bool) -> i32 {
     if is_hat { (way + 8192).rem_euclid(16_384) - 8192 } else { way }
 }

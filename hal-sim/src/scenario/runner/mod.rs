@@ -17,7 +17,7 @@ use crate::simulation::{Executed, Happened, Refusal, Reply, Simulation, Ticket};
 
 /// An observer of a run.
 pub(crate) trait Watch {
-    /// Observes an event of the bus.
+    /// Observes a bus event.
     fn event(&mut self, _happened: &Happened) {}
 
     /// Observes the simulation after each of its steps, and may replace the simulation with a clone.
@@ -35,7 +35,7 @@ pub(crate) struct Run<'a> {
     /// The work to do after the wait in progress.
     next: Next,
     wait: Option<Wait<'a>>,
-    /// The check that each device frame is expected by a step; `None` unless the scenario is strict.
+    /// The check that a step expects each device frame; `None` unless the scenario is strict and failures count.
     claims: Option<Claims<'a>>,
     /// The claims, set aside during an action whose frames may match the step's expectation.
     held_claims: Option<Claims<'a>>,

@@ -252,7 +252,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         executed
     }
 
-    /// Takes the result of an awaited command; returns an error if virtual time reached its limit first.
+    /// Takes the result from an awaited command. Returns an error if virtual time reached its limit first.
     fn result(&mut self, ticket: Ticket) -> Result<Reply, Refusal> {
         let place = self.run.ended.iter().position(|(known, _)| *known == ticket);
         place.map_or(
@@ -261,7 +261,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         )
     }
 
-    /// Starts to check a prohibition.
+    /// Starts the check of a prohibition.
     fn never(&mut self, step: &'a Step, never: &'a Never) {
         let simulation = self.target.simulation();
         let (mut guard, command) = Guard::new(step, never, simulation.now(), simulation.history().next());

@@ -1,4 +1,4 @@
-//! Strict scenarios: steps claim every frame of a device in order, and cyclic frames keep their period.
+//! Strict scenarios: steps claim every frame from a device in order, and cyclic frames keep their period.
 
 use super::*;
 
