@@ -7,7 +7,7 @@
 //! file     the file format of a plan    plan        the checked plan
 //! fault    the faults of a plan         oracle      the oracles of a plan
 //! master   kinds of controllers         controller  controllers in Rust
-//! golden   golden runs                  run         rows and cells, by forking
+//! golden   golden runs                  run         rows and cells
 //! rig      a run with its oracles       oracles     the oracles during a run
 //! observe  the observation of a run     injection   the injection of one fault
 //! cell     cells and their results      verdict     verdicts

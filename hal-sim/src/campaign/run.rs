@@ -149,8 +149,8 @@ impl<'a, M: Master> Campaign<'a, M> {
         (*instants.first()?..=*instants.last()?).contains(&at).then_some(Cell { row, at })
     }
 
-    /// Runs a row and passes each result to `each`. The grid cells come in order. After a change of the verdict, the
-    /// cells follow that locate the change to 1 ms. The worst interval, in steps of 1 ms, comes last, unless both its
+    /// Runs a row and passes each result to `each`. The grid cells come in order. After each change of the verdict come
+    /// the cells that locate the change to 1 ms. The worst interval, in steps of 1 ms, comes last, unless both its
     /// verdicts are [`NoEffect`](Verdict::NoEffect). An unknown row has no cells.
     pub fn row(&self, row: usize, each: &mut dyn FnMut(CellResult)) {
         let Some(golden) = self.rows.get(row).and_then(|row| self.goldens.get(row.golden)) else { return };

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A valve in ACTIVE after some 170 ms, and a master that stops it when an EMCY comes.
+/// A valve that is in ACTIVE after some 170 ms, and a master that stops the valve at an EMCY.
 const CAREFUL: &str = r#"
 devices = ["pvea-canopen@0x20,name=valve"]
 reactions = [{ on = "0A0", from_ms = 50, send = "000#0220" }]

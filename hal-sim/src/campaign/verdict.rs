@@ -42,8 +42,8 @@ pub struct Observed {
     pub was_injected: bool,
     /// True if the controller was alive at the end of the cell.
     pub is_alive: bool,
-    /// True if the state of a device then differed from the golden run or, with an inexact controller, also from its
-    /// state before the fault.
+    /// True if, after the injection, the state of a device differed from the golden run or, with an inexact controller,
+    /// also from its state before the fault.
     pub had_effect: bool,
     /// The time to the detection.
     pub detected: Option<Duration>,

@@ -16,7 +16,7 @@ pub enum Mark {
     Plain,
     /// A fault: an EMCY with an error, or a DM1 with a trouble code.
     Fault,
-    /// A client uses an identifier of a device.
+    /// A client uses a device's identifier.
     Impersonation,
     /// The meaning of the frame is unknown.
     Unknown,

@@ -65,7 +65,8 @@ impl Memory {
     /// Damaged content is put aside: the memory starts empty and is marked as damaged.
     /// [`take_warnings`](Self::take_warnings) returns the details.
     ///
-    /// # Errors [`MemoryFileError`] if the file cannot be put aside or written.
+    /// # Errors
+    /// [`MemoryFileError`] if the file cannot be put aside or written.
     pub fn kept_in(file: Box<dyn MemoryFile>, content: Content) -> Result<Self, MemoryFileError> {
         let mut memory = Self { file: Some(file), ..Self::default() };
         match content {
@@ -239,13 +240,14 @@ pub type MemoryFileError = Box<dyn Error + Send + Sync>;
 pub trait MemoryFile: Debug + Send {
     /// Replaces the image. When the function returns `Ok`, the image is on disk.
     ///
-    /// # Errors [`MemoryFileError`] if the file cannot be written. The file then contains the previous or the new
-    /// image.
+    /// # Errors
+    /// [`MemoryFileError`] if the file cannot be written. The file then contains the previous or the new image.
     fn write(&self, image: &[u8]) -> Result<(), MemoryFileError>;
 
     /// Moves unusable content aside; the next write creates a new file. Returns a one-line message for the user.
     ///
-    /// # Errors [`MemoryFileError`] if the file cannot be moved. The file is then unchanged.
+    /// # Errors
+    /// [`MemoryFileError`] if the file cannot be moved. The file is then unchanged.
     fn put_aside(&self) -> Result<String, MemoryFileError>;
 }
 

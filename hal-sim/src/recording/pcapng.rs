@@ -13,7 +13,8 @@ use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 /// The first bytes of a pcapng file, equal in both byte orders.
 pub(super) const MAGIC: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 
-/// `LINKTYPE_CAN_SOCKETCAN`. A packet contains the identifier in network byte order, length, flags, two bytes 0, data.
+/// `LINKTYPE_CAN_SOCKETCAN`. A packet contains the identifier in network byte order, the length, the flags, two zero
+/// bytes, and the data.
 const SOCKETCAN: u16 = 227;
 const HEAD: usize = 8;
 
@@ -152,7 +153,8 @@ pub(super) enum PacketError {
 impl Packets {
     /// Starts to read a pcapng file.
     ///
-    /// # Errors [`io::Error`] if the first block is truncated or invalid.
+    /// # Errors
+    /// [`io::Error`] if the first block is truncated or invalid.
     pub(super) fn new(mut source: Box<dyn Read + Send>) -> io::Result<Self> {
         // `PcapNGReader` requires the complete first block from its first read, which a pipe does not guarantee.
         let mut head = [0; 12];

@@ -87,7 +87,8 @@ fn quoted(text: &str) -> String {
 impl Reader {
     /// Opens a file; `-` is stdin.
     ///
-    /// # Errors [`io::Error`] if the file cannot be opened or read.
+    /// # Errors
+    /// [`io::Error`] if the file cannot be opened or read.
     pub fn open(path: &Path) -> io::Result<Self> {
         if path == Path::new("-") {
             return Self::new(io::stdin(), Format::Candump);
@@ -102,7 +103,8 @@ impl Reader {
     /// Reads a recording from `source`, whose content determines the format. A text whose first line is neither ASC nor
     /// candump is read as ASC if `ending` is [`Format::Asc`], otherwise as candump.
     ///
-    /// # Errors [`io::Error`] if `source` cannot be read, or if its first bytes show an unsupported or damaged format.
+    /// # Errors
+    /// [`io::Error`] if `source` cannot be read, or if its first bytes show an unsupported or damaged format.
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;

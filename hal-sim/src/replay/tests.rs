@@ -267,7 +267,8 @@ fn the_first_claim_tells_the_name() {
     assert!(outcome.told.iter().all(|difference| difference.what == What::Different));
 }
 
-/// A sensor moved by a valve, with PDOs on SYNC; and each device alone, with the frames of the other sent from the log.
+/// A sensor moved by a valve, with PDOs on SYNC. Each device is also replayed alone; the client then sends the logged
+/// frames of the other device.
 #[test]
 fn several_devices() {
     let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k --link pvea-canopen=hat1000";

@@ -54,8 +54,8 @@ enum Search {
     Open,
     /// The entry has been found.
     Found(FirstFrame),
-    /// A claim of the device's address with another NAME has been found. This claim counts as the first frame unless
-    /// the device's own claim follows, because then a contender sent this claim. `spoke` is true if the address has
+    /// A claim for the device's address with another NAME has been found. This claim counts as the first frame unless
+    /// the device's own claim follows, which shows that a contender sent this claim. `spoke` is true if the address has
     /// since sent a frame other than a claim.
     Perhaps { claim: FirstFrame, spoke: bool },
     /// The log begins after the first frame, because a later frame of the device has been found.

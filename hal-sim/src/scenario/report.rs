@@ -34,7 +34,7 @@ pub(super) struct Failure {
     pub(super) headline: String,
     /// The lines that describe the expectation and the observation.
     details: Vec<String>,
-    /// The number of the event after the last event to show with the failure; `None` to show all events.
+    /// The exclusive upper bound of the event numbers to show with the failure; `None` for no bound.
     until: Option<u64>,
     at: Instant,
     /// The trace lines of the last events before the failure.
@@ -239,7 +239,7 @@ impl Failure {
         Self::new(step, format!("never state of {}{}", state.name, during(step)), details)
     }
 
-    /// Returns the number of the event after the last event to show with the failure; `None` to show all events.
+    /// Returns the exclusive upper bound of the event numbers to show with the failure; `None` for no bound.
     pub(super) const fn until(&self) -> Option<u64> {
         self.until
     }

@@ -1,4 +1,4 @@
-//! Strict scenarios: every frame from a device must be claimed by a step.
+//! Strict scenarios: a step must claim every frame from a device.
 
 use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant, after, since};

@@ -39,7 +39,7 @@ fn refusal(text: &str) -> (Option<usize>, String) {
     (line, reason)
 }
 
-/// Returns the reason why a step of one valve is refused.
+/// Returns the reason why a step is refused in a scenario with one valve.
 fn refused(step: &str) -> String {
     let (line, reason) = refusal(&format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [\n  {step},\n]"));
     assert_eq!(line, Some(3), "{step}: {reason}");

@@ -161,8 +161,8 @@ impl Pattern {
         }
     }
 
-    /// Returns the indices of the bytes that do not match, including missing and surplus bytes. `None` if only the
-    /// frame or only the pattern is remote, or if the requested lengths of both differ.
+    /// Returns the indices of the bytes that do not match, including missing and surplus bytes. `None` if exactly one
+    /// of frame and pattern is remote, or if both are remote with different lengths.
     pub fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
         match (&self.content, frame.is_remote()) {
             (Content::Any, false) => Some(Vec::new()),

@@ -89,7 +89,7 @@ impl Rig {
         }
     }
 
-    /// Causes the faults of a valve; `neutral`, `full` and `float` are its commands.
+    /// Causes the faults of a valve. `neutral`, `full` and `float` are command frames.
     fn break_valve(&mut self, neutral: &str, full: &str, float: &str, recover: &[&str]) {
         let faults = [
             (neutral, json!({"supply_mv": 8000}), json!({"supply_mv": 24000}), neutral, 2200),

@@ -10,7 +10,7 @@ use super::{ClientPortId, World};
 
 /// A client of a world's bus, created by [`World::client`].
 ///
-/// Virtual time passes only during calls of the [`World`]. Transmitted frames reach the bus at the start of the next
+/// Virtual time passes only during calls to the [`World`]. Transmitted frames reach the bus at the start of the next
 /// [`World::run_for`], [`World::run_until`] or [`World::step`], at the current virtual time. Received frames are
 /// available when that call returns. `transmit` accepts every frame. `nb::block!` on `receive` never returns: run the
 /// world, then receive again.

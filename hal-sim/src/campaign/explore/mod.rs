@@ -77,9 +77,9 @@ impl<'a> Explorer<'a> {
         (0..ROUND).map_while(|_| self.source.pair(&self.corpus)).collect()
     }
 
-    /// Records the result of a pair; call in the order of the round. Returns the pair in its shortest form if the pair
-    /// is a find: neither of its faults fails alone, and no earlier find has the same kinds of faults and the same
-    /// verdict.
+    /// Records the result of a pair. Must be called in the order of the round. Returns the pair in its shortest form if
+    /// the pair is a find: neither of its faults fails alone, and no earlier find has the same kinds of faults and the
+    /// same verdict.
     pub fn take(&mut self, pair: Pair, tried: Tried) -> Option<Find> {
         self.pairs += 1;
         let before = self.states.len();

@@ -110,7 +110,7 @@ impl Pair {
     }
 }
 
-/// Returns a fault without its numbers.
+/// Returns the kind of a fault as text: its keys without numbers, and the plant words that it sets.
 pub(super) fn kind(fault: &PlanFault) -> String {
     fn without_numbers(mut table: toml::Table) -> toml::Table {
         table.retain(|_, value| !value.is_integer());

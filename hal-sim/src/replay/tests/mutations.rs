@@ -7,9 +7,9 @@
 //!   it, or the device was powered up before the log. The summary reports this.
 //! - A time changes within the tolerance: loggers are late. A frame moved before the boot-up is reported, because the
 //!   device then counts as powered up before the log.
-//! - Equal frames within the tolerance are swapped: each may be the other frame, logged late. - A position changes to
-//! another position that the device reaches within the tolerance: the spool moves while a frame is
-//!   late.
+//! - Equal frames within the tolerance are swapped: each may be the other frame, logged late.
+//! - A position changes to another position that the device reaches within the tolerance: the spool moves while a frame
+//!   is late.
 //! - A frame is missing within the tolerance of the end: it may have been sent after the log.
 
 use super::*;
@@ -52,7 +52,7 @@ impl Recording {
         (at.as_micros(), frame)
     }
 
-    /// Returns whether a frame is equivalent to the frame that it replaces, within a time around both.
+    /// Returns whether a frame is equivalent to the frame that it replaces, within the tolerance around both times.
     fn alike(&self, (at, frame): (u64, Frame), (other_at, other): (u64, Frame)) -> bool {
         // The tolerance, plus the maximum time for which a frame waits for the bus.
         const AROUND: u64 = TOLERANCE + 2_500;
