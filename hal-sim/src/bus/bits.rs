@@ -58,7 +58,7 @@ impl FrameBits {
         bits
     }
 
-    /// Returns the length on the wire in bits: from start of frame to end of frame with stuff bits, without
+    /// Returns the length on the wire in bits: from start of frame to end of frame, including stuff bits but not the
     /// intermission.
     #[must_use]
     pub fn on_wire(self) -> u32 {

@@ -382,7 +382,7 @@ impl Bus {
     }
 
     /// Moves the numbers of the changed device ports into `ports`, in ascending order. `ports` must be empty. A port
-    /// has changed if it received a frame, ended an attempt to send, or changed its error mode.
+    /// has changed if it received a frame, ended a transmission attempt, or changed its error mode.
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
         if !ports.is_sorted_by(|one, next| one < next) {

@@ -140,7 +140,8 @@ pub(super) const LEAST_ERRORS: u64 = ERRORS.len() as u64 - 1;
 /// The bit that a communication error changes in the last data byte.
 const CHANGED_BIT: u8 = 0x40;
 
-/// Returns the eight communication errors on a frame's identifier; without corruption if the frame has no data.
+/// Returns the communication errors on a frame's identifier: all eight, or all except corruption if the frame has no
+/// data.
 pub(super) fn communication(frame: &Frame) -> impl Iterator<Item = PlanFault> {
     let (id, mut data) = (digits(frame.id()), frame.data().to_vec());
     let mut mask = vec![0; data.len()];

@@ -142,7 +142,7 @@ impl<'a, M: Master> Campaign<'a, M> {
     }
 
     /// Returns the cell of a row at an instant; `None` for an unknown row, and for an instant before the first or after
-    /// the last of the grid.
+    /// the last grid instant.
     #[must_use]
     pub fn at(&self, row: usize, at: Instant) -> Option<Cell> {
         let instants = &self.goldens.get(self.rows.get(row)?.golden)?.instants;

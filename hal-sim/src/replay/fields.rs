@@ -95,7 +95,7 @@ impl Encoding {
         }
     }
 
-    /// Returns the positions that are encoded as `value`; an empty range if no position is encoded as `value`.
+    /// Returns the positions that are encoded as `value`; an empty range if there are none.
     pub(super) fn decode(self, value: i32) -> RangeInclusive<i32> {
         let value = if self.falls() { -value } else { value };
         let rising = |position: i32| if self.falls() { -self.encode(position) } else { self.encode(position) };

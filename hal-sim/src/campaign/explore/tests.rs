@@ -1,4 +1,4 @@
-//! The search beyond the grid: finds, their shortest form, and their scenarios.
+//! The search for pairs of faults: finds, their shortest form, and their scenarios.
 
 use super::*;
 use crate::campaign::Plan;

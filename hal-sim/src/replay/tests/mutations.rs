@@ -264,8 +264,8 @@ fn mutate(recording: &Recording) {
     );
 }
 
-/// All kinds of SDO, EMCY, heartbeats, the default mapping and another mapping under a different COB-ID, each while the
-/// spool moves; float; LSS.
+/// Every kind of SDO, EMCY, heartbeats, the default mapping, and another mapping with a different COB-ID, each while
+/// the spool moves. Also float and LSS.
 fn valve_on_canopen(kind: &str) {
     let recording = Recording::new(&format!("--device {kind}@0x20"), kind, |session| {
         session
