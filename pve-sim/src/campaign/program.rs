@@ -99,6 +99,17 @@ mod tests {
     }
 
     #[test]
+    fn a_line_without_an_end_is_kept_in_pieces() {
+        let program = sh("head -c 1000000 /dev/zero | tr '\\0' x");
+        while !program.readers.iter().all(JoinHandle::is_finished) {
+            thread::yield_now();
+        }
+        let said = program.end();
+        assert_eq!(said.lines().count(), KEPT);
+        assert!(said.lines().all(|line| line.len() <= LINE as usize));
+    }
+
+    #[test]
     fn children_end_with_the_program() {
         let program = sh("sleep 1000 & echo $!; wait");
         let pid = loop {
