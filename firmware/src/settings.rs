@@ -22,7 +22,7 @@ pub struct Settings {
     pub blank: bool,
     /// Whether the memory still holds the records of the previous device, which must be removed.
     pub fresh: bool,
-    /// Whether the console has chosen the kind. Otherwise the board takes the kind of the image, also after an update.
+    /// Whether the console has chosen the kind. Otherwise the board takes the kind of the image, even after an update.
     pub chosen: bool,
     /// The serial number for a new memory; `None` for the default that all boards share.
     pub serial: Option<u32>,

@@ -130,7 +130,7 @@ fn checksum(data: &[u8]) -> u32 {
     }
 }
 
-/// Returns the checksum of the length of an item: CRC-16 with the reversed polynomial 0x1A2E, but never 0xFFFF.
+/// Returns the checksum for the length of an item: CRC-16 with the reversed polynomial 0x1A2E, but never 0xFFFF.
 fn length_checksum(length: u16) -> u16 {
     let crc = length.to_le_bytes().iter().fold(u16::MAX, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })

@@ -80,7 +80,7 @@ const SECTORS: usize = 2;
 /// The maximum word size of a flash, in bytes.
 const WORD_MAX: usize = 32;
 
-/// The maximum length of the content of an entry, in bytes.
+/// The maximum length of an entry's content, in bytes.
 const ITEM_MAX: usize = RECORD_MAX;
 
 /// The size of the working buffer of [`Records`]: the longest entry, in whole words of any flash.

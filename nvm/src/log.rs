@@ -24,7 +24,7 @@ use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MA
 /// 3.3 ms on the STM32F429.
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// The length of the header of an entry: mark, key, length, kind, sequence number and checksum.
+/// The length of an entry header: mark, key, length, kind, sequence number and checksum.
 pub(crate) const HEADER: usize = 12;
 
 /// The first byte of every entry. No erased word begins with it.
@@ -66,7 +66,7 @@ struct Found {
 /// The newest entry of each key.
 type Newest = [Option<Found>; KEYS];
 
-/// The result of a scan of a sector.
+/// The result of scanning a sector.
 #[derive(Clone, Copy)]
 struct Walk {
     /// The sequence number of the last entry; 0 for none.
@@ -245,8 +245,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Err(StoreError)
     }
 
-    /// Reads the content of an entry, or of an item of the previous layout, into the buffer, after the space for a
-    /// header. Returns whether the content is intact.
+    /// Reads the content of an entry or of a previous-layout item into the buffer, after the space for a header.
+    /// Returns whether the content is intact.
     fn read_item(&mut self, found: &Found) -> Result<bool, F::Error> {
         if found.sequence == 0 {
             return self.read_legacy(found.at, usize::from(found.length));
@@ -395,7 +395,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
 
-    /// Returns the checksum of the entry in the buffer, whose content has this length.
+    /// Returns the checksum of the entry in the buffer. `length` is the length of the entry's content.
     fn checksum(&self, length: usize) -> [u8; 4] {
         let mut digest = CRC.digest();
         digest.update(&self.buffer[..CHECKSUM.start]);

@@ -22,7 +22,7 @@ pub const SETTING_MAX: usize = 8;
 /// the record has been stored.
 const NOTHING: u8 = 0;
 
-/// The version of the encoding of the setting.
+/// The version of the setting's encoding.
 const SETTING_VERSION: u8 = 1;
 
 /// Returns the maximum number of bytes that interrupted first stores leave behind: the size of four inventories.

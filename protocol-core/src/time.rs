@@ -1,4 +1,4 @@
-//! Time, which is always a parameter of the core.
+//! Instants and durations. The present time is always a parameter of the core.
 //!
 //! [`Instant`] and [`Duration`] come from embassy-time, in ticks of 1 µs, without its clock. Their operators panic on
 //! overflow; the functions here do not. Clocks stay below 2^63 ticks (292,000 years). Later times, up to [`NEVER`],

@@ -20,7 +20,7 @@ use crate::time::{Instant, NEVER};
 pub enum ActuatorType {
     /// PVEA: the spool moves to the set-point.
     Proportional,
-    /// PVEO: any set-point but neutral moves the spool to full stroke in its direction (A).
+    /// PVEO: any set-point except neutral moves the spool to full stroke in the direction of the set-point (A).
     OnOff,
 }
 
@@ -29,8 +29,8 @@ pub enum ActuatorType {
 pub enum SpoolMonitors {
     /// The monitors run only in [`Drive::Regulate`].
     WhileRegulating,
-    /// The monitors run in every drive but [`Drive::Hand`] and [`Drive::EmergencyStop`]. In [`Drive::Off`] they expect
-    /// the spool in neutral.
+    /// The monitors run in every drive except [`Drive::Hand`] and [`Drive::EmergencyStop`]. In [`Drive::Off`] they
+    /// expect the spool in neutral.
     ExceptHandAndStop,
 }
 

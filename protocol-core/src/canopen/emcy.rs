@@ -238,13 +238,13 @@ impl EmcyProducer {
         self.cob_id
     }
 
-    /// Writes object 0x1014. The value takes effect at once. Bit 31 switches EMCYs off, whatever the identifier. The
-    /// identifier changes only while EMCYs are off.
+    /// Writes object 0x1014. The value takes effect at once. Bit 31 switches EMCYs off. The identifier is then not
+    /// checked, and can differ from the previous identifier.
     ///
     /// # Errors
-    /// - [`AbortCode::INVALID_VALUE`] for bit 30, for a restricted identifier, and for a 29-bit identifier without
-    ///   `extended_ids`.
-    /// - [`AbortCode::DEVICE_STATE`] for another identifier while EMCYs are on.
+    /// - [`AbortCode::INVALID_VALUE`] for bit 30. Without bit 31, also for a restricted identifier, and for a 29-bit
+    ///   identifier without `extended_ids`.
+    /// - [`AbortCode::DEVICE_STATE`] for another identifier without bit 31 while EMCYs are on.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id.has_bit_30() {

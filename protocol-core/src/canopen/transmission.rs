@@ -125,8 +125,8 @@ impl Transmission {
         AtSync::Due
     }
 
-    /// Returns the due time of a TPDO, if the event timer has ended and no inhibit time runs. Of several missed ends
-    /// only the last counts; later ends keep their phase.
+    /// Returns the due time of a TPDO, if the event timer has ended and no inhibit time runs. If calls missed ends of
+    /// the timer, only the last missed end counts. Later ends keep their phase.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;

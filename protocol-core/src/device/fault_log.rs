@@ -45,12 +45,12 @@ impl FaultLogClock {
         self.due != NEVER
     }
 
-    /// Records the beginning of a write of the present counters.
+    /// Records that a write of the present counters has begun.
     pub const fn begun(&mut self) {
         self.due = NEVER;
     }
 
-    /// Records the beginning of a write that clears counters. The next change counts as the first.
+    /// Records that a write has begun which clears counters. The next change counts as the first.
     pub const fn clearing(&mut self) {
         *self = Self::new();
     }

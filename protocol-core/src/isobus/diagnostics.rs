@@ -30,7 +30,7 @@ impl Dm1 {
         Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Sets the active trouble code. Every change makes DM1 pending, also a change of the occurrence count alone.
+    /// Sets the active trouble code. Every change makes DM1 pending, even if only the occurrence count changes.
     ///
     /// `at` is the present time, or [`NEVER`] during bus-off. A code that is set and cleared at the same time is
     /// reported only by a DM1 that is encoded at that time.

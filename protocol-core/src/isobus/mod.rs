@@ -20,7 +20,7 @@ pub mod transport;
 #[cfg(test)]
 mod tests;
 
-/// The outcome of a step of a service.
+/// The outcome of a service step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// No change.

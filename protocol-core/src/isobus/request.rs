@@ -40,7 +40,7 @@ impl Request {
     }
 }
 
-/// Returns whether an address can be that of a controller. The null address and the global address cannot.
+/// Returns whether a controller can have this address. No controller has the null address or the global address.
 pub(super) const fn is_controller(address: Address) -> bool {
     !matches!(address, Address::NULL | Address::GLOBAL)
 }

@@ -1,4 +1,5 @@
-//! Every row of the table of the monitors (SPEC 2): limit, delay, hysteresis, and the states in which a monitor runs.
+//! Tests for every row in the table of the monitors (SPEC 2): limit, delay, hysteresis, and the states in which a
+//! monitor runs.
 
 use super::*;
 use crate::time::NEVER;

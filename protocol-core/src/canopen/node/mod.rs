@@ -316,8 +316,8 @@ impl<P: Product> Node<P> {
         self.lss.must_boot(self.objects.node_id)
     }
 
-    /// Begins an LSS store. Returns the configuration at the time of the request, completed by values in force but not
-    /// stored.
+    /// Begins an LSS store. Returns the configuration at the time of the request. Its missing values are the values in
+    /// force but not stored, if any.
     pub(crate) fn begin_lss_store(&mut self) -> Configuration {
         core::mem::take(&mut self.to_store).or(self.held)
     }

@@ -1,8 +1,8 @@
 //! The pending frames of a node.
 //!
-//! EMCYs, and answers with the same identifier, keep their order. Of several heartbeats or TPDOs only the latest is
-//! sent. A heartbeat is encoded with the NMT state at the time when the controller can take a frame. A TPDO is sampled
-//! at that time, too, unless the product samples TPDOs when due.
+//! EMCYs, and answers with the same identifier, keep their order. A newer heartbeat replaces an older unsent heartbeat,
+//! and likewise for TPDOs. A heartbeat is encoded with the NMT state at the time when the controller can take a frame.
+//! A TPDO is sampled at the same time, unless the product samples TPDOs when due.
 
 use heapless::Vec;
 
@@ -118,7 +118,7 @@ impl Pending {
         self.heartbeat.pending = true;
     }
 
-    /// Drops an unsent heartbeat, also from the controller.
+    /// Drops an unsent heartbeat, in the node and in the controller.
     pub(super) fn clear_heartbeat(&mut self) {
         let taken = self.heartbeat.clear();
         self.abort(taken);
@@ -147,7 +147,7 @@ impl Pending {
         }
     }
 
-    /// Drops an unsent TPDO, also from the controller.
+    /// Drops an unsent TPDO, in the node and in the controller.
     #[inline]
     pub(super) fn clear_tpdo(&mut self) {
         let taken = self.tpdo.clear();
@@ -174,7 +174,7 @@ impl Pending {
         }
     }
 
-    /// Drops all unsent EMCYs, also from the controller. `key` is the key of their identifier.
+    /// Drops all unsent EMCYs, in the node and in the controller. `key` is the key of their identifier.
     pub(super) fn drop_emcys(&mut self, key: Option<u32>) {
         self.abort(key.filter(|_| self.emcys.is_taken()));
         self.emcys.clear();

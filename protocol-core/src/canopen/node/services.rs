@@ -211,7 +211,7 @@ impl<P: Product> Node<P> {
         Ok(())
     }
 
-    /// Handles an LSS request, in every NMT state but operational. A node without a node ID is in initialisation.
+    /// Handles an LSS request, in every NMT state except operational. A node without a node ID is in initialisation.
     fn serve_lss(&mut self, frame: &Frame, product: &P, now: Instant) -> Served<P> {
         let bytes = frame.eight().filter(|_| !self.nmt.is_operational())?;
         let identity = Identity { address: product.identity(), node_id: self.objects.node_id, bit_rate: self.bit_rate };

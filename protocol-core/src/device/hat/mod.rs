@@ -130,8 +130,8 @@ impl HatSensor {
         }
     }
 
-    /// Returns the stored node ID and bit rate, or those of a new memory. If the record is damaged and a new memory has
-    /// no node ID, returns the defaults of "load", so that damage never removes the node ID.
+    /// Returns the stored node ID and bit rate, or else the values for a new memory. If the record is damaged and a new
+    /// memory has no node ID, returns the defaults that "load" restores. Damage therefore never removes the node ID.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
         let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {

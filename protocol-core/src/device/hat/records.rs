@@ -1,4 +1,4 @@
-//! The payloads of the records of a sensor, other than the parameters (SPEC 6, 9).
+//! The payloads of sensor records other than the parameters (SPEC 6, 9).
 
 use super::{Kind, Setup};
 use crate::canopen::lss::Layer;

@@ -28,7 +28,7 @@ pub(super) const fn bit(key: RecordKey) -> u8 {
 /// The bit in a write's value that distinguishes "load" from "save".
 const LOADS: u8 = 1 << 7;
 
-/// Returns the value of the writes of a task: the bits of its records, and [`LOADS`].
+/// Returns the value for the writes of a task: the bits of its records, and [`LOADS`].
 const fn value_of(task: Task) -> u8 {
     let (Task::Save(part) | Task::Load(part)) = task;
     let records = match part {

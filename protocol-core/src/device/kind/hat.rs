@@ -35,7 +35,7 @@ impl Kind {
         }
     }
 
-    /// Returns the product code, which is the part number. The code of the HAT 3000 is an assumption (A).
+    /// Returns the product code, which equals the part number. The code of the HAT 3000 is an assumption (A).
     #[must_use]
     pub const fn product_code(self) -> u32 {
         match self {

@@ -148,7 +148,7 @@ pub static WORDS: [Word; 15] = [
 /// A word of the plant. It is printed with its values in short form: `lever N|off`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Word {
-    /// The word, also the key in JSON and TOML.
+    /// The word. It is also the key in JSON and TOML.
     pub name: &'static str,
     /// The permitted values.
     pub values: Values,

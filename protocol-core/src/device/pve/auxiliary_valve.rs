@@ -123,7 +123,7 @@ impl AuxiliaryValve {
         })
     }
 
-    /// Returns the state in AVEF, which is blocked during a shutdown.
+    /// Returns the state in AVEF. During a shutdown the state is blocked.
     pub(super) const fn state(&self) -> State {
         if self.shutdown.is_some() { State::Blocked } else { self.command.state() }
     }

@@ -123,7 +123,7 @@ impl DeviceControl {
         self.set_point
     }
 
-    /// Returns the set-point on a scale of ±N, which is N for float.
+    /// Returns the set-point on a scale of ±N. N also stands for float.
     pub(super) fn set_point_on(&self, scale: Scale) -> i16 {
         match self.set_point {
             SetPoint::Position(position) => scale.of_position(position),
@@ -139,7 +139,7 @@ impl DeviceControl {
         }
     }
 
-    /// Returns the actual value on a scale of ±N, which is N when float is reached.
+    /// Returns the actual value on a scale of ±N. The value is N when float is reached.
     pub(super) fn actual_on(&self, scale: Scale, now: Instant) -> i16 {
         if self.valve.float_reached(now) { scale.full() } else { scale.of_position(self.position(now)) }
     }

@@ -1,4 +1,4 @@
-//! The payloads of the records of a valve, other than the parameters (SPEC 6).
+//! The payloads of valve records other than the parameters (SPEC 6).
 
 use super::{Kind, Setup};
 use crate::actuator::Counters;

@@ -16,7 +16,7 @@ pub enum Service {
     Request,
     /// A claim of the node's address.
     Claim,
-    /// A frame of a broadcast of several packets.
+    /// A frame of a multi-packet broadcast.
     Broadcast,
     /// A frame of a transport connection with this node.
     Connection,
@@ -100,7 +100,7 @@ impl Groups {
         None
     }
 
-    /// Returns the service of a frame in the groups of transport and claims.
+    /// Returns the service for a frame in the groups of transport and claims.
     fn neighbour(&self, frame: &Frame, group: Group) -> Option<Service> {
         let id = J1939Id::from_raw(frame.key());
         match id.format() {
@@ -111,7 +111,7 @@ impl Groups {
         }
     }
 
-    /// Returns the service of a frame in any other group whose identifier ends in the node's address.
+    /// Returns the service for a frame in any other group. The frame's identifier must end in the node's address.
     #[inline]
     fn ends_in_own_address(&self, frame: &Frame) -> Option<Service> {
         if self.other_protocol.passes(frame) {

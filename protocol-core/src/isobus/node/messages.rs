@@ -12,7 +12,7 @@ pub(super) enum Message {
     Dm1,
     /// DM2.
     Dm2,
-    /// The next frame of a broadcast of several packets.
+    /// The next frame of a multi-packet broadcast.
     Packet,
 }
 

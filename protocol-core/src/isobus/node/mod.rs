@@ -8,7 +8,7 @@
 //! ```
 //!
 //! When the controller can take a frame, the node encodes the most urgent pending message. A new message replaces an
-//! older message of its kind, which is aborted in the controller.
+//! older message of its kind. The controller aborts the older message.
 
 mod groups;
 mod messages;
@@ -36,7 +36,7 @@ use crate::wire::name::{COMMANDED_ADDRESS_LEN, Name};
 /// The number of senders from which the node can receive a commanded address at the same time.
 const SENDERS: usize = 16;
 
-/// The groups that the node receives as broadcasts of several packets.
+/// The groups that the node receives as multi-packet broadcasts.
 const BROADCASTS: &[Pgn] = &[Pgn::COMMANDED_ADDRESS];
 
 /// The rules of a product for its node.

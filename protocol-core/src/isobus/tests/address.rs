@@ -192,7 +192,7 @@ fn the_delays_differ_by_time_and_by_name() {
     assert_eq!(delay(name, 1_000_000), delay(name, 1_000_000));
 }
 
-/// Controllers that lose together answer at different times, however similar their NAMEs.
+/// Controllers that lose together answer at different times, even if their NAMEs are similar.
 #[test]
 fn controllers_that_lose_together_do_not_collide() {
     let delay = |name: u64, now: u64| {

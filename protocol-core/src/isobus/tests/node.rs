@@ -61,7 +61,7 @@ impl Rig {
         Self { node, product, now: ms(1000), room: 3, mailboxes: Vec::new(), blocked: false, sent: Vec::new() }
     }
 
-    /// Returns a node after the wait, whose frames were sent.
+    /// Returns a node that has completed the wait and sent its frames.
     fn claimed() -> Self {
         let mut rig = Self::new();
         rig.pump();

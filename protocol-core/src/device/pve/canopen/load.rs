@@ -75,12 +75,12 @@ impl Load {
         }
     }
 
-    /// Returns the flag to write, which is set if a client demands a "load".
+    /// Returns the flag to write. It is set if a client demands a "load".
     pub(super) fn flag(&self) -> bool {
         self.demanded != Demanded::No
     }
 
-    /// Handles the result of a write of the flag. If `is_last`, no equal write waits, and the result decides a client's
+    /// Handles the result of a flag write. If `is_last`, no equal write waits, and the result decides a client's
     /// "load".
     pub(super) fn flag_written(&mut self, stored: bool, is_last: bool, now: Instant) {
         if is_last && self.demanded == Demanded::Unstored {
