@@ -154,8 +154,8 @@ pub(super) struct StepTable {
     /// True if the expected frames may come in any order.
     #[serde(default)]
     pub(super) any_order: Option<bool>,
-    /// The expected or forbidden frames count from this virtual time on, in milliseconds, also those that the scenario
-    /// itself sends.
+    /// Expected or forbidden frames that end after this virtual time count, in milliseconds, also those that the
+    /// scenario itself sends.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) since_ms: Option<u32>,

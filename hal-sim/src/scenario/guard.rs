@@ -14,13 +14,15 @@ pub(super) struct Guard<'a> {
     since: Instant,
     pub(super) until: Instant,
     what: Guarded<'a>,
+    /// Whether the history has all frames that count from an earlier instant.
+    is_complete: bool,
     /// The pending wait for the forbidden state, or for the end of the prohibition.
     pub(super) ticket: Option<Ticket>,
 }
 
 #[derive(Clone, Copy)]
 enum Guarded<'a> {
-    /// Forbidden frames, the number of the next event to check, and the instant since which frames from any sender
+    /// Forbidden frames, the number of the next event to check, and the instant after which frames from any sender
     /// count.
     Frames(&'a [Pattern], u64, Option<Instant>),
     State(&'a Wanted),
@@ -28,18 +30,18 @@ enum Guarded<'a> {
 
 impl<'a> Guard<'a> {
     /// Creates a prohibition that begins now, and the command whose ticket the caller must store in the prohibition.
-    /// `next` is the number of the next event.
-    pub(super) fn new(step: &'a Step, never: &'a Never, now: Instant, next: u64) -> (Self, Command) {
+    pub(super) fn new(step: &'a Step, never: &'a Never, now: Instant, history: &History) -> (Self, Command) {
         let until = never.span.map_or(NEVER, |span| after(now, span));
         let within = since(until, now);
         let (what, command) = match &never.what {
             What::Frames(patterns) => {
-                let next = if never.since.is_some() { 0 } else { next };
+                let next = if never.since.is_some() { 0 } else { history.next() };
                 (Guarded::Frames(patterns, next, never.since), Command::Advance(within))
             }
             What::State(wanted) => (Guarded::State(wanted), Command::Wait(wanted.condition(), within)),
         };
-        (Self { step, since: now, until, what, ticket: None }, command)
+        let is_complete = never.since.is_none_or(|since| history.has_all_since(since));
+        (Self { step, since: now, until, what, is_complete, ticket: None }, command)
     }
 
     /// Returns the failure if the prohibition was violated. `ended` is the result of the completed ticket, if any.
@@ -56,15 +58,20 @@ impl<'a> Guard<'a> {
         }
     }
 
-    /// Returns the reason if the prohibition was never checked: no time passed, or `t_us` was outside the checked time.
+    /// Returns the reason if the prohibition was never checked, or only in part: no time passed, `since_ms` or `t_us`
+    /// was outside the checked time, or the history has dropped frames.
     pub(super) fn unchecked(&self, now: Instant) -> Option<&'static str> {
         let end = self.until.min(now);
-        let instant = match &self.what {
-            Guarded::State(wanted) => wanted.condition.t_us.map(Instant::from_micros),
-            Guarded::Frames(..) => None,
+        let (instant, since) = match &self.what {
+            Guarded::State(wanted) => (wanted.condition.t_us.map(Instant::from_micros), None),
+            Guarded::Frames(_, _, since) => (None, *since),
         };
         match instant {
             _ if end <= self.since => Some("no time has passed: nothing was checked"),
+            _ if since.is_some_and(|since| end <= since) => {
+                Some("the prohibition ends before since_ms: nothing was checked")
+            }
+            _ if !self.is_complete => Some("since_ms is too early: the first frames after it are no longer kept"),
             Some(instant) if instant < self.since || instant > end => {
                 Some("t_us was outside the checked time: nothing was checked")
             }

@@ -33,7 +33,7 @@ pub(super) enum Begin {
 pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
-    /// The time since which frames from any sender count. With `None`, only device frames count, since the start of the
+    /// The time after which frames from any sender count. With `None`, only device frames count, since the start of the
     /// step.
     pub(super) since: Option<Instant>,
     pub(super) within: Duration,

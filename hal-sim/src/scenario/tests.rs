@@ -177,6 +177,29 @@ fn frames_count_since_an_earlier_instant_also_the_own_ones() {
     fails(&format!(r#"{insert} expect = "7FF", since_ms = 300, within_ms = 0 }}"#), 1);
 }
 
+/// A prohibition whose frames count from a time that does not come, or that the history has forgotten, proves nothing.
+#[test]
+fn never_needs_the_frames_since_its_time() {
+    let never =
+        |since_ms: u32, for_ms: &str| format!("{{ at_ms = 300, never = \"0A0\", since_ms = {since_ms}{for_ms} }}, ");
+    let reason = "the prohibition ends before since_ms: nothing was checked";
+    for (since_ms, for_ms) in [(600, ""), (4_000_000_000, ""), (350, ", for_ms = 50"), (600, ", for_ms = 10")] {
+        let text = fails(&format!("{}{{ at_ms = 600 }}", never(since_ms, for_ms)), 1);
+        assert!(text.contains("x.toml:4: never: failed at ") && text.contains(reason), "{text}");
+    }
+    passes(&format!("{}{{ at_ms = 600 }}", never(599, "")));
+    passes(&format!("{}{{ at_ms = 600 }}", never(350, ", for_ms = 51")));
+    // One frame every millisecond: after 5 s, the frames of the start are gone.
+    let busy = |since_ms: u32| {
+        let send = r#"{ send = "7FF#00", every_ms = 1 }"#;
+        format!("{send}, {{ at_ms = 5000, never = \"7FE\", since_ms = {since_ms}, for_ms = 1 }}")
+    };
+    let text = fails(&busy(0), 1);
+    assert!(text.contains("since_ms is too early: the first frames after it are no longer kept"), "{text}");
+    passes(&busy(2000));
+}
+
+/// A frame that matches several patterns does not leave another pattern unmatched.
 #[test]
 fn frames_in_any_order_are_given_to_whom_they_fit() {
     let text = |expected: &str| {

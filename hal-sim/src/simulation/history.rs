@@ -268,6 +268,11 @@ impl History {
         })
     }
 
+    /// Returns whether all events after an instant are recorded.
+    pub fn has_all_since(&self, since: Instant) -> bool {
+        self.first == 0 || self.entries.front().is_some_and(|oldest| oldest.at <= since)
+    }
+
     /// Returns the first frame from event `number` onwards that the command sender received, with the number of the
     /// event after it. The frame is explained as if it were sent now.
     pub(super) fn received_since(&self, number: u64) -> Option<(FrameRecord, u64)> {

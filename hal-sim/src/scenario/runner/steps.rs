@@ -264,7 +264,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
     /// Starts the check of a prohibition.
     fn never(&mut self, step: &'a Step, never: &'a Never) {
         let simulation = self.target.simulation();
-        let (mut guard, command) = Guard::new(step, never, simulation.now(), simulation.history().next());
+        let (mut guard, command) = Guard::new(step, never, simulation.now(), simulation.history());
         if let Ok(Executed::Pending(ticket)) = self.target.execute(command) {
             guard.ticket = Some(ticket);
             self.run.guards.push(guard);
