@@ -53,26 +53,12 @@ pub fn explore(options: &ExploreOptions, out: &mut dyn Write) -> Result<bool, Ca
     let was_interrupted = Arc::new(AtomicBool::new(false));
     let flag = was_interrupted.clone();
     on_signal(move || flag.store(true, Ordering::Relaxed));
-    let is_over = || was_interrupted.load(Ordering::Relaxed) || Instant::now() >= end;
     let mut explorer = Explorer::new(&campaign, options.seed.unwrap_or(SEED));
     let mut finds = 0;
-    while !is_over() {
-        let pairs = explorer.round();
-        if pairs.is_empty() {
-            let reason = "the plan has no two faults that can act together; give another kind of fault";
-            return Err(CampaignError::Refused(format!("--explore: {reason}")));
-        }
-        let tried = run(&campaign, &pairs, jobs);
-        for (pair, tried) in pairs.into_iter().zip(tried) {
-            if is_over() {
-                break;
-            }
-            if let Some(find) = explorer.take(pair, tried) {
-                finds += 1;
-                tell(&find, options, out)?;
-            }
-        }
-    }
+    search(&campaign, &mut explorer, jobs, end, &was_interrupted, &mut |find| {
+        finds += 1;
+        tell(find, options, out)
+    })?;
     let _ = writeln!(out, "{} pairs, {} states reached", explorer.pairs(), explorer.states());
     let _ = writeln!(
         out,
@@ -83,6 +69,36 @@ pub fn explore(options: &ExploreOptions, out: &mut dyn Write) -> Result<bool, Ca
     let early = if was_interrupted.load(Ordering::Relaxed) { " until the signal" } else { "" };
     let _ = writeln!(out, "{finds} {}{early}", if finds == 1 { "find" } else { "finds" });
     Ok(finds == 0)
+}
+
+/// Searches in whole rounds: at least one, and none after the end or a signal. Hands over each find.
+fn search(
+    campaign: &Campaign<'_>,
+    explorer: &mut Explorer<'_>,
+    jobs: usize,
+    end: Instant,
+    was_interrupted: &AtomicBool,
+    found: &mut dyn FnMut(&Find) -> Result<(), CampaignError>,
+) -> Result<(), CampaignError> {
+    while !was_interrupted.load(Ordering::Relaxed) {
+        let pairs = explorer.round();
+        if pairs.is_empty() {
+            let reason = "the plan has no two faults that can act together; give another kind of fault";
+            return Err(CampaignError::Refused(format!("--explore: {reason}")));
+        }
+        let tried = run(campaign, &pairs, jobs);
+        for (pair, tried) in pairs.into_iter().zip(tried) {
+            // To shrink a find takes time.
+            if was_interrupted.load(Ordering::Relaxed) {
+                break;
+            }
+            explorer.take(pair, tried).map_or(Ok(()), |find| found(&find))?;
+        }
+        if Instant::now() >= end {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// Runs pairs on several threads. Returns the results in the order of the pairs.
@@ -134,6 +150,19 @@ fn write(text: &str, plan: &Path, folder: &Path) -> Result<PathBuf, ResultsError
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A slow machine, whose time is over before the first pair, proves something nevertheless.
+    #[test]
+    fn the_first_round_is_whole_and_a_signal_ends_it() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/campaigns");
+        let Prepared { campaign, .. } = prepare(&folder.join("valve-careless.toml"), None, true).expect("a plan");
+        for (signal, pairs) in [(false, 64), (true, 0)] {
+            let mut explorer = Explorer::new(&campaign, SEED);
+            let (end, signal) = (Instant::now(), AtomicBool::new(signal));
+            search(&campaign, &mut explorer, 2, end, &signal, &mut |_| Ok(())).expect("a search");
+            assert_eq!(explorer.pairs(), pairs);
+        }
+    }
 
     #[test]
     fn no_file_is_replaced() {
