@@ -19,5 +19,6 @@ def before_call(context, case, kwargs):
         del case.query["extended"]
     # Weeks of virtual time and millions of frames are right, and would be waited for.
     for key in ("within_ms", "advance_ms", "frames"):
-        if isinstance(body.get(key), (int, float)) and MOST < body[key] < 2**32 and body[key] == int(body[key]):
+        given = body.get(key)
+        if isinstance(given, (int, float)) and MOST < given < 2**32 and (key == "within_ms" or given == int(given)):
             body[key] = MOST
