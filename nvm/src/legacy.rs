@@ -79,7 +79,7 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(self.is_legacy_full(1)? && !self.is_legacy_full(0)?)
     }
 
-    /// Returns whether a sector is marked as full. The other sector then has newer items.
+    /// Returns whether a sector is marked as full. If only one sector is full, the other has newer items.
     fn is_legacy_full(&mut self, sector: usize) -> Result<bool, F::Error> {
         self.is_word_of(sector * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE, FULL)
     }

@@ -68,7 +68,7 @@ impl Contenders {
         }
     }
 
-    /// Moves each waiting port for which `key` returns an arbitration key to the ready ports.
+    /// Makes each waiting port ready if `key` returns an arbitration key for it.
     pub(super) fn promote(&mut self, mut key: impl FnMut(PortId) -> Option<u32>) {
         let mut place = 0;
         while let Some(id) = self.waiting.get(place).copied() {

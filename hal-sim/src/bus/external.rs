@@ -86,7 +86,7 @@ impl Bus {
         self.externals.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// Reports [`WireEvent::Joined`] to the controllers that have completed bus integration by `now`.
+    /// Reports [`WireEvent::Joined`] once to each external controller that has completed bus integration by `now`.
     pub(super) fn tell_joined(&mut self, now: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];

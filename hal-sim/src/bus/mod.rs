@@ -140,7 +140,8 @@ impl Bus {
         id
     }
 
-    /// Marks a client that uses no received frames. A [`FaultKind::Lose`] that names this client is refused.
+    /// Marks a client as send-only: it uses no received frames. A [`FaultKind::Lose`] that names this client is
+    /// refused.
     pub(crate) fn only_send(&mut self, id: PortId) {
         self.ports[id.0].only_sends = true;
     }

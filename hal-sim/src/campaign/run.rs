@@ -336,7 +336,7 @@ fn errors(goldens: &[Golden]) -> Result<Vec<PlanFault>, CampaignError> {
     let common = frames.filter(|(key, _)| goldens.iter().all(|golden| golden.identifiers.contains_key(key)));
     let faults: Vec<PlanFault> = common.flat_map(|(_, frame)| communication(frame)).collect();
     if faults.is_empty() {
-        let reason = "'communication': no identifier is sent in each observation; give a longer observe_ms";
+        let reason = "'communication': no identifier is sent in every observation period; increase observe_ms";
         return Err(CampaignError::Plan(reason.to_owned()));
     }
     Ok(faults)

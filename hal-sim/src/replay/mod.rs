@@ -75,7 +75,7 @@ pub struct ReplayOptions {
     pub links: Vec<NamedLink>,
     /// The time tolerance of a frame.
     pub tolerance: Duration,
-    /// True to skip all entries before the first boot-up or address claim of a device.
+    /// True to skip all entries before the first boot-up or address claim of any simulated device.
     pub from_boot_up: bool,
 }
 

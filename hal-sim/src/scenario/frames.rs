@@ -60,7 +60,7 @@ impl Frames<'_> {
     }
 
     /// Assigns a frame to any matching pattern. An assigned frame moves to another pattern if necessary, so that a
-    /// general pattern never blocks a specific one.
+    /// general pattern never blocks a specific one. Returns whether the frame was assigned.
     fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
         for place in 0..self.wanted.len() {
             let (pattern, holder) = self.wanted[place];

@@ -191,8 +191,8 @@ impl World {
         inputs
     }
 
-    /// Returns the valve of a powered device; `None` without a valve or without power. An unpowered valve counts as
-    /// neutral (A), as at its start.
+    /// Returns the valve of a running device; `None` if the device has no valve, is off, or still starts. The valve
+    /// of a device that does not run counts as neutral (A), its state after the start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
         match &self.nodes[node.0].power {
             Power::On(device) => device.valve(),

@@ -23,9 +23,9 @@ pub struct Roughness {
 }
 
 impl Roughness {
-    /// The largest values for a spool: its full stroke (A).
+    /// The maximum noise and the maximum dead-band of a spool: its full stroke (A).
     pub const MAX_OF_SPOOL: u16 = Position::FULL.unsigned_abs();
-    /// The largest values for a shaft: a quarter of a turn (A).
+    /// The maximum noise and the maximum play of a shaft: a quarter of a turn (A).
     pub const MAX_OF_SHAFT: u16 = (TURN_CDEG / 4) as u16;
 }
 

@@ -79,7 +79,7 @@ pub(crate) enum Demand {
     Boot,
 }
 
-/// The node ID and the bit rate that LSS has configured; `None` for a value that LSS has not configured.
+/// A node ID and a bit rate; `None` for a value that is not configured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Configuration {
     /// The node ID.

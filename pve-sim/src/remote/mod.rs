@@ -45,7 +45,7 @@ const REMEDY: &str = "start pve-sim, or give the address from its ready line as 
 /// Changes plant words of a device in the simulator at `http`; applies all of them or none.
 ///
 /// # Errors
-/// [`RemoteError`]; nothing has changed if the simulator refused it.
+/// [`RemoteError`]. If the simulator refused the change, nothing has changed.
 pub fn set(http: SocketAddr, device: &str, words: &[PlantWord]) -> Result<(), RemoteError> {
     let change: Value = words.iter().map(|word| (word.name.clone(), word.json())).collect();
     Simulator::at(http, RESPONSE_TIMEOUT).change_plant(device, &change).map(drop)

@@ -86,7 +86,7 @@ struct Writer<O, E> {
     stdout: Option<O>,
     stderr: E,
     lost: Arc<AtomicU64>,
-    /// Whether stdout has failed.
+    /// True if a write to stdout has failed, other than for a reader that has gone.
     is_cut: Arc<AtomicBool>,
     reader_gone: watch::Sender<bool>,
 }

@@ -1,6 +1,7 @@
 //! The virtual time of a run: its pace against the wall clock, and lost time.
 //!
-//! Virtual time loses against the wall clock in two cases; afterwards the world continues from its own instant:
+//! Virtual time falls behind the wall clock in two cases. In both, the world then continues from the virtual instant
+//! that it had reached:
 //! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Virtual
 //!   time is held, because a valve would otherwise detect the pause as a failure of its master.
 //! - **A speed that is too high** for the machine: the world would fall behind without limit.

@@ -17,7 +17,7 @@ const NEUTRAL_COMMANDS: u8 = 2;
 /// A shutdown of the regulation by faults.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shutdown {
-    /// All faults since the beginning of the shutdown.
+    /// All faults activated since the shutdown began, including the faults that caused it.
     faults: FaultSet,
     /// The number of consecutive neutral commands received with the spool in neutral and no fault active.
     neutral: u8,

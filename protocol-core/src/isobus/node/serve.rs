@@ -201,7 +201,7 @@ impl<const DM2: usize> Node<DM2> {
     }
 
     /// Drops all answers, a running broadcast, and all pending messages except DM1. Counts the answers and the
-    /// broadcast. Frames in the controller are no longer tracked.
+    /// broadcast as dropped. Stops tracking the frames in the controller.
     pub(super) fn give_up_all(&mut self) {
         let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
         self.pending = MessageSet::EMPTY;
