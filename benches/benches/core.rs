@@ -348,7 +348,7 @@ fn avc(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
 }
 
 // The same at the time of an AVEF.
-#[library_benchmark(config = budget(455))]
+#[library_benchmark(config = budget(450))]
 #[bench::same_flow(avef_due(Some("0CFE3327: 40 FF 31 FF FF FF FF FF")))]
 #[bench::new_flow(avef_due(Some("0CFE3327: 80 FF 31 FF FF FF FF FF")))]
 fn avc_and_avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {

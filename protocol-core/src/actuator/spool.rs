@@ -232,7 +232,7 @@ impl Spool {
     /// and stays there.
     #[inline]
     pub(super) fn is_free(&self) -> bool {
-        self.influence == Influence::Device
+        matches!(self.influence, Influence::Device)
     }
 
     /// Applies [`Action::Move`] to a [free](Self::is_free) spool, which is at `here`.
