@@ -18,11 +18,11 @@ const SERIAL: u8 = 8;
 pub struct Settings {
     /// The kind of device.
     pub kind: Kind,
-    /// Whether a device with a new memory has no node ID. A device on ISOBUS always has an address.
+    /// True if a device with a new memory has no node ID. A device on ISOBUS always has an address.
     pub blank: bool,
     /// Whether the memory still holds the records of the previous device, which must be removed.
     pub fresh: bool,
-    /// Whether the console has chosen the kind. Otherwise the board takes the kind of the image, even after an update.
+    /// True if the console has chosen the kind. Otherwise the board takes the kind of the image, even after an update.
     pub chosen: bool,
     /// The serial number for a new memory; `None` for the default that all boards share.
     pub serial: Option<u32>,

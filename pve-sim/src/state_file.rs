@@ -74,7 +74,7 @@ impl Opened {
     /// A damaged file is renamed to `name.nvm.bad` (or `.bad.2`, …), and the memory starts empty and marked as damaged.
     ///
     /// # Errors
-    /// When the file cannot be renamed or written. No content is lost.
+    /// Fails if the file cannot be renamed or written. No content is lost.
     pub fn memory(self) -> Result<Memory, StateFileError> {
         self.file.sweep();
         Ok(Memory::kept_in(Box::new(self.file), self.content)?)

@@ -14,7 +14,7 @@ pub(super) struct Guard<'a> {
     since: Instant,
     pub(super) until: Instant,
     what: Guarded<'a>,
-    /// Whether the history has all frames that count from an earlier instant.
+    /// True if the history still has all frames that count from an earlier instant.
     is_complete: bool,
     /// The pending wait for the forbidden state, or for the end of the prohibition.
     pub(super) ticket: Option<Ticket>,

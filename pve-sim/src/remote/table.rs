@@ -17,7 +17,7 @@ const ABSENT: &str = "-";
 /// Formats a response (the state of one device, or the list of all states) as a table with a line for each device.
 ///
 /// # Errors
-/// When the response is not JSON or contains no device states.
+/// Fails if the response is not JSON or contains no device states.
 pub(super) fn of(answer: &str) -> Result<String, String> {
     let answer: Value = serde_json::from_str(answer).map_err(|error| error.to_string())?;
     let devices = answer.as_array().map_or(std::slice::from_ref(&answer), Vec::as_slice);

@@ -28,7 +28,7 @@ pub enum Change {
     /// The speed of an encoder's shaft, in turns per minute; positive values are clockwise. The shaft continues from
     /// its present angle, rounded down to 1/100 degree.
     SpeedRpm(i32),
-    /// Whether an encoder reports a measuring error.
+    /// True if an encoder reports a measuring error.
     MeasuringError(bool),
     /// Whether an internal fault is injected.
     InternalFault(bool),
@@ -38,7 +38,7 @@ pub enum Change {
     BusOff(bool),
     /// The supply voltage below which a simulated valve is off, in millivolts; `None` for never.
     BrownOutMv(Option<u32>),
-    /// Whether the oil of a simulated valve is as cold as the valve.
+    /// True if the oil of a simulated valve is as cold as the valve.
     Oil(bool),
     /// The time from power-up to the start of the simulated program, in milliseconds.
     BootMs(u16),

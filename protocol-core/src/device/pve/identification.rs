@@ -18,7 +18,7 @@ pub(super) struct Identification<'a> {
     pub(super) factory: &'a Factory,
     /// The stored node ID and bit rate.
     pub(super) local_layer: LocalLayer,
-    /// Whether a client's write of the node ID is waiting or in progress.
+    /// True if a client's write of the node ID is waiting or in progress.
     pub(super) busy: bool,
 }
 
