@@ -47,7 +47,12 @@ def corruption(valve, control):
             assert str(error).startswith("Node returned a value for 0x1019"), error
         else:
             raise AssertionError("an answer for another object was taken")
+    # the next TPDO would replace the position
+    valve.node.rpdo[1].stop()
+    valve.until_now()
+    valve.heard.forget()
     with control.fault(corrupt="1A0", data={"toggle": "00 00 00 20"}, count=1):
+        valve.command(0x0F)
         valve.expect_status(ACTIVE, 0x2000)
         equal("position", valve.node.tpdo[1][0x6301].raw, 0x2000)
     return "accepts a value with a changed bit, in an SDO answer and in a TPDO; raises an error for an answer about a different object"
@@ -108,6 +113,8 @@ def delay(valve, control):
         valve.expect_status(HOLD)
         equal("status word of the first request", valve.node.sdo[0x6041].raw, ACTIVE)
     equal("status word", valve.node.sdo[0x6041].raw, HOLD)
+    # the answer to one request may have been taken for the answer to the next
+    valve.heard.until(SDO_ANSWER, times=3)
     return "the request fails; the late answer is taken for the answer to the next request: ACTIVE, from a valve in HOLD"
 
 
