@@ -6,7 +6,6 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{Object, Schema, Type};
 use utoipa::{PartialSchema, ToSchema};
 
-use super::given::given;
 use super::{Identifier, Invalid};
 use crate::bus::Disturbance;
 
@@ -31,10 +30,8 @@ pub struct Disturb {
     #[schema(maximum = 4294967295_i64)]
     pub frames: u32,
     /// The identifier; any by default.
-    #[serde(default, deserialize_with = "given")]
     pub id: Option<Identifier>,
     /// Whether the identifier has 29 bits.
-    #[serde(default, deserialize_with = "given")]
     pub extended: Option<bool>,
 }
 

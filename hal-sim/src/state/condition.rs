@@ -8,7 +8,6 @@ use utoipa::ToSchema;
 
 use super::Invalid;
 use super::device::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
-use super::given::{Object, given, object, present};
 use super::{BitsPerSecond, Pattern, possible};
 use crate::Kind;
 use crate::world::{NodeId, World};
@@ -31,14 +30,14 @@ pub enum Condition {
 #[serde(deny_unknown_fields)]
 pub struct StateCondition {
     /// The instant, in microseconds of virtual time.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(maximum = 9223372036854775807_i64)]
     pub t_us: Option<u64>,
     /// The name.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// The kind.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
     /// The node ID or address.
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
@@ -49,7 +48,7 @@ pub struct StateCondition {
     #[schema(value_type = Option<BitsPerSecond>)]
     pub bit_rate: Option<Option<u32>>,
     /// Whether the device has power and has booted.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub powered: Option<bool>,
     /// The NMT state.
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
@@ -76,11 +75,11 @@ pub struct StateCondition {
     #[schema(value_type = Option<bool>)]
     pub solenoids: Option<Option<bool>>,
     /// The LED: its colour, whether it flashes, or both.
-    #[serde(default, deserialize_with = "present_object", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<LedCondition>)]
     pub led: Option<Option<LedCondition>>,
     /// The exact set of active faults, by name.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub faults: Option<Vec<String>>,
 }
 
@@ -91,7 +90,6 @@ pub enum SetPointCondition {
     /// An exact value.
     Equal(SetPointValue),
     /// A value within limits; float never matches.
-    #[serde(deserialize_with = "object")]
     Within(Limits),
 }
 
@@ -102,7 +100,6 @@ pub enum PositionCondition {
     /// An exact value.
     Equal(i16),
     /// A value within limits.
-    #[serde(deserialize_with = "object")]
     Within(Limits),
 }
 
@@ -111,11 +108,11 @@ pub enum PositionCondition {
 #[serde(deny_unknown_fields)]
 pub struct Limits {
     /// The lower limit.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(minimum = -16384, maximum = 16384)]
     pub min: Option<i16>,
     /// The upper limit.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(minimum = -16384, maximum = 16384)]
     pub max: Option<i16>,
 }
@@ -125,16 +122,16 @@ pub struct Limits {
 #[serde(deny_unknown_fields)]
 pub struct LedCondition {
     /// The colour.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
     /// Whether the LED flashes.
-    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub flashing: Option<bool>,
 }
 
-/// Deserialises an object that may be null; null differs from a missing key.
-fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
-    present(value).map(|value| value.map(|value: Option<Object<T>>| value.map(|Object(value)| value)))
+/// Deserialises a value that may be null; null differs from a missing key.
+fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
+    Option::deserialize(value).map(Some)
 }
 
 impl StateCondition {
@@ -176,7 +173,7 @@ impl StateCondition {
             && is(self.dsm.as_ref(), &state.dsm)
             && is(self.command.as_ref(), &state.command)
             && fits(self.set_point.as_ref(), state.set_point.as_ref(), SetPointCondition::holds)
-            && fits(self.position.as_ref(), state.position.as_ref(), PositionCondition::holds)
+            && fits(self.position.as_ref(), state.position.as_ref(), |it, at| it.range().contains(at))
             && is(self.solenoids.as_ref(), &state.solenoids)
             && fits(self.led.as_ref(), state.led.as_ref(), LedCondition::holds)
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
@@ -185,7 +182,7 @@ impl StateCondition {
     /// Returns the accepted positions if the current position is not one of them.
     pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
-        (!wanted.holds(&found)).then(|| wanted.range())
+        Some(wanted.range()).filter(|range| !range.contains(&found))
     }
 }
 
@@ -210,31 +207,24 @@ impl SetPointCondition {
     fn holds(&self, set_point: &SetPointValue) -> bool {
         match (self, set_point) {
             (Self::Equal(wanted), found) => wanted == found,
-            (Self::Within(limits), SetPointValue::Position(position)) => limits.contain(*position),
+            (Self::Within(limits), SetPointValue::Position(position)) => limits.range().contains(position),
             (Self::Within(_), SetPointValue::Float(_)) => false,
         }
     }
 }
 
 impl PositionCondition {
-    fn holds(&self, position: &i16) -> bool {
-        match self {
-            Self::Equal(wanted) => wanted == position,
-            Self::Within(limits) => limits.contain(*position),
-        }
-    }
-
     fn range(self) -> RangeInclusive<i16> {
         match self {
             Self::Equal(position) => position..=position,
-            Self::Within(Limits { min, max }) => min.unwrap_or(i16::MIN)..=max.unwrap_or(i16::MAX),
+            Self::Within(limits) => limits.range(),
         }
     }
 }
 
 impl Limits {
-    fn contain(self, value: i16) -> bool {
-        self.min.is_none_or(|min| value >= min) && self.max.is_none_or(|max| value <= max)
+    fn range(self) -> RangeInclusive<i16> {
+        self.min.unwrap_or(i16::MIN)..=self.max.unwrap_or(i16::MAX)
     }
 }
 

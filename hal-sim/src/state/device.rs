@@ -198,7 +198,11 @@ impl DeviceState {
 
 fn faults(kind: Kind, view: Option<&View>) -> Vec<Fault> {
     match view {
-        Some(view) => view.faults.iter().map(Fault::from).collect(),
+        Some(view) => {
+            let fault =
+                |FaultView { name, active, count }: &_| Fault { fault: name, active: *active, count: Some(*count) };
+            view.faults.iter().map(fault).collect()
+        }
         None => kind.fault_names().iter().map(|name| Fault { fault: name, active: false, count: None }).collect(),
     }
 }
@@ -215,12 +219,6 @@ impl From<ValveView> for Led {
             actuator::Color::Red => Color::Red,
         };
         Self { color, flashing: valve.led.flashing }
-    }
-}
-
-impl From<&FaultView> for Fault {
-    fn from(view: &FaultView) -> Self {
-        Self { fault: view.name, active: view.active, count: Some(view.count) }
     }
 }
 

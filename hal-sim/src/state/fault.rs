@@ -2,15 +2,14 @@
 
 use std::sync::Arc;
 
-use protocol_core::frame::{Frame, Id, MAX_LEN};
+use protocol_core::frame::{Id, MAX_LEN, StandardId};
 use protocol_core::time::Duration;
 use serde::{Deserialize, Serialize};
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{Object, Schema, Type};
 use utoipa::{PartialSchema, ToSchema};
 
-use super::given::{given, given_object};
-use super::identifier::IdentifierOrAll;
+use super::identifier::{IdentifierOrAll, raw};
 use super::{Identifier, Invalid, Pattern};
 use crate::bus::{ALWAYS, Corruption, Delay, Fault, FaultKind, FaultState, FrameFilter, Masks};
 
@@ -22,120 +21,91 @@ const NAME_MAX: usize = 64;
 
 /// A communication fault: exactly one of `lose`, `delay`, `repeat`, `swap`, `corrupt`, `insert`, `masquerade`,
 /// `destroy` and `omit`, with its parameters.
-#[derive(Clone, Debug, Default, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = CommunicationFault)]
 pub struct FaultRequest {
     /// The receivers do not receive frames with this identifier, although the frames are on the bus.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub lose: Option<Identifier>,
     /// Frames with this identifier reach the sending controller late, by `ms` or `burst_ms`.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub delay: Option<Identifier>,
     /// Frames with this identifier are followed by `times` copies, at intervals of `after_ms`.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub repeat: Option<Identifier>,
     /// Frames with this identifier are exchanged with the next frame of their sender, or sent after `within_ms`.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub swap: Option<Identifier>,
     /// Frames with this identifier are sent with changed `data`, `dlc` or `identifier`, and a valid CRC.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub corrupt: Option<Identifier>,
     /// An additional frame that no device sends, as in "220#0F00 0020"; cyclic with `every_ms`.
-    #[serde(default, deserialize_with = "given")]
     pub insert: Option<String>,
     /// Like insert, but with an identifier of a device on the bus: the frame appears to come from this device.
-    #[serde(default, deserialize_with = "given")]
     pub masquerade: Option<String>,
     /// A bit error destroys attempts to send frames with this identifier. The controller retries; 32 errors in a row
     /// take the controller bus-off.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub destroy: Option<Identifier>,
     /// The receivers detect an error in the last but one bit of a frame with this identifier and discard the frame. All
     /// other nodes accept the frame, and the sender retransmits the frame.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub omit: Option<Identifier>,
     /// The name of the fault; by default its kind and identifier, as in lose-220.
-    #[serde(default, deserialize_with = "given")]
     pub name: Option<String>,
     /// The bits of the identifier to compare; all by default.
-    #[serde(default, deserialize_with = "given")]
     pub mask: Option<Identifier>,
     /// Whether the identifier has 29 bits; by default true for eight digits or a value above 7FF.
-    #[serde(default, deserialize_with = "given")]
     pub extended: Option<bool>,
     /// The device or client whose frames are affected; all by default.
-    #[serde(default, deserialize_with = "given")]
     pub sender: Option<String>,
     /// For lose and omit: the affected devices and clients; all by default, but required for omit.
-    #[serde(default, deserialize_with = "given")]
     pub receivers: Option<Vec<String>>,
     /// The maximum number of affected frames; unlimited by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub count: Option<u32>,
     /// The probability that a frame is affected, from 0 to 1; 1 by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 0, maximum = 1)]
     pub probability: Option<f64>,
     /// The seed of the random choices; 0 by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 4294967295_i64)]
     pub seed: Option<u32>,
     /// The time until the fault begins, in milliseconds; 0 by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 86400000)]
     pub from_ms: Option<u32>,
     /// The duration of the fault, in milliseconds; unlimited by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub for_ms: Option<u32>,
     /// For delay: the delay in milliseconds, or the smallest and the largest delay.
-    #[serde(default, deserialize_with = "given")]
     pub ms: Option<Millis>,
     /// For delay: the period of bursts, in milliseconds. Frames wait for the next multiple of the period.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub burst_ms: Option<u32>,
     /// For delay: later frames with the same identifier may overtake the frame; false by default.
-    #[serde(default, deserialize_with = "given")]
     pub overtake: Option<bool>,
     /// For repeat: the number of copies; 1 by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 1000)]
     pub times: Option<u32>,
     /// For repeat: the interval between copies, in milliseconds; 0 by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 86400000)]
     pub after_ms: Option<u32>,
     /// For swap: the maximum wait for the next frame, in milliseconds; 1000 by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(maximum = 86400000)]
     pub within_ms: Option<u32>,
     /// For insert and masquerade: the period, in milliseconds; by default, the frame is sent once.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub every_ms: Option<u32>,
     /// For corrupt: the changed bits of the data, in hex, first byte first.
-    #[serde(default, deserialize_with = "given_object")]
     pub data: Option<DataMasks>,
     /// For corrupt: the changed bits of the data length code.
-    #[serde(default, deserialize_with = "given_object")]
     pub dlc: Option<DlcMasks>,
     /// For corrupt: the changed bits of the identifier.
-    #[serde(default, deserialize_with = "given_object")]
     pub identifier: Option<IdentifierMasks>,
 }
 
 /// A time in milliseconds, or its minimum and maximum.
-#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(untagged, expecting = "ms must be a number of milliseconds, or [MIN, MAX]")]
 pub enum Millis {
     /// A time.
@@ -158,7 +128,7 @@ impl PartialSchema for MillisOfDay {
 impl ToSchema for MillisOfDay {}
 
 /// Changed bits of the data, in hex as in "00 80".
-#[derive(Clone, Debug, Default, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DataMasks {
     /// Bits that become 1.
@@ -173,7 +143,7 @@ pub struct DataMasks {
 }
 
 /// Changed bits of the data length code.
-#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DlcMasks {
     /// Bits that become 1.
@@ -191,20 +161,14 @@ pub struct DlcMasks {
 }
 
 /// Changed bits of the identifier.
-#[derive(Clone, Debug, Default, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IdentifierMasks {
     /// Bits that become 1.
-    #[serde(default)]
-    #[schema(value_type = Option<Identifier>)]
     pub set: Option<Identifier>,
     /// Bits that become 0.
-    #[serde(default)]
-    #[schema(value_type = Option<Identifier>)]
     pub clear: Option<Identifier>,
     /// Bits that are inverted.
-    #[serde(default)]
-    #[schema(value_type = Option<Identifier>)]
     pub toggle: Option<Identifier>,
 }
 
@@ -227,24 +191,34 @@ impl From<FaultState> for FaultRecord {
     }
 }
 
-/// The keys of the fault kinds, each with the accepted parameters besides the common parameters. `filter` stands for
-/// `mask`, `extended` and `sender`.
-const PARAMETERS: [(&str, &[&str]); 9] = [
-    ("lose", &["receivers", "filter"]),
-    ("delay", &["ms", "burst_ms", "overtake", "filter"]),
-    ("repeat", &["times", "after_ms", "filter"]),
-    ("swap", &["within_ms", "filter"]),
-    ("corrupt", &["data", "dlc", "identifier", "filter"]),
-    ("insert", &["every_ms"]),
-    ("masquerade", &["every_ms"]),
-    ("destroy", &["filter"]),
-    ("omit", &["receivers", "filter"]),
+/// The keys of the fault kinds.
+const KINDS: [&str; 9] = ["lose", "delay", "repeat", "swap", "corrupt", "insert", "masquerade", "destroy", "omit"];
+
+/// The kinds that affect the frames of an identifier.
+const FILTERED: &[&str] = &["lose", "delay", "repeat", "swap", "corrupt", "destroy", "omit"];
+
+/// The parameters that only some kinds accept, each with these kinds.
+const PARAMETERS: [(&str, &[&str]); 14] = [
+    ("receivers", &["lose", "omit"]),
+    ("ms", &["delay"]),
+    ("burst_ms", &["delay"]),
+    ("overtake", &["delay"]),
+    ("times", &["repeat"]),
+    ("after_ms", &["repeat"]),
+    ("within_ms", &["swap"]),
+    ("every_ms", &["insert", "masquerade"]),
+    ("data", &["corrupt"]),
+    ("dlc", &["corrupt"]),
+    ("identifier", &["corrupt"]),
+    ("mask", FILTERED),
+    ("extended", FILTERED),
+    ("sender", FILTERED),
 ];
 
 impl FaultRequest {
     /// Returns the keys of the fault kinds.
     pub fn kinds() -> impl Iterator<Item = &'static str> {
-        PARAMETERS.iter().map(|(kind, _)| *kind)
+        KINDS.into_iter()
     }
 
     /// Converts the request to a fault, with an empty name if none was given.
@@ -252,13 +226,11 @@ impl FaultRequest {
     /// # Errors
     /// [`Invalid`] if the request has no kind or several kinds, a parameter of another kind, or a value out of range.
     pub fn fault(&self) -> Result<Fault, Invalid> {
-        let (kind, identifier) = self.kind()?;
-        self.check_parameters(kind)?;
+        let kind = self.kind()?;
+        let identifiers = [&self.lose, &self.delay, &self.repeat, &self.swap, &self.corrupt, &self.destroy, &self.omit];
+        let identifier = identifiers.into_iter().flatten().next();
         let frames = identifier.map(|identifier| self.filter(identifier)).transpose()?.unwrap_or_default();
-        let effect = match (kind, self.frame(kind)?) {
-            (_, Some(frame)) => FaultKind::Insert { frame, every: self.every_ms.map(millis) },
-            (kind, None) => self.effect(kind)?,
-        };
+        let effect = self.effect(kind)?;
         if self.receivers.as_ref().is_some_and(Vec::is_empty) {
             return Err(Invalid("receivers must not be empty".to_owned()));
         }
@@ -272,9 +244,6 @@ impl FaultRequest {
             return Err(Invalid(format!("name '{name}': must be 1 to {NAME_MAX} letters, digits and '-'")));
         }
         if let Some(probability) = self.probability {
-            if !(0.0..=1.0).contains(&probability) {
-                return Err(Invalid(format!("probability {probability}: must be from 0 to 1")));
-            }
             fault.probability = (probability * f64::from(ALWAYS)).round() as u32;
             if fault.probability == 0 && probability > 0.0 {
                 return Err(Invalid(format!("probability {probability}: must be 0 or at least 0.000001")));
@@ -284,59 +253,27 @@ impl FaultRequest {
         Ok(fault)
     }
 
-    /// Returns the key of the kind, and the identifier of the affected frames; `None` for an inserted frame.
-    fn kind(&self) -> Result<(&'static str, Option<&Identifier>), Invalid> {
-        let given = [
-            ("lose", self.lose.as_ref().map(Some)),
-            ("delay", self.delay.as_ref().map(Some)),
-            ("repeat", self.repeat.as_ref().map(Some)),
-            ("swap", self.swap.as_ref().map(Some)),
-            ("corrupt", self.corrupt.as_ref().map(Some)),
-            ("insert", self.insert.as_ref().map(|_| None)),
-            ("masquerade", self.masquerade.as_ref().map(|_| None)),
-            ("destroy", self.destroy.as_ref().map(Some)),
-            ("omit", self.omit.as_ref().map(Some)),
-        ];
-        let mut given = given.into_iter().filter_map(|(kind, identifier)| Some((kind, identifier?)));
-        let kinds = Self::kinds().collect::<Vec<_>>().join(", ");
-        match (given.next(), given.next()) {
-            (Some(kind), None) => Ok(kind),
-            (Some((one, _)), Some((other, _))) => {
-                Err(Invalid(format!("{one} and {other}: a fault has exactly one of {kinds}")))
+    /// Returns the key of the kind. Refuses several kinds, and parameters that the kind does not accept.
+    fn kind(&self) -> Result<&'static str, Invalid> {
+        let keys = serde_json::to_value(self).unwrap_or_default();
+        let is_given = |key: &str| !keys[key].is_null();
+        let mut given = KINDS.into_iter().filter(|kind| is_given(kind));
+        let kinds = KINDS.join(", ");
+        let kind = match (given.next(), given.next()) {
+            (Some(kind), None) => kind,
+            (Some(one), Some(other)) => {
+                return Err(Invalid(format!("{one} and {other}: a fault has exactly one of {kinds}")));
             }
             (None, _) => {
-                Err(Invalid(format!("a fault needs one of {kinds}, as in {{\"lose\": \"220\", \"count\": 3}}")))
+                return Err(Invalid(format!(
+                    "a fault needs one of {kinds}, as in {{\"lose\": \"220\", \"count\": 3}}"
+                )));
             }
+        };
+        match PARAMETERS.iter().find(|(key, kinds)| is_given(key) && !kinds.contains(&kind)) {
+            Some((key, kinds)) => Err(Invalid(format!("{key} is only valid with {}", kinds.join(", ")))),
+            None => Ok(kind),
         }
-    }
-
-    /// Refuses parameters that the kind does not accept.
-    fn check_parameters(&self, kind: &str) -> Result<(), Invalid> {
-        let given = [
-            ("receivers", self.receivers.is_some()),
-            ("ms", self.ms.is_some()),
-            ("burst_ms", self.burst_ms.is_some()),
-            ("overtake", self.overtake.is_some()),
-            ("times", self.times.is_some()),
-            ("after_ms", self.after_ms.is_some()),
-            ("within_ms", self.within_ms.is_some()),
-            ("every_ms", self.every_ms.is_some()),
-            ("data", self.data.is_some()),
-            ("dlc", self.dlc.is_some()),
-            ("identifier", self.identifier.is_some()),
-        ];
-        let filter =
-            [("mask", self.mask.is_some()), ("extended", self.extended.is_some()), ("sender", self.sender.is_some())];
-        let allowed = PARAMETERS.iter().find(|(known, _)| *known == kind).map_or(&[][..], |(_, keys)| keys);
-        let given = given.map(|(key, is_given)| (key, key, is_given));
-        let filter = filter.map(|(key, is_given)| (key, "filter", is_given));
-        for (key, class, _) in given.into_iter().chain(filter).filter(|(.., is_given)| *is_given) {
-            if !allowed.contains(&class) {
-                let kinds = PARAMETERS.iter().filter(|(_, keys)| keys.contains(&class)).map(|(kind, _)| *kind);
-                return Err(Invalid(format!("{key} is only valid with {}", kinds.collect::<Vec<_>>().join(", "))));
-            }
-        }
-        Ok(())
     }
 
     /// Returns the frame filter for an identifier or for `all`.
@@ -353,15 +290,7 @@ impl FaultRequest {
         let id = identifier.id(extended)?;
         let is_extended = matches!(id, Id::Extended(_));
         let mask = self.mask.as_ref().map(|mask| mask.id(Some(is_extended)).map_err(within("mask"))).transpose()?;
-        Ok(FrameFilter { id: Some(id), mask: mask.as_ref().map(bits), sender })
-    }
-
-    /// Returns the frame to insert, if any.
-    fn frame(&self, kind: &str) -> Result<Option<Frame>, Invalid> {
-        let Some(text) = self.insert.as_ref().or(self.masquerade.as_ref()) else { return Ok(None) };
-        let frame = text.parse::<Pattern>().ok().and_then(|pattern| pattern.frame());
-        let refuse = || Invalid(format!("{kind}: '{text}' is not a frame as in \"220#0F00 0020\""));
-        frame.map(Some).ok_or_else(refuse)
+        Ok(FrameFilter { id: Some(id), mask: mask.map(|mask| raw(mask).0), sender })
     }
 
     fn effect(&self, kind: &str) -> Result<FaultKind, Invalid> {
@@ -383,7 +312,13 @@ impl FaultRequest {
             }
             "swap" => FaultKind::Swap { within: self.within_ms.map_or(SWAP_WITHIN, millis) },
             "corrupt" => FaultKind::Corrupt(self.corruption()?),
-            _ => FaultKind::Destroy,
+            "destroy" => FaultKind::Destroy,
+            _ => {
+                let text = self.insert.as_ref().or(self.masquerade.as_ref()).map_or("", String::as_str);
+                let frame = text.parse::<Pattern>().ok().and_then(|pattern| pattern.frame());
+                let refuse = || Invalid(format!("{kind}: '{text}' is not a frame as in \"220#0F00 0020\""));
+                FaultKind::Insert { frame: frame.ok_or_else(refuse)?, every: self.every_ms.map(millis) }
+            }
         })
     }
 
@@ -397,7 +332,7 @@ impl FaultRequest {
         }
         if let Some(IdentifierMasks { set, clear, toggle }) = &self.identifier {
             let bits = |mask: &Option<Identifier>| match mask {
-                Some(mask) => mask.id(Some(true)).map(|id| bits(&id)).map_err(within("identifier")),
+                Some(mask) => mask.id(Some(true)).map(|id| raw(id).0).map_err(within("identifier")),
                 None => Ok(0),
             };
             corruption.id = Masks { set: bits(set)?, clear: bits(clear)?, toggle: bits(toggle)? };
@@ -421,30 +356,12 @@ fn millis(ms: u32) -> Duration {
     Duration::from_millis(ms.into())
 }
 
-fn bits(id: &Id) -> u32 {
-    match id {
-        Id::Standard(id) => id.as_raw().into(),
-        Id::Extended(id) => id.as_raw(),
-    }
-}
-
 /// Parses up to eight hex bytes; missing bytes are 0.
 fn bytes(text: &str) -> Result<[u8; MAX_LEN], Invalid> {
-    let refuse = || Invalid(format!("data: '{text}' is not up to 8 bytes in hex as in \"00 80\""));
-    let digits: Vec<u32> = text
-        .split_whitespace()
-        .flat_map(str::chars)
-        .map(|digit| digit.to_digit(16))
-        .collect::<Option<_>>()
-        .ok_or_else(refuse)?;
-    if digits.len() > 2 * MAX_LEN || !digits.len().is_multiple_of(2) {
-        return Err(refuse());
-    }
-    let mut bytes = [0; MAX_LEN];
-    for (byte, pair) in bytes.iter_mut().zip(digits.chunks_exact(2)) {
-        *byte = (pair[0] << 4 | pair[1]) as u8;
-    }
-    Ok(bytes)
+    let data = Pattern::of_data(StandardId::ZERO.into(), Some(text)).ok().and_then(|pattern| pattern.frame());
+    data.filter(|data| !data.is_remote())
+        .map(|data| *data.bytes())
+        .ok_or_else(|| Invalid(format!("data: '{text}' is not up to 8 bytes in hex as in \"00 80\"")))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! CAN identifiers in user input: numbers or hex strings.
 
 use protocol_core::frame::{ExtendedId, Id, StandardId};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{AnyOf, Object, Schema, Type};
@@ -11,7 +11,7 @@ use super::Invalid;
 use super::schema::IDENTIFIER;
 
 /// An identifier: a number, or a hex string with or without `0x`, as in `"220"`.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Identifier {
     /// A number.
@@ -61,6 +61,15 @@ impl std::fmt::Display for Identifier {
             Self::Number(number) => number.fmt(f),
             Self::Text(text) => write!(f, "\"{}\"", text.escape_debug()),
         }
+    }
+}
+
+/// Returns the numeric value of an identifier, and whether it has 29 bits.
+#[must_use]
+pub fn raw(id: Id) -> (u32, bool) {
+    match id {
+        Id::Standard(id) => (id.as_raw().into(), false),
+        Id::Extended(id) => (id.as_raw(), true),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The state of a device, its plant, and conditions on the state, in the words of the control interface. JSON of the
-//! control interface and TOML of scenarios are parsed into the same types.
+//! control interface and TOML of scenarios are parsed into the same types. [`schema::Schemas::check`] validates input
+//! before the input is parsed: a derived deserialiser also accepts null for a missing key, and a list for an object.
 //!
 //! ```text
 //! device     the state of a device      plant   the plant of a device, and its changes
@@ -9,14 +10,12 @@
 //! possible   the values that each key of a state can have, by kind
 //! identifier CAN identifiers            pattern patterns of frames
 //! schema     JSON schemas of the input, and its validation
-//! given      deserialisers for missing, null and given values
 //! ```
 
 mod bus;
 mod condition;
 mod device;
 mod fault;
-mod given;
 mod identifier;
 mod pattern;
 mod plant;
@@ -29,9 +28,8 @@ pub use bus::{BitsPerSecond, BusChange, Disturb};
 pub use condition::{Condition, StateCondition, StateWatch};
 pub use device::*;
 pub use fault::{DataMasks, DlcMasks, FaultRecord, FaultRequest, IdentifierMasks, Millis};
-pub use given::{given, given_object};
 pub(crate) use identifier::digits;
-pub use identifier::{Identifier, IdentifierOrAll};
+pub use identifier::{Identifier, IdentifierOrAll, raw};
 pub use pattern::{DATA, DATA_PATTERN, Pattern};
 pub use plant::{CRANKING, PlantChange, PlantState, Points, Profile, ReadyProfile};
 pub use possible::accepted;

@@ -4,9 +4,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
+use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId, extended, standard};
 
-use super::Invalid;
+use super::{Invalid, raw};
 
 const ACCEPTED: &str = "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 digits up to 7FF, or 8 digits up to 1FFFFFFF; up to 8 bytes";
 
@@ -126,10 +126,8 @@ impl Pattern {
     /// # Errors
     /// [`Invalid`] if `data` is not valid.
     pub fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
-        let (is_extended, value, mask) = match id {
-            Id::Standard(id) => (false, id.as_raw().into(), 0xFFF),
-            Id::Extended(id) => (true, id.as_raw(), u32::MAX),
-        };
+        let (value, is_extended) = raw(id);
+        let mask = if is_extended { u32::MAX } else { 0xFFF };
         let content = match data {
             None => Content::Any,
             Some(text) => parse_content(text)
@@ -155,10 +153,8 @@ impl Pattern {
 
     /// Returns whether the identifier of a frame matches.
     pub fn has_id_of(&self, frame: &Frame) -> bool {
-        match frame.id() {
-            Id::Standard(id) => !self.is_extended && self.id.fit(id.as_raw().into()),
-            Id::Extended(id) => self.is_extended && self.id.fit(id.as_raw()),
-        }
+        let (value, is_extended) = raw(frame.id());
+        is_extended == self.is_extended && self.id.fit(value)
     }
 
     /// Returns the indices of the bytes that do not match, including missing and surplus bytes. `None` if exactly one
@@ -182,19 +178,14 @@ impl Pattern {
 
     /// Describes the difference if frame and pattern differ only in length.
     pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
-        let (wanted, is_least) = match &self.content {
-            Content::Data(bytes, is_open) if !frame.is_remote() => (bytes.len(), *is_open),
-            Content::Remote(length) if frame.is_remote() => (usize::from(*length), false),
+        let (wanted, is_least) = match (&self.content, frame.is_remote()) {
+            (Content::Data(bytes, is_open), false) => (bytes.len(), *is_open),
+            (Content::Remote(length), true) => (usize::from(*length), false),
             _ => return None,
         };
         let found = usize::from(frame.len());
         let common = found.min(wanted);
-        let is_equal = match &self.content {
-            Content::Data(bytes, _) => {
-                bytes.iter().zip(frame.data()).take(common).all(|(wanted, byte)| wanted.fit((*byte).into()))
-            }
-            _ => true,
-        };
+        let is_equal = self.differences(frame).is_none_or(|bytes| bytes.iter().all(|place| *place >= common));
         let is_other = if is_least { found < wanted } else { found != wanted };
         let bytes = |count: usize| if count == 1 { "1 byte".to_owned() } else { format!("{count} bytes") };
         (self.has_id_of(frame) && is_equal && is_other).then(|| {
@@ -206,14 +197,9 @@ impl Pattern {
 
     /// Returns the identifier of the pattern; `None` if the identifier has a wildcard.
     pub fn identifier(&self) -> Option<Id> {
-        let digits = if self.is_extended { 8 } else { 3 };
-        if !self.id.are_exact(digits) {
-            return None;
-        }
-        if self.is_extended {
-            ExtendedId::new(self.id.value).map(Id::Extended)
-        } else {
-            u16::try_from(self.id.value).ok().and_then(StandardId::new).map(Id::Standard)
+        match self.is_extended {
+            true => self.id.are_exact(8).then(|| extended(self.id.value).into()),
+            false => self.id.are_exact(3).then(|| standard(self.id.value as u16).into()),
         }
     }
 

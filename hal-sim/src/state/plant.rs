@@ -8,7 +8,6 @@ use serde_json::json;
 use utoipa::openapi::{Object, RefOr, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
-use super::given::{given, given_object};
 use super::words::{Words, schema_of_plant};
 use crate::world::{NodeId, PlantError, World};
 
@@ -53,11 +52,9 @@ pub struct PlantChange {
     #[schema(ignore)]
     words: Words,
     /// The duration of the change, in milliseconds, after which the earlier values are restored; permanent by default.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 86400000)]
     pub for_ms: Option<u32>,
     /// A profile: a numeric plant word that changes over time.
-    #[serde(default, deserialize_with = "given_object")]
     pub profile: Option<Profile>,
 }
 

@@ -5,7 +5,6 @@ use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::Invalid;
-use super::given::given;
 use crate::world::{NodeId, World};
 
 /// A change of a device's power.
@@ -24,10 +23,8 @@ pub enum Power {
 #[serde(deny_unknown_fields)]
 pub struct PowerChange {
     /// True switches the power on and boots the device; false cuts the power.
-    #[serde(default, deserialize_with = "given")]
     pub on: Option<bool>,
     /// A reset of the processor.
-    #[serde(default, deserialize_with = "given")]
     pub reset: Option<ResetCause>,
 }
 

@@ -93,10 +93,7 @@ impl Schemas {
     /// [`Mismatch`] for the first invalid value.
     pub fn check(&self, name: &str, value: &Value, null: &str) -> Result<(), Mismatch> {
         let Some(schema) = self.0.get(name) else { return Ok(()) };
-        match (Checker { schemas: self, null }.mismatch(schema, value, &mut Vec::new())) {
-            Some(mismatch) => Err(mismatch),
-            None => Ok(()),
-        }
+        Checker { schemas: self, null }.mismatch(schema, value, &mut Vec::new()).map_or(Ok(()), Err)
     }
 }
 
@@ -218,9 +215,7 @@ impl<'a> Checker<'a> {
 
     /// Returns whether a schema, or any of its choices, describes an object with properties.
     fn has_members(&self, schema: &'a Value) -> bool {
-        let schema = self.resolved(schema);
-        schema["properties"].is_object()
-            || choices(schema).is_some_and(|choices| choices.iter().any(|choice| self.has_members(choice)))
+        self.leaves(schema).iter().any(|leaf| leaf["properties"].is_object())
     }
 
     /// Returns the first mismatch between a value and its schema.
@@ -305,11 +300,8 @@ impl<'a> Checker<'a> {
 
     /// Returns the words that a schema, or any of its choices, accepts.
     fn words(&self, schema: &'a Value) -> Vec<&'a str> {
-        let schema = self.resolved(schema);
-        match choices(schema) {
-            Some(choices) => choices.iter().flat_map(|choice| self.words(choice)).collect(),
-            None => schema["enum"].as_array().into_iter().flatten().filter_map(Value::as_str).collect(),
-        }
+        let leaves = self.leaves(schema).into_iter();
+        leaves.filter_map(|leaf| leaf["enum"].as_array()).flatten().filter_map(Value::as_str).collect()
     }
 
     /// Describes the values that a schema accepts.
@@ -349,13 +341,13 @@ impl<'a> Checker<'a> {
 
     fn of_kind(&self, kind: &Value, schema: &Value) -> String {
         match kind.as_str().unwrap_or_default() {
-            "integer" => match (schema["minimum"].as_i64(), schema["maximum"].as_u64(), schema["maximum"].as_i64()) {
-                (Some(min), Some(max), _) => format!("a whole number from {min} to {max}"),
-                (Some(min), None, Some(max)) => format!("a whole number from {min} to {max}"),
-                _ => "a whole number".to_owned(),
-            },
-            "number" if schema["minimum"].is_null() => "a number".to_owned(),
-            "number" => format!("a number from {} to {}", schema["minimum"], schema["maximum"]),
+            kind @ ("integer" | "number") => {
+                let noun = if kind == "integer" { "whole number" } else { "number" };
+                match (&schema["minimum"], &schema["maximum"]) {
+                    (Value::Null, _) | (_, Value::Null) => format!("a {noun}"),
+                    (min, max) => format!("a {noun} from {min} to {max}"),
+                }
+            }
             "boolean" => "true or false".to_owned(),
             "string" => match schema["examples"][0].as_str() {
                 Some(example) => format!("a hex string as in \"{example}\""),

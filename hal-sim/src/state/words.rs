@@ -9,8 +9,6 @@ use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value as Json, json};
 
-use super::given::object;
-
 const SPOOL: &str = "spool";
 const MEMORY: &str = "memory";
 /// A value of `memory` that the console lacks: the memory is unreadable at the next start.
@@ -41,8 +39,8 @@ impl<'de> Deserialize<'de> for Words {
 
             fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Words, A::Error> {
                 let mut words = Words::default();
-                while let Some((name, given)) = members.next_entry::<String, Given>()? {
-                    words.add(&name, given)?;
+                while let Some((name, value)) = members.next_entry::<String, Json>()? {
+                    words.add(&name, &value)?;
                 }
                 words.changes.sort_by_key(|change| WORDS.iter().position(|word| word == change.word()));
                 Ok(words)
@@ -53,36 +51,15 @@ impl<'de> Deserialize<'de> for Words {
     }
 }
 
-/// The value of a word: as in [`json_of`], or the object of a spool.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Given {
-    #[serde(deserialize_with = "object")]
-    Spool(Spool),
-    Other(Json),
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Spool {
-    #[serde(deserialize_with = "Option::deserialize")]
-    fault: Option<String>,
-}
-
 impl Words {
-    fn add<E: de::Error>(&mut self, name: &str, given: Given) -> Result<(), E> {
+    fn add<E: de::Error>(&mut self, name: &str, value: &Json) -> Result<(), E> {
         let word = WORDS.iter().find(|word| word.name == name);
         let word = word.ok_or_else(|| E::custom(format_args!("unknown key '{name}'")))?;
         if self.changes.iter().any(|change| change.word() == word) {
             return Err(E::duplicate_field(word.name));
         }
-        let is_damaged = matches!(&given, Given::Other(value) if word.name == MEMORY && *value == DAMAGED);
-        let change = match given {
-            _ if is_damaged => Some(Change::MemoryFails(false)),
-            Given::Other(value) => change(word, &value),
-            Given::Spool(Spool { fault }) if word.name == SPOOL => Change::parse(SPOOL, fault.as_deref().unwrap_or(OK)),
-            Given::Spool(_) => None,
-        };
+        let is_damaged = word.name == MEMORY && *value == DAMAGED;
+        let change = if is_damaged { Some(Change::MemoryFails(false)) } else { change(word, value) };
         self.changes.push(change.ok_or_else(|| E::custom(format_args!("invalid value of {name}")))?);
         if word.name == MEMORY {
             self.is_damaged = Some(is_damaged);
@@ -111,6 +88,10 @@ fn change(word: &Word, value: &Json) -> Option<Change> {
         (SWITCH, Json::Bool(on)) => if *on { ON } else { OFF }.to_owned(),
         (SWITCH, _) => return None,
         (Values::Words(_), Json::String(text)) => text.clone(),
+        (Values::Words(_), Json::Object(spool)) if word.name == SPOOL => match spool.get("fault")? {
+            Json::Null => OK.to_owned(),
+            fault => fault.as_str()?.to_owned(),
+        },
         (Values::NumberOrOff { .. }, Json::Null) => OFF.to_owned(),
         (Values::NumberOrRange { .. }, Json::Array(limits)) => match limits.as_slice() {
             [from, to] => format!("{from}..{to}"),

@@ -10,7 +10,7 @@ use utoipa::{IntoParams, PartialSchema, ToSchema};
 use super::Control;
 use crate::http::error::{Body, Error, Failure, Query};
 use hal_sim::simulation::{Command, Reply, Sent, Stopped};
-use hal_sim::state::{DATA, DATA_PATTERN, Identifier, Pattern, given};
+use hal_sim::state::{DATA, DATA_PATTERN, Identifier, Pattern};
 
 /// A frame to be sent.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
@@ -19,13 +19,11 @@ pub(super) struct FrameToSend {
     /// The identifier.
     id: Identifier,
     /// Whether the identifier has 29 bits.
-    #[serde(default, deserialize_with = "given")]
     extended: Option<bool>,
     /// Up to eight bytes, in hex; `R`, `R1` … for a remote frame.
     #[schema(value_type = Data)]
     data: String,
     /// The period of a cyclic frame, in milliseconds.
-    #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     every_ms: Option<u32>,
 }

@@ -11,25 +11,21 @@ use super::Control;
 use super::frames::DataPattern;
 use crate::http::error::{Body, Error, Failure};
 use hal_sim::simulation::{Command, FrameRecord, Refusal, Reply, TimedOut};
-use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition, given, given_object};
+use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition};
 
 /// A wait: for a state of a device, for a frame, or for the next received frame.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Wait {
     /// The name of the device.
-    #[serde(default, deserialize_with = "given")]
     device: Option<String>,
     /// The expected state of the device: any subset of its members.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<StateCondition>)]
     state: Option<Map<String, Value>>,
     /// The frame.
-    #[serde(default, deserialize_with = "given_object")]
     frame: Option<FrameToCome>,
     /// The next frame that this interface receives as a node of the bus: each frame once, in order, from the start. Its own
     /// frames do not count, nor those that a communication fault loses for all receivers.
-    #[serde(default, deserialize_with = "given")]
     received: Option<bool>,
     /// The time limit in milliseconds of virtual time; a fraction is rounded to microseconds.
     #[serde(deserialize_with = "milliseconds")]
@@ -53,11 +49,9 @@ pub(super) struct FrameToCome {
     /// The identifier.
     id: Identifier,
     /// Whether the identifier has 29 bits.
-    #[serde(default, deserialize_with = "given")]
     extended: Option<bool>,
     /// The data: exactly these bytes in hex. `?` stands for any digit, and `..` at the end for any further bytes; `R`,
     /// `R1` … stand for a remote frame. By default, any data.
-    #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<DataPattern>)]
     data: Option<String>,
 }
