@@ -8,7 +8,7 @@
 //!
 //! ```text
 //! world/    devices, bus and plant in virtual time, event by event
-//! devices/  devices and links in text form, and a check of the devices' bit rates
+//! devices/  devices and links in text form
 //! explain/  explanations of frames
 //! log/      frames and error frames with timestamps, and the line formats of `candump`
 //! memory/   a NOR flash in RAM with a record store, and the file that backs the flash

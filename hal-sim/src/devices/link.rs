@@ -1,19 +1,16 @@
 //! The text form of a link: `VALVE=SENSOR[,key=value…]`.
 
-use std::fmt::Display;
-use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use protocol_core::encoder::TURN_CDEG;
 
-use super::{DevicesError, NamedDevice, NamedLink};
+use super::spec::{in_range, keys, up_to};
+use super::{NamedDevice, NamedLink};
 use crate::Kind;
 use crate::world::Link;
 
 /// The maximum speed of a shaft at full stroke, in 1/100 degree per second: 6,000 revolutions per minute (A).
 const RATE_MAX: i32 = 3_600_000;
-
-const ANGLES: RangeInclusive<u32> = 0..=TURN_CDEG - 1;
 
 /// Parses a link, without validation of its names.
 impl FromStr for NamedLink {
@@ -25,13 +22,9 @@ impl FromStr for NamedLink {
         let (valve, sensor) =
             head.split_once('=').ok_or_else(|| format!("'{head}' is not a link; accepted: VALVE=SENSOR"))?;
         let mut link = Link::default();
-        let mut seen = Vec::new();
-        for part in parts {
-            let (key, value) = part.split_once('=').unwrap_or((part, ""));
-            if seen.contains(&key) {
-                return Err(format!("duplicate key '{key}'"));
-            }
-            seen.push(key);
+        for pair in keys(parts) {
+            let (key, value) = pair?;
+            let value = value.unwrap_or_default();
             match key {
                 "rate" => link.rate = rate(value)?,
                 "min" => link.min = angle(value)?,
@@ -51,46 +44,32 @@ impl FromStr for NamedLink {
 }
 
 fn rate(text: &str) -> Result<i32, String> {
-    let rate = text.parse().ok().filter(|rate: &i32| rate.unsigned_abs() <= RATE_MAX.unsigned_abs());
-    rate.ok_or_else(|| {
-        format!("'{text}' is not a valid rate; accepted: -{RATE_MAX}–{RATE_MAX}, in 1/100 degree per second")
-    })
-}
-
-/// Parses a number up to a limit.
-pub(super) fn up_to<T: FromStr + PartialOrd + Display>(
-    text: &str,
-    max: T,
-    what: &str,
-    unit: &str,
-) -> Result<T, String> {
-    let number = text.parse().ok().filter(|number| *number <= max);
-    number.ok_or_else(|| format!("'{text}' is not a valid {what}; accepted: 0–{max}{unit}"))
+    in_range(text, text.parse().ok(), -RATE_MAX..=RATE_MAX, "rate", ", in 1/100 degree per second")
 }
 
 fn angle(text: &str) -> Result<u32, String> {
-    text.parse().ok().filter(|angle| ANGLES.contains(angle)).ok_or_else(|| {
-        format!("'{text}' is not a valid end stop; accepted: {}–{}, in 1/100 degree", ANGLES.start(), ANGLES.end())
-    })
+    in_range(text, text.parse().ok(), 0..=TURN_CDEG - 1, "end stop", ", in 1/100 degree")
 }
 
 /// Rejects a link unless it names a valve and an angle sensor on the bus, and no earlier link has the same sensor.
 ///
 /// # Errors
-/// [`DevicesError::UnknownDevice`] or [`DevicesError::LinkedTwice`].
-pub fn refuse_bad_links(devices: &[NamedDevice], links: &[NamedLink]) -> Result<(), DevicesError> {
+/// A message with the reason and the remedy.
+pub fn refuse_bad_links(devices: &[NamedDevice], links: &[NamedLink]) -> Result<(), String> {
     let check = |name: &str, wanted: fn(Kind) -> bool, product| {
-        let fitting = || devices.iter().filter(|device| wanted(device.setup.kind)).map(|device| &device.name);
-        if fitting().any(|known| known == name) {
-            return Ok(());
+        let fitting = devices.iter().filter(|device| wanted(device.setup.kind)).map(|device| device.name.as_str());
+        let known: Vec<&str> = fitting.collect();
+        match known.as_slice() {
+            known if known.contains(&name) => Ok(()),
+            [] => Err(format!("no {product} '{name}' on the bus; add one")),
+            known => Err(format!("no {product} '{name}' on the bus; accepted: {}", known.join(", "))),
         }
-        Err(DevicesError::UnknownDevice { product, name: name.to_owned(), known: fitting().cloned().collect() })
     };
     for (place, NamedLink { valve, sensor, .. }) in links.iter().enumerate() {
         check(valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
         check(sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
         if links[..place].iter().any(|other| other.sensor == *sensor) {
-            return Err(DevicesError::LinkedTwice(sensor.clone()));
+            return Err(format!("{sensor} is linked twice; a sensor follows one valve only"));
         }
     }
     Ok(())

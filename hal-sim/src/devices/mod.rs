@@ -3,17 +3,14 @@
 //! ```text
 //! spec   one device: KIND[@ID][,key=value…]
 //! link   a link: VALVE=SENSOR[,key=value…]
-//! heard  a check for devices whose bit rate differs from that of the bus
 //! ```
 
-mod heard;
 mod link;
 mod spec;
 
 #[cfg(test)]
 mod tests;
 
-pub use heard::{GRACE, NotHeard, RateWatch};
 pub use link::refuse_bad_links;
 pub use spec::{CONTROL, DeviceSpec, bit_rate};
 
@@ -69,12 +66,8 @@ impl NamedDevice {
             let filled = world.set_plant(node, Change::Oil(true));
             debug_assert_eq!(filled, Ok(()));
         }
-        if self.electronics != Electronics::default() {
-            world.set_electronics(node, self.electronics);
-        }
-        if self.roughness != Roughness::default() {
-            world.set_roughness(node, self.roughness);
-        }
+        world.set_electronics(node, self.electronics);
+        world.set_roughness(node, self.roughness);
         node
     }
 }
@@ -105,12 +98,12 @@ pub fn link_in(world: &mut World, links: &[NamedLink]) {
 /// in use are skipped.
 ///
 /// # Errors
-/// [`DevicesError::DuplicateName`].
-pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
+/// A message with the name that two devices have.
+pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
     let mut taken: Vec<String> = Vec::new();
     for name in specs.iter().filter_map(|spec| spec.name.as_ref()) {
         if taken.contains(name) {
-            return Err(DevicesError::DuplicateName(name.clone()));
+            return Err(format!("duplicate device name '{name}'; give each device its own"));
         }
         taken.push(name.clone());
     }
@@ -122,18 +115,11 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, DevicesError> {
     };
     let devices = specs.into_iter().map(|spec| {
         let name = spec.name.unwrap_or_else(|| {
-            let name = free(spec.setup.kind, &taken);
+            let name = free(spec.device.setup.kind, &taken);
             taken.push(name.clone());
             name
         });
-        NamedDevice {
-            name,
-            setup: spec.setup,
-            spool_times: spec.spool_times,
-            has_oil: spec.has_oil,
-            electronics: spec.electronics,
-            roughness: spec.roughness,
-        }
+        NamedDevice { name, ..spec.device }
     });
     let mut devices: Vec<NamedDevice> = devices.collect();
     number(&mut devices);
@@ -168,54 +154,15 @@ pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitR
 /// Rejects devices with the same node ID or the same address.
 ///
 /// # Errors
-/// [`DevicesError::Clash`] for the first conflicting pair.
-pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), DevicesError> {
-    for (position, device) in devices.iter().enumerate() {
-        let Some(id) = device.setup.node_id else { continue };
+/// A message about the first conflicting pair.
+pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), String> {
+    for (position, NamedDevice { name, setup, .. }) in devices.iter().enumerate() {
+        let Some(id) = setup.node_id else { continue };
         let earlier = devices.iter().take(position).find(|other| other.setup.node_id == Some(id));
-        if let Some(earlier) = earlier {
-            let (first, second) = (earlier.name.clone(), device.name.clone());
-            let id_name = device.setup.kind.protocol().id_name();
-            return Err(DevicesError::Clash { first, second, id_name, id });
+        if let Some(NamedDevice { name: earlier, .. }) = earlier {
+            let id_name = setup.kind.protocol().id_name();
+            return Err(format!("{earlier} and {name} both have {id_name} 0x{id:02X}; give each its own"));
         }
     }
     Ok(())
-}
-
-/// The reason why devices cannot share a bus, or cannot be linked.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum DevicesError {
-    /// Two devices have the same name.
-    #[error("duplicate device name '{0}'; give each device its own")]
-    DuplicateName(String),
-    /// Two devices have the same node ID or the same address.
-    #[error("{first} and {second} both have {id_name} 0x{id:02X}; give each its own")]
-    Clash {
-        /// The name of the first device.
-        first: String,
-        /// The name of the second device.
-        second: String,
-        /// The term for the number: node ID or address.
-        id_name: &'static str,
-        /// The node ID or address.
-        id: u8,
-    },
-    /// A link refers to a device that is not on the bus.
-    #[error("no {product} '{name}' on the bus; {}", remedy(known))]
-    UnknownDevice {
-        /// The expected product: valve or angle sensor.
-        product: &'static str,
-        /// The name that the link refers to.
-        name: String,
-        /// The names of the devices with the expected product.
-        known: Vec<String>,
-    },
-    /// Two links have the same sensor.
-    #[error("{0} is linked twice; a sensor follows one valve only")]
-    LinkedTwice(String),
-}
-
-fn remedy(known: &[String]) -> String {
-    if known.is_empty() { "add one".to_owned() } else { format!("accepted: {}", known.join(", ")) }
 }

@@ -1,16 +1,16 @@
 //! The text form of a device: `KIND[@ID][,key=value…]`.
 
+use std::fmt::Display;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
-use protocol_core::device::Setup;
 use protocol_core::time::Duration;
 
+use super::NamedDevice;
 use crate::Kind;
-use crate::world::{Change, Electronics, Roughness};
-
-use super::link::up_to;
+use crate::world::{Change, Roughness};
 
 /// The accepted keys of a device specification.
 const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, boot-ms=, answer-ms=, cycle-ms=, brown-out-mv=, noise=, \
@@ -22,32 +22,17 @@ const NAME_MAX: usize = 32;
 /// A device as requested by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceSpec {
-    /// The kind and the initial content of a new memory.
-    pub setup: Setup,
     /// The requested name; `None` for a default name.
     pub name: Option<String>,
-    /// The spool times of a valve.
-    pub spool_times: SpoolTimes,
-    /// True if a valve's spool times depend on the temperature.
-    pub has_oil: bool,
-    /// The delays and the undervoltage limit of the electronics.
-    pub electronics: Electronics,
-    /// The roughness of the spool or the shaft.
-    pub roughness: Roughness,
+    /// The device, to which [`named`](super::named) gives its name.
+    pub device: NamedDevice,
 }
 
 impl DeviceSpec {
     /// Creates a specification of this kind in factory state.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
-        Self {
-            setup: kind.into(),
-            name: None,
-            spool_times: SpoolTimes::DEFAULT,
-            has_oil: false,
-            electronics: Electronics::default(),
-            roughness: Roughness::default(),
-        }
+        Self { name: None, device: NamedDevice::new("", kind) }
     }
 }
 
@@ -68,66 +53,97 @@ impl FromStr for DeviceSpec {
             let known: Vec<&str> = Kind::ALL.into_iter().map(Kind::name).collect();
             format!("unknown kind '{kind}'; accepted: {}", known.join(", "))
         })?;
-        let mut spec = Self::new(kind);
+        let is_sensor = matches!(kind, Kind::Hat(_));
+        let Self { mut name, mut device } = Self::new(kind);
+        let NamedDevice { setup, electronics, roughness, .. } = &mut device;
         if let Some(id) = id {
-            spec.setup.node_id = Some(node_id(kind, id)?);
+            setup.node_id = Some(node_id(kind, id)?);
         }
-        let mut seen = Vec::new();
         let (mut stroke_ms, mut return_ms) = (SpoolTimes::DEFAULT.stroke_ms(), SpoolTimes::DEFAULT.return_ms());
-        for part in parts {
-            let (key, value) = match part.split_once('=') {
-                Some((key, value)) => (key, Some(value)),
-                None => (part, None),
-            };
-            if seen.contains(&key) {
-                return Err(format!("duplicate key '{key}'"));
-            }
-            seen.push(key);
-            match (key, value) {
-                ("name", Some(name)) => spec.name = Some(device_name(name)?),
-                ("bit-rate", Some(rate)) => spec.setup.bit_rate = Some(bit_rate_of(kind, rate)?),
-                ("serial", Some(serial)) => spec.setup.serial = Some(serial_number(serial)?),
-                ("stroke-ms" | "return-ms", _) if matches!(kind, Kind::Hat(_)) => {
+        let mut has_oil = false;
+        for pair in keys(parts) {
+            let (key, value) = pair?;
+            let given = value.ok_or_else(|| format!("'{key}' needs a value, as in {key}=…"));
+            match key {
+                "oil" | "blank" if value.is_some() => return Err(format!("'{key}' takes no value")),
+                "stroke-ms" | "return-ms" | "oil" if is_sensor => {
                     return Err(format!("'{key}' applies to a valve's spool; a {kind} has none"));
                 }
-                ("stroke-ms", Some(time)) => stroke_ms = spool_time(time)?,
-                ("return-ms", Some(time)) => return_ms = spool_time(time)?,
-                ("boot-ms", Some(time)) => spec.electronics.boot = millis(time, Change::BootMs(0))?,
-                ("answer-ms", Some(times)) => spec.electronics.answer = answer_times(times)?,
-                ("cycle-ms", Some(time)) => spec.electronics.cycle = millis(time, Change::CycleMs(0))?,
-                ("brown-out-mv", _) if matches!(kind, Kind::Hat(_)) => {
+                "brown-out-mv" if is_sensor => {
                     return Err(format!(
                         "'{key}' applies to a valve's supply; the supply of a {kind} is not simulated"
                     ));
                 }
-                ("brown-out-mv", Some(supply)) => spec.electronics.brown_out_mv = Some(brown_out(supply)?),
-                ("noise", Some(noise)) => spec.roughness.noise = roughness(kind, noise, "noise")?,
-                ("dead-band", Some(band)) => spec.roughness.dead_band = roughness(kind, band, "dead-band")?,
-                ("oil", None) if matches!(kind, Kind::Hat(_)) => {
-                    return Err(format!("'oil' applies to a valve's spool; a {kind} has none"));
-                }
-                ("oil", None) => spec.has_oil = true,
-                ("blank", None) if !kind.can_be_blank() => {
+                "blank" if !kind.can_be_blank() => {
                     return Err(format!("a {kind} always has an address; give @ID, or omit 'blank' for the default"));
                 }
-                ("blank", None) if id.is_some() => {
+                "blank" if id.is_some() => {
                     return Err("a blank device has no node ID; use either @ID or blank".to_owned());
                 }
-                ("blank", None) => spec.setup.node_id = None,
-                ("oil", Some(_)) => return Err("'oil' takes no value".to_owned()),
-                ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
-                (
-                    "name" | "serial" | "bit-rate" | "stroke-ms" | "return-ms" | "boot-ms" | "answer-ms" | "cycle-ms"
-                    | "brown-out-mv" | "noise" | "dead-band",
-                    None,
-                ) => {
-                    return Err(format!("'{key}' needs a value, as in {key}=…"));
+                "blank" => setup.node_id = None,
+                "oil" => has_oil = true,
+                "name" => name = Some(device_name(given?)?),
+                "bit-rate" => setup.bit_rate = Some(bit_rate_of(kind, given?)?),
+                "serial" => setup.serial = Some(serial_number(given?)?),
+                "stroke-ms" => stroke_ms = spool_time(given?)?,
+                "return-ms" => return_ms = spool_time(given?)?,
+                "boot-ms" => electronics.boot = millis(given?, Change::BootMs(0))?,
+                "answer-ms" => electronics.answer = answer_times(given?)?,
+                "cycle-ms" => electronics.cycle = millis(given?, Change::CycleMs(0))?,
+                "brown-out-mv" => electronics.brown_out_mv = Some(brown_out(given?)?),
+                "noise" | "dead-band" => {
+                    let (max, unit) = match kind {
+                        Kind::Pve(_) => (Roughness::MAX_OF_SPOOL, ", 16384 is full stroke"),
+                        Kind::Hat(_) => (Roughness::MAX_OF_SHAFT, ", in 1/100 degree"),
+                    };
+                    let limit = up_to(given?, max, key, unit)?;
+                    if key == "noise" { roughness.noise = limit } else { roughness.dead_band = limit }
                 }
                 _ => return Err(format!("unknown key '{key}'; accepted: {KEYS}")),
             }
         }
-        Ok(Self { spool_times: SpoolTimes::new(stroke_ms, return_ms).unwrap_or_default(), ..spec })
+        let spool_times = SpoolTimes::new(stroke_ms, return_ms).unwrap_or_default();
+        Ok(Self { name, device: NamedDevice { spool_times, has_oil, ..device } })
     }
+}
+
+/// Splits the parts of a text into keys with their values, if any. Refuses a key that is given twice.
+pub(super) fn keys<'a>(
+    parts: impl Iterator<Item = &'a str>,
+) -> impl Iterator<Item = Result<(&'a str, Option<&'a str>), String>> {
+    let mut seen = Vec::new();
+    parts.map(move |part| {
+        let (key, value) = part.split_once('=').map_or((part, None), |(key, value)| (key, Some(value)));
+        if seen.contains(&key) {
+            return Err(format!("duplicate key '{key}'"));
+        }
+        seen.push(key);
+        Ok((key, value))
+    })
+}
+
+/// Checks the number that a text contains, if any, against a range. `what` names the number, and `unit` ends the
+/// message about another text.
+pub(super) fn in_range<T: PartialOrd + Display>(
+    text: &str,
+    number: Option<T>,
+    range: RangeInclusive<T>,
+    what: &str,
+    unit: &str,
+) -> Result<T, String> {
+    number
+        .filter(|number| range.contains(number))
+        .ok_or_else(|| format!("'{text}' is not a valid {what}; accepted: {}–{}{unit}", range.start(), range.end()))
+}
+
+/// Parses a number up to a limit.
+pub(super) fn up_to<T: FromStr + PartialOrd + Display + Default>(
+    text: &str,
+    max: T,
+    what: &str,
+    unit: &str,
+) -> Result<T, String> {
+    in_range(text, text.parse().ok(), T::default()..=max, what, unit)
 }
 
 fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
@@ -166,23 +182,19 @@ pub fn bit_rate(text: &str) -> Option<BitRate> {
 
 /// Parses a spool time in milliseconds.
 fn spool_time(text: &str) -> Result<u16, String> {
-    let range = SpoolTimes::RANGE_MS;
-    text.parse().ok().filter(|time| range.contains(time)).ok_or_else(|| {
-        format!("'{text}' is not a valid spool time; accepted: {}–{}, in milliseconds", range.start(), range.end())
-    })
+    in_range(text, text.parse().ok(), SpoolTimes::RANGE_MS, "spool time", ", in milliseconds")
 }
 
 /// Returns the range of a plant word.
-fn range(word: Change) -> (i64, i64) {
-    word.word().values.range().map_or((0, 0), |(min, max)| (min.into(), max.into()))
+fn range(word: Change) -> RangeInclusive<i64> {
+    let (min, max) = word.word().values.range().unwrap_or_default();
+    min.into()..=max.into()
 }
 
 /// Parses a time in milliseconds, in the range of a plant word.
 fn millis(text: &str, word: Change) -> Result<Duration, String> {
-    let (min, max) = range(word);
-    let ms = number(text).filter(|ms| (min..=max).contains(&i64::from(*ms)));
-    ms.map(|ms| Duration::from_millis(ms.into()))
-        .ok_or_else(|| format!("'{text}' is not a valid time; accepted: {min}–{max}, in milliseconds"))
+    let ms = in_range(text, number(text).map(i64::from), range(word), "time", ", in milliseconds")?;
+    Ok(Duration::from_millis(ms.unsigned_abs()))
 }
 
 /// Parses a time or a range of times, in milliseconds: `20` or `5..20`.
@@ -198,17 +210,8 @@ fn answer_times(text: &str) -> Result<(Duration, Duration), String> {
 
 /// Parses an undervoltage limit in millivolts.
 fn brown_out(text: &str) -> Result<u32, String> {
-    let (min, max) = range(Change::BrownOutMv(None));
-    let limit = number(text).filter(|limit| (min..=max).contains(&i64::from(*limit)));
-    limit.ok_or_else(|| format!("'{text}' is not a valid supply; accepted: {min}–{max}, in millivolts"))
-}
-
-/// Parses the noise or the dead-band of a spool or a shaft.
-fn roughness(kind: Kind, text: &str, what: &str) -> Result<u16, String> {
-    match kind {
-        Kind::Pve(_) => up_to(text, Roughness::MAX_OF_SPOOL, what, ", 16384 is full stroke"),
-        Kind::Hat(_) => up_to(text, Roughness::MAX_OF_SHAFT, what, ", in 1/100 degree"),
-    }
+    let range = range(Change::BrownOutMv(None));
+    in_range(text, number(text).map(i64::from), range, "supply", ", in millivolts").map(|limit| limit as u32)
 }
 
 fn serial_number(text: &str) -> Result<u32, String> {

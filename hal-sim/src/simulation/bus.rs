@@ -3,9 +3,8 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::history::raw;
-use crate::devices::{self, RateWatch};
-use crate::state::BitsPerSecond;
+use super::heard::{NotHeard, RateWatch};
+use crate::state::{BitsPerSecond, raw};
 use crate::world::World;
 
 /// The state of the bus.
@@ -22,19 +21,6 @@ pub struct BusState {
     pub disturb: DisturbState,
     /// The devices whose bit rate differs from that of the bus, or differed earlier for longer than a change may take.
     pub not_heard: Vec<NotHeard>,
-}
-
-/// A device whose bit rate differs, or differed, from that of the bus, so that the device cannot communicate.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
-pub struct NotHeard {
-    /// The name of the device.
-    pub device: String,
-    /// The instant from which the rates differed, in microseconds of virtual time.
-    pub t_us: u64,
-    /// True once the rates agree again.
-    pub is_over: bool,
-    /// The cause and the remedy.
-    pub reason: String,
 }
 
 /// The pending disturbance of the bus.
@@ -63,13 +49,7 @@ impl BusState {
                 id: id.map(|(id, _)| id),
                 extended: id.is_some_and(|(_, extended)| extended),
             },
-            not_heard: rates.all().into_iter().map(NotHeard::from).collect(),
+            not_heard: rates.all(),
         }
-    }
-}
-
-impl From<devices::NotHeard> for NotHeard {
-    fn from(devices::NotHeard { device, since, is_over, reason }: devices::NotHeard) -> Self {
-        Self { device, t_us: since.as_micros(), is_over, reason }
     }
 }

@@ -103,22 +103,9 @@ pub enum Executed {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// No device has this name.
-    #[error("no device '{name}'; accepted: {known}")]
-    UnknownDevice {
-        /// The unknown name.
-        name: String,
-        /// The names of all devices.
-        known: String,
-    },
-    /// No communication fault has this name.
-    #[error("no fault '{name}'; known: {known}")]
-    UnknownFault {
-        /// The unknown name.
-        name: String,
-        /// The names of all communication faults.
-        known: String,
-    },
+    /// No device, or no communication fault, has this name.
+    #[error("{0}")]
+    Unknown(String),
     /// The plant change is refused.
     #[error(transparent)]
     Plant(#[from] PlantError),

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
-use protocol_core::frame::{Frame, Id};
+use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -12,6 +12,7 @@ use crate::Kind;
 use crate::bus::FaultEffect;
 use crate::explain::{Explainer, Node};
 use crate::log::{ErrorClass, write_hex};
+use crate::state::raw;
 use crate::trace::{Errors, Layout};
 use crate::world::{Event, EventKind, NodeId, World};
 
@@ -65,17 +66,6 @@ pub enum TraceRecord {
     Error(BusTrouble),
 }
 
-/// A frame with its end time and its sender.
-#[derive(Clone, Debug)]
-pub struct Passed {
-    /// The end of the frame.
-    pub at: Instant,
-    /// The frame.
-    pub frame: Frame,
-    /// The name of the device or client that sent the frame.
-    pub from: Arc<str>,
-}
-
 /// A recorded bus event.
 #[derive(Clone, Debug)]
 pub struct Happened {
@@ -84,8 +74,10 @@ pub struct Happened {
     /// The message for an event reported to users, with the error class of a bus error (a communication fault has
     /// none). `None` if the event is not reported.
     pub error: Option<(Option<ErrorClass>, String)>,
-    /// True if a device sent the frame of the event.
-    pub is_from_device: bool,
+    /// The index of the sending device, with its node ID after the event; `None` for any other sender.
+    device: Option<(usize, Option<u8>)>,
+    /// True if the command sender received the frame of the event.
+    pub is_received: bool,
 }
 
 /// The latest events of a bus. Events are numbered from the start of the simulation.
@@ -104,26 +96,7 @@ pub struct History {
     latest: Explainer,
     /// The number of the oldest recorded entry.
     first: u64,
-    entries: VecDeque<Entry>,
-}
-
-/// A recorded event.
-#[derive(Clone, Debug)]
-struct Entry {
-    at: Instant,
-    who: Arc<str>,
-    what: Kept,
-    /// The index of the sending device, with its node ID after the event.
-    device: Option<(usize, Option<u8>)>,
-    /// True if the command sender received the frame.
-    is_received: bool,
-}
-
-#[derive(Clone, Debug)]
-enum Kept {
-    Frame(Frame),
-    /// The text of a reported error.
-    Error(String),
+    entries: VecDeque<Happened>,
 }
 
 /// A frame that was on the bus and was not sent by a command.
@@ -140,7 +113,7 @@ pub struct Heard {
 /// A copy of the latest frames and errors, with an explainer, for use in another thread.
 #[derive(Clone, Debug)]
 pub struct Excerpt {
-    entries: Vec<Entry>,
+    entries: Vec<Happened>,
     /// The number of leading entries that only prepare the explainer.
     skipped: usize,
     explainer: Explainer,
@@ -153,7 +126,7 @@ impl Excerpt {
         let mut records = Vec::new();
         for (place, entry) in self.entries.iter().enumerate() {
             if place >= self.skipped {
-                records.push(entry.record(&self.explainer));
+                records.extend(entry.record(&self.explainer));
             }
             entry.teach(&mut self.explainer);
         }
@@ -188,18 +161,13 @@ impl History {
     pub(super) fn keep(&mut self, event: Event, world: &World) -> Happened {
         let error = self.errors.note(&event);
         let is_received = self.receives(&event);
-        let device = self.places.get(&event.who).copied();
-        let what = match (&event.what, &error) {
-            (EventKind::Frame { frame, .. }, _) => Some(Kept::Frame(*frame)),
-            (_, Some((_, text))) => Some(Kept::Error(text.clone())),
-            (_, None) => None,
-        };
-        if let Some(what) = what {
-            let node_id = |node| world.device(node).and_then(|device| device.node_id());
-            let device = device.map(|(node, place)| (place, node_id(node)));
-            self.push(Entry { at: event.at, who: Arc::clone(&event.who), what, device, is_received });
+        let node_id = |node| world.device(node).and_then(|device| device.node_id());
+        let device = self.places.get(&event.who).map(|(node, place)| (*place, node_id(*node)));
+        let happened = Happened { event, error, device, is_received };
+        if happened.event.frame().is_some() || happened.error.is_some() {
+            self.push(happened.clone());
         }
-        Happened { is_from_device: device.is_some(), event, error }
+        happened
     }
 
     /// Returns whether an event is a frame that the command sender receives. The event of a fault that loses a frame
@@ -215,7 +183,7 @@ impl History {
         }
     }
 
-    fn push(&mut self, entry: Entry) {
+    fn push(&mut self, entry: Happened) {
         if let Some(before) = self.entries.back() {
             before.teach(&mut self.latest);
         }
@@ -261,16 +229,16 @@ impl History {
         let skipped = self.place(number);
         let numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
         numbered.filter_map(move |(number, entry)| {
-            let Kept::Frame(frame) = entry.what else { return None };
-            let is_own = *entry.who == *self.own;
-            let counts = since.map_or(!is_own, |since| entry.at > since && (is_own || entry.device.is_some()));
-            counts.then_some(Heard { number, at: entry.at, frame })
+            let (Event { at, who, .. }, frame) = (&entry.event, entry.event.frame()?);
+            let is_own = **who == *self.own;
+            let counts = since.map_or(!is_own, |since| *at > since && (is_own || entry.device.is_some()));
+            counts.then_some(Heard { number, at: *at, frame: *frame })
         })
     }
 
     /// Returns whether all events after an instant are recorded.
     pub fn has_all_since(&self, since: Instant) -> bool {
-        self.first == 0 || self.entries.front().is_some_and(|oldest| oldest.at <= since)
+        self.first == 0 || self.entries.front().is_some_and(|oldest| oldest.event.at <= since)
     }
 
     /// Returns the first frame from event `number` onwards that the command sender received, with the number of the
@@ -279,10 +247,7 @@ impl History {
         let skipped = self.place(number);
         let mut numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
         let (number, entry) = numbered.find(|(_, entry)| entry.is_received)?;
-        match entry.record(&self.latest) {
-            TraceRecord::Frame(record) => Some((record, number + 1)),
-            TraceRecord::Error(_) => None,
-        }
+        Some((entry.frame_record(&self.latest)?, number + 1))
     }
 
     /// Returns the index of an event among the recorded entries; 0 for a dropped event, the number of entries for a
@@ -303,7 +268,7 @@ impl History {
     #[must_use]
     pub fn errors(&self) -> Vec<String> {
         let (mut layout, mut text) = (Layout::new(false, false), String::new());
-        for entry in self.entries.iter().filter(|entry| matches!(entry.what, Kept::Error(_))).take(LINES) {
+        for entry in self.entries.iter().filter(|entry| entry.event.frame().is_none()).take(LINES) {
             entry.lay_out(&mut text, &mut layout, &self.oldest);
         }
         layout.finish(&mut text);
@@ -330,54 +295,26 @@ impl History {
     }
 }
 
-impl Entry {
-    /// Writes the entry in trace layout.
-    fn lay_out(&self, text: &mut String, layout: &mut Layout, explainer: &Explainer) {
-        match &self.what {
-            Kept::Frame(frame) => {
-                let meaning = || explainer.explain_and_mark(frame, Some(&self.who));
-                layout.frame(text, (self.at, &self.who, frame), self.device.is_some(), meaning);
-            }
-            Kept::Error(error) => layout.error(text, self.at, error),
-        }
-    }
-
-    fn record(&self, explainer: &Explainer) -> TraceRecord {
-        let Self { at, who, what, .. } = self;
-        match what {
-            Kept::Frame(frame) => {
-                let passed = Passed { at: *at, frame: *frame, from: Arc::clone(who) };
-                TraceRecord::Frame(passed.record(explainer.explain(frame, Some(who))))
-            }
-            Kept::Error(meaning) => TraceRecord::Error(BusTrouble::new(*at, who, meaning)),
-        }
-    }
-
-    /// Updates an explainer with the entry.
-    fn teach(&self, explainer: &mut Explainer) {
-        if let Kept::Frame(frame) = &self.what {
-            explainer.observe(frame);
-        }
-        if let Some((place, node_id)) = self.device
-            && let Some(node) = explainer.nodes.get_mut(place)
-        {
-            node.node_id = node_id;
-        }
-    }
-}
-
 impl Happened {
-    /// Returns the frame of the event, if any.
+    /// Returns the record of the frame or reported error of the event, if any. `explainer` explains the frame.
     #[must_use]
-    pub fn passed(&self) -> Option<Passed> {
+    pub fn record(&self, explainer: &Explainer) -> Option<TraceRecord> {
         let Event { at, who, .. } = &self.event;
-        self.event.frame().map(|frame| Passed { at: *at, frame: *frame, from: Arc::clone(who) })
+        let error = |(_, meaning): &(_, String)| {
+            TraceRecord::Error(BusTrouble { t_us: at.as_micros(), from: who.to_string(), meaning: meaning.clone() })
+        };
+        self.frame_record(explainer).map(TraceRecord::Frame).or_else(|| self.error.as_ref().map(error))
     }
 
-    /// Returns the reported error of the event, if any.
-    #[must_use]
-    pub fn trouble(&self) -> Option<BusTrouble> {
-        self.error.as_ref().map(|(_, meaning)| BusTrouble::new(self.event.at, &self.event.who, meaning))
+    /// Returns the record of the frame of the event, if any, with its explanation.
+    pub(super) fn frame_record(&self, explainer: &Explainer) -> Option<FrameRecord> {
+        let Event { at, who, .. } = &self.event;
+        let frame = self.event.frame()?;
+        let mut data = String::new();
+        write_hex(&mut data, frame.data());
+        let (id, extended) = raw(frame.id());
+        let meaning = explainer.explain(frame, Some(who));
+        Some(FrameRecord { t_us: at.as_micros(), id, extended, data, from: who.to_string(), meaning })
     }
 
     /// Writes the event in trace layout.
@@ -386,36 +323,22 @@ impl Happened {
         match (self.event.frame(), &self.error) {
             (Some(frame), _) => {
                 let meaning = || explainer.explain_and_mark(frame, Some(who));
-                layout.frame(text, (*at, who, frame), self.is_from_device, meaning);
+                layout.frame(text, (*at, who, frame), self.device.is_some(), meaning);
             }
             (None, Some((_, error))) => layout.error(text, *at, error),
             (None, None) => {}
         }
     }
-}
 
-impl BusTrouble {
-    fn new(at: Instant, from: &str, meaning: &str) -> Self {
-        Self { t_us: at.as_micros(), from: from.to_owned(), meaning: meaning.to_owned() }
-    }
-}
-
-impl Passed {
-    /// Creates the record of the frame with its explanation.
-    #[must_use]
-    pub fn record(&self, meaning: String) -> FrameRecord {
-        let mut data = String::new();
-        write_hex(&mut data, self.frame.data());
-        let (id, extended) = raw(self.frame.id());
-        FrameRecord { t_us: self.at.as_micros(), id, extended, data, from: self.from.to_string(), meaning }
-    }
-}
-
-/// Returns the numeric value of an identifier, and whether it has 29 bits.
-#[must_use]
-pub fn raw(id: Id) -> (u32, bool) {
-    match id {
-        Id::Standard(id) => (id.as_raw().into(), false),
-        Id::Extended(id) => (id.as_raw(), true),
+    /// Updates an explainer with the event.
+    fn teach(&self, explainer: &mut Explainer) {
+        if let Some(frame) = self.event.frame() {
+            explainer.observe(frame);
+        }
+        if let Some((place, node_id)) = self.device
+            && let Some(node) = explainer.nodes.get_mut(place)
+        {
+            node.node_id = node_id;
+        }
     }
 }

@@ -7,6 +7,7 @@
 //! profiles   plant changes over time
 //! history    the history of the bus
 //! bus        the state of the bus
+//! heard      a check for devices whose bit rate differs from that of the bus
 //! ```
 //!
 //! Calls of the control interface, scenario steps and console lines are all parsed into a [`Command`], which
@@ -14,6 +15,7 @@
 
 mod bus;
 mod command;
+mod heard;
 mod history;
 mod profiles;
 mod sender;
@@ -28,14 +30,15 @@ use std::iter;
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-pub use bus::{BusState, DisturbState, NotHeard};
+pub use bus::{BusState, DisturbState};
 pub use command::{Advanced, Command, Executed, Refusal, Reply, Sent, Stopped, Ticket, TimedOut};
-pub use history::{BusTrouble, Excerpt, FrameRecord, Happened, Heard, History, KEPT, Passed, TraceRecord, raw};
+pub use heard::{GRACE, NotHeard, RateWatch};
+pub use history::{BusTrouble, Excerpt, FrameRecord, Happened, Heard, History, KEPT, TraceRecord};
 pub use profiles::RAMP_STEP;
 
 use crate::Kind;
 use crate::bus::{Fault, FaultKind, FaultState};
-use crate::devices::{self, NamedDevice, NamedLink, RateWatch};
+use crate::devices::{self, NamedDevice, NamedLink};
 use crate::memory::Memory;
 use crate::state::{Condition, DeviceState, FaultRecord, StateWatch};
 use crate::world::{Event, NodeId, World};
@@ -168,7 +171,7 @@ impl Simulation {
     /// Returns the state of the named device.
     ///
     /// # Errors
-    /// [`Refusal::UnknownDevice`]
+    /// [`Refusal::Unknown`]
     pub fn state(&mut self, name: &str) -> Result<DeviceState, Refusal> {
         let (node, kind) = self.find(name)?;
         Ok(DeviceState::of(node, kind, &mut self.world))
@@ -183,15 +186,13 @@ impl Simulation {
     /// Returns the named device and its kind.
     ///
     /// # Errors
-    /// [`Refusal::UnknownDevice`]
+    /// [`Refusal::Unknown`]
     pub fn find(&self, name: &str) -> Result<(NodeId, Kind), Refusal> {
         let found = self.devices.iter().find(|(node, _)| self.world.name(*node) == name);
-        found.copied().ok_or_else(|| Refusal::UnknownDevice { name: name.to_owned(), known: self.names() })
-    }
-
-    /// Returns the names of the devices, separated by commas.
-    fn names(&self) -> String {
-        self.devices.iter().map(|(node, _)| self.world.name(*node)).collect::<Vec<_>>().join(", ")
+        found.copied().ok_or_else(|| {
+            let known: Vec<&str> = self.devices.iter().map(|(node, _)| self.world.name(*node)).collect();
+            Refusal::Unknown(format!("no device '{name}'; accepted: {}", known.join(", ")))
+        })
     }
 
     /// Executes a command at the current instant.
@@ -276,15 +277,15 @@ impl Simulation {
 
     /// Ends the named communication fault, or all faults. Returns the ended faults.
     fn end_faults(&mut self, name: Option<String>) -> Result<Vec<FaultRecord>, Refusal> {
-        let Some(name) = name else {
-            let ended = self.faults().collect();
-            self.world.end_faults();
-            return Ok(ended);
-        };
-        let ended: Vec<FaultRecord> = self.faults().filter(|record| record.name == name).collect();
-        if !self.world.end_fault(&name) {
-            let known: Vec<String> = self.faults().map(|record| record.name).collect();
-            return Err(Refusal::UnknownFault { name, known: known.join(", ") });
+        let is_meant = |record: &FaultRecord| name.as_ref().is_none_or(|name| record.name == *name);
+        let ended = self.faults().filter(is_meant).collect();
+        match name {
+            None => self.world.end_faults(),
+            Some(name) if !self.world.end_fault(&name) => {
+                let known: Vec<String> = self.faults().map(|record| record.name).collect();
+                return Err(Refusal::Unknown(format!("no fault '{name}'; known: {}", known.join(", "))));
+            }
+            Some(_) => {}
         }
         Ok(ended)
     }
@@ -314,13 +315,13 @@ impl Simulation {
 
     /// Completes the oldest wait for a received frame, if there is such a frame.
     fn receive(&mut self) {
-        let Self { waits, history, received, completed, .. } = self;
-        let next = || {
-            let (record, next) = history.received_since(*received)?;
-            *received = next;
-            Some(record)
-        };
-        waits.receive(next, completed);
+        if let Some(ticket) = self.waits.receiver()
+            && let Some((record, next)) = self.history.received_since(self.received)
+        {
+            self.received = next;
+            self.waits.forget(ticket);
+            self.completed.push((ticket, Ok(Reply::Frame(record))));
+        }
     }
 
     fn awaited(&self, condition: Condition) -> Result<Awaited, Refusal> {
@@ -371,12 +372,8 @@ impl Simulation {
             self.events.extend(self.world.take_events());
         }
         let happened = self.history.keep(self.events.pop_front()?, &self.world);
-        if !self.waits.is_empty()
-            && let Some(passed) = happened.passed()
-        {
-            let explainer = self.history.explainer();
-            let record = || passed.record(explainer.explain(&passed.frame, Some(&passed.from)));
-            self.waits.show(&passed, record, &mut self.completed);
+        if !self.waits.is_empty() && happened.event.frame().is_some() {
+            self.waits.show(&happened, self.history.explainer(), &mut self.completed);
             self.receive();
         }
         Some(happened)
@@ -435,21 +432,21 @@ impl Simulation {
                     "virtual time reached its limit before the command completed".to_owned(),
                 ));
             }
-            self.go(NEVER);
-            while self.take_event().is_some() {}
-            self.poll();
+            self.pass(NEVER);
         }
     }
 
     /// Advances to `end` and processes all events up to and including `end`.
     pub fn run_until(&mut self, end: Instant) {
-        loop {
-            let has_arrived = self.go(end);
-            while self.take_event().is_some() {}
-            self.poll();
-            if has_arrived {
-                break;
-            }
-        }
+        while !self.pass(end) {}
+    }
+
+    /// Advances to the next event or due time, but no further than `end`, and processes the events. Returns whether
+    /// `end` is reached.
+    fn pass(&mut self, end: Instant) -> bool {
+        let has_arrived = self.go(end);
+        while self.take_event().is_some() {}
+        self.poll();
+        has_arrived
     }
 }

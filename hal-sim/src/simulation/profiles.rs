@@ -46,7 +46,8 @@ impl Profiles {
     pub(super) fn begin(&mut self, node: NodeId, change: &PlantChange, world: &mut World) -> Result<(), Refusal> {
         let now = world.now();
         let mut words = change.words();
-        let profile = change.profile.as_ref().map(|profile| points(profile, now)).transpose()?;
+        let profile = change.profile.as_ref().map(|profile| points(profile, now)).transpose();
+        let profile = profile.map_err(Refusal::Invalid)?;
         if let Some((word, _)) = &profile {
             if words.contains(word) || change.for_ms.is_some() {
                 let reason = format!("profile of {word}: not valid together with for_ms or a value of {word}");
@@ -153,32 +154,32 @@ fn between((begin, from): (Instant, i32), (end, to): (Instant, i32), now: Instan
 }
 
 /// Returns the plant word and the points of a profile that starts now.
-fn points(profile: &Profile, now: Instant) -> Result<(&'static str, Points), Refusal> {
-    let word = WORDS.iter().find(|word| word.name == profile.word).filter(|word| word.values.range().is_some());
-    let (Some(word), Some((min, max))) = (word, word.and_then(|word| word.values.range())) else {
-        let known = WORDS.iter().filter(|word| word.values.range().is_some()).map(|word| word.name);
-        let known = known.collect::<Vec<_>>().join(", ");
-        return Err(Refusal::Invalid(format!("'{}' cannot have a profile; accepted: {known}", profile.word)));
+fn points(profile: &Profile, now: Instant) -> Result<(&'static str, Points), String> {
+    let ranged = || WORDS.iter().filter_map(|word| Some((word, word.values.range()?)));
+    let Some((word, (min, max))) = ranged().find(|(word, _)| word.name == profile.word) else {
+        let known = ranged().map(|(word, _)| word.name).collect::<Vec<_>>().join(", ");
+        return Err(format!("'{}' cannot have a profile; accepted: {known}", profile.word));
     };
     let given = profile.points();
     if given.is_empty() {
-        return Err(Refusal::Invalid(format!("profile of {} has no points; accepted: at least one", word.name)));
+        return Err(format!("profile of {} has no points; accepted: at least one", word.name));
     }
     if let Some(pair) = given.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
         let [before, at] = [pair[0][0], pair[1][0]];
-        let reason = format!("profile of {}: {at} ms after {before} ms; times must increase", word.name);
-        return Err(Refusal::Invalid(reason));
+        return Err(format!("profile of {}: {at} ms after {before} ms; times must increase", word.name));
     }
     let point = |[ms, value]: [i64; 2]| {
-        let value = i32::try_from(value).ok().filter(|value| (min..=max).contains(value)).ok_or_else(|| {
-            Refusal::Invalid(format!("profile of {}: {value} is out of range; accepted: {}", word.name, word.values))
-        })?;
-        let ms = u64::try_from(ms).ok().filter(|ms| *ms <= Profile::MAX_MS).ok_or_else(|| {
-            Refusal::Invalid(format!("profile of {}: {ms} ms must be from 0 to {}", word.name, Profile::MAX_MS))
-        })?;
+        let value = i32::try_from(value)
+            .ok()
+            .filter(|value| (min..=max).contains(value))
+            .ok_or_else(|| format!("profile of {}: {value} is out of range; accepted: {}", word.name, word.values))?;
+        let ms = u64::try_from(ms)
+            .ok()
+            .filter(|ms| *ms <= Profile::MAX_MS)
+            .ok_or_else(|| format!("profile of {}: {ms} ms must be from 0 to {}", word.name, Profile::MAX_MS))?;
         Ok((after(now, Duration::from_millis(ms)), value))
     };
-    Ok((word.name, given.into_iter().map(point).collect::<Result<_, Refusal>>()?))
+    Ok((word.name, given.into_iter().map(point).collect::<Result<_, String>>()?))
 }
 
 #[cfg(test)]

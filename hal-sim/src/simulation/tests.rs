@@ -7,7 +7,7 @@ use protocol_core::encoder::STEPS;
 use protocol_core::wire::valve::{EstimatedFlow, State};
 
 use super::*;
-use crate::state::{FaultRequest, FloatWord, PlantChange, SetPointValue, StateCondition};
+use crate::state::{FaultRequest, FloatWord, PlantChange, SetPointValue, StateCondition, raw};
 use crate::world::{ClientPortId, Link};
 
 /// An action on a device.

@@ -4,8 +4,9 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
 use super::command::{Advanced, Refusal, Reply, Ticket, TimedOut};
-use super::history::{FrameRecord, Passed};
+use super::history::Happened;
 use super::sender::Completed;
+use crate::explain::Explainer;
 use crate::state::{Pattern, StateWatch};
 use crate::world::World;
 
@@ -68,25 +69,23 @@ impl Waits {
         });
     }
 
-    /// Completes the oldest wait for a received frame with the frame that `next` returns, if any.
-    pub(super) fn receive(&mut self, next: impl FnOnce() -> Option<FrameRecord>, completed: &mut Completed) {
-        if let Some(place) = self.0.iter().position(|wait| matches!(wait.what, Awaited::Received))
-            && let Some(record) = next()
-        {
-            completed.push((self.0.remove(place).ticket, Ok(Reply::Frame(record))));
-        }
+    /// Returns the oldest command that waits for a received frame, if any.
+    pub(super) fn receiver(&self) -> Option<Ticket> {
+        self.0.iter().find(|wait| matches!(wait.what, Awaited::Received)).map(|wait| wait.ticket)
     }
 
-    /// Completes the waits whose pattern matches a frame that was just sent.
-    pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord, completed: &mut Completed) {
+    /// Completes the waits whose pattern matches the frame of an event. `explainer` explains the frame.
+    pub(super) fn show(&mut self, happened: &Happened, explainer: &Explainer, completed: &mut Completed) {
+        let Some(frame) = happened.event.frame() else { return };
         self.0.retain_mut(|Wait { what, ticket, .. }| {
             let Awaited::Frame(pattern, other) = what else { return true };
-            if pattern.matches(&passed.frame) {
-                completed.push((*ticket, Ok(Reply::Frame(record()))));
+            if pattern.matches(frame) {
+                let record = happened.frame_record(explainer);
+                completed.extend(record.map(|record| (*ticket, Ok(Reply::Frame(record)))));
                 return false;
             }
-            if pattern.has_id_of(&passed.frame) {
-                *other = Some(passed.frame);
+            if pattern.has_id_of(frame) {
+                *other = Some(*frame);
             }
             true
         });

@@ -9,7 +9,7 @@ use tokio::sync::broadcast;
 
 use hal_sim::Kind;
 use hal_sim::explain::Explainer;
-use hal_sim::simulation::{Happened, Refusal, Simulation};
+use hal_sim::simulation::{Happened, Refusal, Simulation, TraceRecord};
 use hal_sim::state::{DeviceState, PlantState};
 use hal_sim::world::{NodeId, World};
 
@@ -94,11 +94,10 @@ impl Events {
         if !self.is_followed() {
             return;
         }
-        if let Some(passed) = happened.passed() {
-            let meaning = explainer.explain(&passed.frame, Some(&passed.from));
-            tell(&self.channel, "frame", &passed.record(meaning));
-        } else if let Some(trouble) = happened.trouble() {
-            tell(&self.channel, "error", &trouble);
+        match happened.record(explainer) {
+            Some(TraceRecord::Frame(frame)) => tell(&self.channel, "frame", &frame),
+            Some(TraceRecord::Error(error)) => tell(&self.channel, "error", &error),
+            None => {}
         }
     }
 

@@ -79,7 +79,7 @@ impl IntoResponse for Failure {
 
 const fn status(refusal: &Refusal) -> StatusCode {
     match refusal {
-        Refusal::UnknownDevice { .. } | Refusal::UnknownFault { .. } => StatusCode::NOT_FOUND,
+        Refusal::Unknown(_) => StatusCode::NOT_FOUND,
         Refusal::Conflict(_) => StatusCode::CONFLICT,
         Refusal::TimedOut(_) => StatusCode::REQUEST_TIMEOUT,
         Refusal::TooMany(_) => StatusCode::SERVICE_UNAVAILABLE,

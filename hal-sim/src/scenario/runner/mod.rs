@@ -4,7 +4,6 @@ mod steps;
 
 use protocol_core::time::{Instant, NEVER};
 
-use crate::devices::NotHeard;
 use crate::scenario::frames::Frames;
 use crate::scenario::guard::Guard;
 use crate::scenario::reaction::Reactions;
@@ -13,7 +12,7 @@ use crate::scenario::script::Scenario;
 use crate::scenario::step::Step;
 use crate::scenario::strict::Claims;
 use crate::scenario::target::Target;
-use crate::simulation::{Executed, Happened, Refusal, Reply, Simulation, Ticket};
+use crate::simulation::{Executed, Happened, NotHeard, Refusal, Reply, Simulation, Ticket};
 
 /// An observer of a run.
 pub(crate) trait Watch {
@@ -267,10 +266,10 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
     /// Adds a failure for each device whose bit rate differs from that of the bus. The failure names the line of the
     /// device if the rates already differed at 0 ms, otherwise the line of the current step.
     fn fail_unheard(&mut self) {
-        for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
+        for NotHeard { device, t_us, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
             let place = self.run.scenario.devices.iter().position(|known| known.name == device);
             let entry = place.and_then(|place| self.run.scenario.entries.get(place));
-            let step = self.run.step.filter(|_| since > Instant::from_ticks(0));
+            let step = self.run.step.filter(|_| t_us > 0);
             let line = step.map(|step| step.line).or(entry.map(|entry| entry.line)).unwrap_or(1);
             let failure = Failure::not_heard(line, reason).with(self.target.simulation().now(), Vec::new());
             self.run.failures.push(failure);

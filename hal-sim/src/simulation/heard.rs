@@ -14,7 +14,10 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::NamedDevice;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::devices::NamedDevice;
 use crate::world::{NodeId, World};
 
 /// The maximum time between the bit rate changes of the bus and a device.
@@ -22,16 +25,16 @@ pub const GRACE: Duration = Duration::from_secs(1);
 
 const TICK: Duration = Duration::from_ticks(1);
 
-/// A device whose bit rate differs, or differed, from that of the bus.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A device whose bit rate differs, or differed, from that of the bus, so that the device cannot communicate.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct NotHeard {
     /// The name of the device.
     pub device: String,
-    /// The time from which the bit rates differed.
-    pub since: Instant,
-    /// True if the bit rates are equal again.
+    /// The instant from which the rates differed, in microseconds of virtual time.
+    pub t_us: u64,
+    /// True once the rates agree again.
     pub is_over: bool,
-    /// The message with the cause and the remedy.
+    /// The cause and the remedy.
     pub reason: String,
 }
 
@@ -187,7 +190,7 @@ impl Watched {
 
     fn not_heard(&self, spell: &Spell) -> NotHeard {
         let reason = reason(&self.device, self.is_new, spell.rate, spell.bus);
-        NotHeard { device: self.device.name.clone(), since: spell.since, is_over: false, reason }
+        NotHeard { device: self.device.name.clone(), t_us: spell.since.as_micros(), is_over: false, reason }
     }
 }
 
