@@ -13,7 +13,6 @@
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 use protocol_core::time::{Duration, Instant, NEVER, after};
-
 use serde::Serialize;
 use utoipa::ToSchema;
 

@@ -1,7 +1,5 @@
 //! The plant of a device and its changes, for JSON.
 
-use std::borrow::Cow;
-
 use protocol_core::device::plant::{Change, Product};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -30,10 +28,6 @@ impl PartialSchema for PlantState {
 }
 
 impl ToSchema for PlantState {
-    fn name() -> Cow<'static, str> {
-        "PlantState".into()
-    }
-
     fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
         schemas.extend(PLANTS.map(|(name, product, description)| {
             (name.to_owned(), utoipa_schema(schema_of_plant(product, description)))
