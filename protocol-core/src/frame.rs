@@ -24,6 +24,35 @@ pub fn key(id: Id) -> u32 {
     }
 }
 
+/// Returns the number of an identifier: its 11 or 29 bits.
+#[must_use]
+pub fn number(id: Id) -> u32 {
+    key(id) & !EXTENDED
+}
+
+/// Returns the 11-bit or 29-bit identifier with this number; `None` for a number above 0x7FF or 0x1FFF_FFFF.
+#[must_use]
+pub fn identifier(number: u32, is_extended: bool) -> Option<Id> {
+    if is_extended {
+        ExtendedId::new(number).map(Id::Extended)
+    } else {
+        u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
+    }
+}
+
+/// An identifier as text: three hex digits for 11 bits, eight for 29 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Digits(pub Id);
+
+impl fmt::Display for Digits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Id::Standard(id) => write!(f, "{:03X}", id.as_raw()),
+            Id::Extended(id) => write!(f, "{:08X}", id.as_raw()),
+        }
+    }
+}
+
 /// Returns the arbitration value of a data frame with this [`key`]. The lower value wins the bus.
 ///
 /// An 11-bit identifier wins against a 29-bit identifier with the same first eleven bits (ISO 11898-1).
@@ -224,10 +253,7 @@ impl embedded_can::Frame for Frame {
 /// frame shows `R` and its length in place of data.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.id() {
-            Id::Standard(id) => write!(f, "{:03X}:", id.as_raw())?,
-            Id::Extended(id) => write!(f, "{:08X}:", id.as_raw())?,
-        }
+        write!(f, "{}:", Digits(self.id()))?;
         if self.remote {
             return write!(f, " R{}", self.len);
         }
@@ -243,8 +269,8 @@ impl core::str::FromStr for Frame {
         let (id, rest) = text.trim().split_once(':').ok_or(ParseFrameError)?;
         let raw = u32::from_str_radix(id, 16).map_err(|_| ParseFrameError)?;
         let id = match id.len() {
-            3 => u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard),
-            8 => ExtendedId::new(raw).map(Id::Extended),
+            3 => identifier(raw, false),
+            8 => identifier(raw, true),
             _ => None,
         };
         let id = id.ok_or(ParseFrameError)?;

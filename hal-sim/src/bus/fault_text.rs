@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
 
-use protocol_core::frame::Id;
+use protocol_core::frame::Digits;
 use protocol_core::time::Duration;
 
 use super::fault::{ALWAYS, Corruption, Delay, Fault, FaultEffect, FaultKind, FrameFilter, Masks};
@@ -50,8 +50,7 @@ impl Fault {
         };
         match id {
             None => word(&self.kind).to_owned(),
-            Some(Id::Standard(id)) => format!("{}-{:03X}", word(&self.kind), id.as_raw()),
-            Some(Id::Extended(id)) => format!("{}-{:08X}", word(&self.kind), id.as_raw()),
+            Some(id) => format!("{}-{}", word(&self.kind), Digits(id)),
         }
     }
 }
@@ -81,8 +80,7 @@ impl Display for FrameFilter {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self.id {
             None => f.write_str("all")?,
-            Some(Id::Standard(id)) => write!(f, "{:03X}", id.as_raw())?,
-            Some(Id::Extended(id)) => write!(f, "{:08X}", id.as_raw())?,
+            Some(id) => Digits(id).fmt(f)?,
         }
         if let Some(mask) = self.mask {
             write!(f, " mask {mask:X}")?;
