@@ -6,7 +6,7 @@ use protocol_core::device::Protocol;
 use protocol_core::wire::j1939_id::Address;
 
 use super::Product;
-use super::layout::{Message, Role, Signal, commanded_address, messages};
+use super::layout::{Message, Signal, commanded_address, messages};
 use crate::Kind;
 
 /// The flag of a 29-bit identifier in a DBC.
@@ -83,16 +83,11 @@ fn write_message(out: &mut String, message: &Message, valve: &str) -> std::fmt::
     let Message { name, len, from_valve, signals, .. } = message;
     let (sender, receiver) = if *from_valve { (valve, MASTER) } else { (MASTER, valve) };
     writeln!(out, "BO_ {} {name}: {len} {sender}", id(message))?;
-    for Signal { name, role, bits: (first, len), factor, offset, range, unit, .. } in signals {
-        let multiplexed = match role {
-            Role::Plain => String::new(),
-            Role::Selector => "M ".to_owned(),
-            Role::Selected(value) => format!("m{value} "),
-        };
+    for Signal { name, multiplexer, bits: (first, len), factor, offset, range, unit, .. } in signals {
         let (min, max) = (range.start(), range.end());
         writeln!(
             out,
-            " SG_ {name} {multiplexed}: {first}|{len}@1+ ({factor},{offset}) [{min}|{max}] \"{unit}\" {receiver}"
+            " SG_ {name} {multiplexer}: {first}|{len}@1+ ({factor},{offset}) [{min}|{max}] \"{unit}\" {receiver}"
         )?;
     }
     writeln!(out)

@@ -38,37 +38,33 @@ struct Row {
 #[must_use]
 pub fn eds(kind: Kind) -> Option<String> {
     let mut objects = BTreeMap::<u16, Vec<Row>>::new();
-    let mut identity = [0; 5];
     let capabilities = describe(kind, |entry, initial| {
-        if let (0x1018, Initial::Fixed(Value::Number(number))) = (entry.object().index, initial)
-            && let Some(part) = identity.get_mut(usize::from(entry.object().sub))
-        {
-            *part = number;
-        }
         let row = Row { entry, default: default(entry.data_type(), initial) };
         objects.entry(entry.object().index).or_default().push(row);
     })?;
     let mut sheet = String::new();
     // Writing to a string cannot fail.
-    let _ = write(&mut sheet, kind, identity, capabilities, &objects);
+    let _ = write(&mut sheet, kind, capabilities, &objects);
     Some(sheet)
 }
 
 fn write(
     out: &mut String,
     kind: Kind,
-    identity: [u32; 5],
     capabilities: Capabilities,
     objects: &BTreeMap<u16, Vec<Row>>,
 ) -> std::fmt::Result {
     let Product { vendor, name, order_code } = Product::of(kind);
-    let [_, vendor_number, product, revision, _] = identity;
+    // The values of the identity object.
+    let identity = |sub| objects.get(&0x1018).into_iter().flatten().find(|row| row.entry.object().sub == sub);
+    let [vendor_number, product, revision] =
+        [1, 2, 3].map(|sub| identity(sub).and_then(|row| row.default.as_deref()).unwrap_or_default());
     writeln!(out, "[FileInfo]\nFileName={kind}.eds\nFileVersion=1\nFileRevision=0\nEDSVersion={EDS_VERSION}")?;
     writeln!(out, "Description={vendor} {name}\nCreationTime={TIME}\nCreationDate={DATE}\nCreatedBy=pve-sim")?;
     writeln!(out, "ModificationTime={TIME}\nModificationDate={DATE}\nModifiedBy=pve-sim\n")?;
 
-    writeln!(out, "[DeviceInfo]\nVendorName={vendor}\nVendorNumber=0x{vendor_number:08X}\nProductName={name}")?;
-    writeln!(out, "ProductNumber=0x{product:08X}\nRevisionNumber=0x{revision:08X}\nOrderCode={order_code}")?;
+    writeln!(out, "[DeviceInfo]\nVendorName={vendor}\nVendorNumber={vendor_number}\nProductName={name}")?;
+    writeln!(out, "ProductNumber={product}\nRevisionNumber={revision}\nOrderCode={order_code}")?;
     for rate in BitRate::ALL.iter().rev() {
         let has = u8::from(kind.bit_rates().contains(rate));
         writeln!(out, "BaudRate_{}={has}", rate.bits_per_second() / 1000)?;

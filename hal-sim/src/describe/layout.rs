@@ -30,7 +30,9 @@ pub(super) struct Message {
 #[derive(Clone)]
 pub(super) struct Signal {
     pub(super) name: &'static str,
-    pub(super) role: Role,
+    /// The multiplexer indicator of the DBC and a blank: `M` for the signal that selects others, `m` and a number for a
+    /// signal that this value selects. Empty for a signal that is present in every message.
+    pub(super) multiplexer: &'static str,
     /// The index of the first bit, and the number of bits.
     pub(super) bits: (u8, u8),
     pub(super) factor: f64,
@@ -41,24 +43,13 @@ pub(super) struct Signal {
     pub(super) values: Vec<(u32, String)>,
 }
 
-/// The role of a signal in a multiplexed message.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
-    /// The signal is present in every message.
-    Plain,
-    /// The value of the signal selects other signals.
-    Selector,
-    /// The signal is present when the selector has this value.
-    Selected(u8),
-}
-
 impl Signal {
     /// Creates a signal without scaling.
     fn raw(name: &'static str, first: u8, len: u8) -> Self {
         let max = (1_u64 << len) - 1;
         Self {
             name,
-            role: Role::Plain,
+            multiplexer: "",
             bits: (first, len),
             factor: 1.0,
             offset: 0.0,
@@ -76,12 +67,8 @@ impl Signal {
         Self { values: values.into_iter().map(|(value, text)| (value, text.into())).collect(), ..self }
     }
 
-    fn selector(self) -> Self {
-        Self { role: Role::Selector, ..self }
-    }
-
-    fn selected(self, value: u8) -> Self {
-        Self { role: Role::Selected(value), ..self }
+    fn multiplexed(self, multiplexer: &'static str) -> Self {
+        Self { multiplexer, ..self }
     }
 }
 
@@ -147,12 +134,8 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
             global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT),
             "Response to a request without a dedicated response message",
             vec![
-                Signal::raw("Control", 0, 8).values([
-                    (Control::Positive as u32, "done"),
-                    (Control::Negative as u32, "not supported"),
-                    (Control::AccessDenied as u32, "access denied"),
-                    (Control::CannotRespond as u32, "cannot respond now"),
-                ]),
+                Signal::raw("Control", 0, 8)
+                    .values(Control::ALL.map(|control| (control as u32, explain::control(control)))),
                 Signal::raw("Asker", 32, 8),
                 group(40),
             ],
@@ -281,14 +264,12 @@ fn name() -> Vec<Signal> {
 /// Returns the signals of a connection management message (SAE J1939-21 5.10.3). The control byte selects the other
 /// signals.
 fn connection() -> Vec<Signal> {
-    const BAM: u8 = 32;
-    const ABORT: u8 = 255;
     let reasons = [(1, "busy"), (2, "resources needed elsewhere"), (3, "timeout")];
     vec![
-        Signal::raw("Control", 0, 8).values([(u32::from(BAM), "BAM"), (u32::from(ABORT), "abort")]).selector(),
-        Signal::raw("Size", 8, 16).selected(BAM),
-        Signal::raw("Packets", 24, 8).selected(BAM),
-        Signal::raw("Reason", 8, 8).values(reasons).selected(ABORT),
+        Signal::raw("Control", 0, 8).values([(32, "BAM"), (255, "abort")]).multiplexed("M "),
+        Signal::raw("Size", 8, 16).multiplexed("m32 "),
+        Signal::raw("Packets", 24, 8).multiplexed("m32 "),
+        Signal::raw("Reason", 8, 8).values(reasons).multiplexed("m255 "),
         group(40),
     ]
 }

@@ -7,8 +7,6 @@ use protocol_core::wire::emcy::{Emcy, NO_ERROR};
 use protocol_core::wire::j1939_id::{J1939Id, Pgn};
 use protocol_core::wire::uds::parse_id;
 
-use super::{Context, uds};
-
 /// The highlight of a frame, which determines its colour in a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
@@ -22,32 +20,8 @@ pub enum Mark {
     Unknown,
 }
 
-pub(super) fn mark(frame: &Frame, context: &Context<'_>) -> Mark {
-    if context.sender.is_none() && source(frame).is_some_and(|id| context.impersonated(id).is_some()) {
-        Mark::Impersonation
-    } else if tells_fault(frame) {
-        Mark::Fault
-    } else {
-        Mark::Plain
-    }
-}
-
-/// Returns the source in a frame's identifier: a node ID or an address.
-fn source(frame: &Frame) -> Option<u8> {
-    // A remote frame has the identifier of the requested frame.
-    if frame.is_remote() {
-        return None;
-    }
-    match frame.id() {
-        Id::Standard(id) => classify(id).filter(|(function, _)| function.is_from_node()).map(|(_, node)| node.get()),
-        Id::Extended(id) => match parse_id(id.as_raw()) {
-            Some((source, _)) => uds::device(source),
-            None => Some(J1939Id::from_raw(id.as_raw()).source().get()),
-        },
-    }
-}
-
-fn tells_fault(frame: &Frame) -> bool {
+/// Returns whether a frame reports a fault.
+pub(super) fn tells_fault(frame: &Frame) -> bool {
     match frame.id() {
         Id::Standard(id) if matches!(classify(id), Some((Function::Emcy, _))) => {
             frame.eight().is_some_and(|bytes| Emcy::parse(bytes).code != NO_ERROR)

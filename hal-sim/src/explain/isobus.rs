@@ -105,13 +105,17 @@ fn claim(source: Address, frame: &Frame) -> Option<String> {
 
 fn acknowledgement(frame: &Frame, sender: &str, context: &Context<'_>) -> Option<String> {
     let Acknowledgement { control, requester, pgn } = Acknowledgement::parse(frame.eight()?)?;
-    let what = match control {
+    Some(format!("{sender} → {}: {}, {}", party(requester, context), self::control(control), group(pgn)))
+}
+
+/// Returns the meaning of the control byte in an acknowledgement.
+pub const fn control(control: Control) -> &'static str {
+    match control {
         Control::Positive => "done",
         Control::Negative => "not supported",
         Control::AccessDenied => "access denied",
         Control::CannotRespond => "cannot respond now",
-    };
-    Some(format!("{sender} → {}: {what}, {}", party(requester, context), group(pgn)))
+    }
 }
 
 fn broadcast(announcement: Announcement) -> String {

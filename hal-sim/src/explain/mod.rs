@@ -31,7 +31,7 @@ mod valve;
 
 pub use diagnostics::fault;
 pub use highlight::{Mark, is_cyclic};
-pub use isobus::state as valve_state;
+pub use isobus::{control, state as valve_state};
 pub use object::formatted;
 pub use recorded::explain_error_frame;
 
@@ -40,6 +40,7 @@ use std::collections::BTreeMap;
 use protocol_core::frame::{Frame, Id};
 
 use self::block::Blocks;
+use self::highlight::tells_fault;
 use self::recorded::Evidence;
 use self::uds::Writes;
 use crate::Kind;
@@ -93,7 +94,8 @@ impl Explainer {
     pub fn explain_and_mark(&self, frame: &Frame, from: Option<&str>) -> (String, Mark) {
         let context = self.context(from);
         match self.meaning(frame, &context) {
-            Some(text) => (text, highlight::mark(frame, &context)),
+            Some(text) if text.starts_with(POSING) => (text, Mark::Impersonation),
+            Some(text) => (text, if tells_fault(frame) { Mark::Fault } else { Mark::Plain }),
             None => ("unknown".to_owned(), Mark::Unknown),
         }
     }
@@ -136,6 +138,9 @@ pub fn explain_fault(fault: &str, frame: &Frame, effect: &FaultEffect, from: &st
     }
 }
 
+/// The beginning of an explanation if a client uses a device's identifier.
+const POSING: &str = "client, posing as ";
+
 struct Context<'a> {
     known: &'a Explainer,
     /// The device that sent the frame, if known.
@@ -164,7 +169,7 @@ impl Context<'_> {
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),
-            (None, Some(node)) => format!("client, posing as {}", node.name),
+            (None, Some(node)) => format!("{POSING}{}", node.name),
             (None, None) => otherwise(),
         }
     }

@@ -414,6 +414,7 @@ fn who_sent_it_decides_whose_it_is() {
         ("720: 05", "valve", "valve: NMT state operational", Mark::Plain),
         ("720: 05", "the gateway", "client, posing as valve: NMT state operational", Mark::Impersonation),
         ("705: 05", "the gateway", "node 0x05: NMT state operational", Mark::Plain),
+        ("2A0: 01", "the gateway", "client, posing as valve: TPDO 2: 01", Mark::Impersonation),
         (
             "1A0: 0F 00 00 00",
             "the gateway",

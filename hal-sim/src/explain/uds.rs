@@ -87,7 +87,7 @@ fn party(address: Address, context: &Context<'_>) -> String {
 }
 
 /// Returns the node number of a device's UDS address; `None` for any other address.
-pub(super) fn device(address: Address) -> Option<u8> {
+fn device(address: Address) -> Option<u8> {
     u8::try_from(address.raw()).ok().filter(|id| (1..=LAST_DEVICE).contains(id))
 }
 
