@@ -95,11 +95,10 @@ impl BusUrl {
 
     /// Returns the URL with port 0, if it is served over TCP.
     fn with_free_port(&self) -> Option<Self> {
-        match self {
-            Self::Socketcand(endpoint, name) => Some(Self::Socketcand(endpoint.with_free_port(), name.clone())),
-            Self::Slcan(endpoint) => Some(Self::Slcan(endpoint.with_free_port())),
-            _ => None,
-        }
+        let mut free = self.clone();
+        let (Self::Socketcand(endpoint, _) | Self::Slcan(endpoint)) = &mut free else { return None };
+        endpoint.port = 0;
+        Some(free)
     }
 }
 
@@ -124,68 +123,47 @@ impl fmt::Display for BusUrl {
     }
 }
 
-/// A URL scheme.
-struct Scheme {
-    /// The URL prefix, unique among the schemes.
-    prefix: &'static str,
-    /// The URL form, for messages.
-    form: &'static str,
-    parse: Parse,
-}
+const SOCKETCAND: &str = "socketcand://HOST:PORT/NAME";
+const SOCKETCAN: &str = "socketcan:IFACE";
+const SLCAN: &str = "slcan://HOST:PORT";
+const SLCAN_PTY: &str = "slcan+pty:PATH";
+const UDP_MULTICAST: &str = "udp-multicast://GROUP:PORT";
 
-/// The parser of a scheme.
-#[derive(Clone, Copy)]
-enum Parse {
-    /// A function of the text after the prefix, and of the form; its error states the reason and the accepted form.
-    With(fn(&str, &str) -> Result<BusUrl, String>),
-    /// The scheme is not supported on this system; the text names the supported systems.
-    #[cfg_attr(target_os = "linux", expect(dead_code, reason = "Linux supports all schemes"))]
-    OnlyOn(&'static str),
-}
-
-#[cfg(target_os = "linux")]
-const SOCKETCAN: Parse = Parse::With(interface);
-#[cfg(not(target_os = "linux"))]
-const SOCKETCAN: Parse = Parse::OnlyOn("Linux");
-#[cfg(unix)]
-const PTY: Parse = Parse::With(link);
-#[cfg(not(unix))]
-const PTY: Parse = Parse::OnlyOn("Unix");
-
-const SCHEMES: [Scheme; 5] = [
-    Scheme { prefix: "socketcand://", form: "socketcand://HOST:PORT/NAME", parse: Parse::With(bus) },
-    Scheme { prefix: "socketcan:", form: "socketcan:IFACE", parse: SOCKETCAN },
-    Scheme {
-        prefix: "slcan://",
-        form: "slcan://HOST:PORT",
-        parse: Parse::With(|text, form| Endpoint::parse(text, form).map(BusUrl::Slcan)),
-    },
-    Scheme { prefix: "slcan+pty:", form: "slcan+pty:PATH", parse: PTY },
-    Scheme { prefix: "udp-multicast://", form: "udp-multicast://GROUP:PORT", parse: Parse::With(group) },
+/// The forms of the URLs that this system supports.
+const FORMS: &[&str] = &[
+    SOCKETCAND,
+    #[cfg(target_os = "linux")]
+    SOCKETCAN,
+    SLCAN,
+    #[cfg(unix)]
+    SLCAN_PTY,
+    UDP_MULTICAST,
 ];
 
 impl FromStr for BusUrl {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let accepted = || {
-            let here = SCHEMES.iter().filter(|scheme| matches!(scheme.parse, Parse::With(_)));
-            format!("accepted: {}", here.map(|scheme| scheme.form).collect::<Vec<_>>().join(", "))
-        };
-        let found = SCHEMES.iter().find_map(|scheme| Some((scheme, text.strip_prefix(scheme.prefix)?)));
-        match found.map(|(scheme, rest)| (scheme.parse, scheme.form, rest)) {
-            Some((Parse::With(parse), form, rest)) => parse(rest, form),
-            Some((Parse::OnlyOn(systems), form, _)) => {
-                Err(format!("{form} is available on {systems} only; {}", accepted()))
-            }
-            None => Err(format!("not a supported bus; {}", accepted())),
+        if let Some(rest) = text.strip_prefix("socketcand://") {
+            bus(rest)
+        } else if let Some(name) = text.strip_prefix("socketcan:") {
+            interface(name)
+        } else if let Some(rest) = text.strip_prefix("slcan://") {
+            Endpoint::parse(rest, SLCAN).map(Self::Slcan)
+        } else if let Some(path) = text.strip_prefix("slcan+pty:") {
+            link(path)
+        } else if let Some(rest) = text.strip_prefix("udp-multicast://") {
+            group(rest)
+        } else {
+            Err(format!("not a supported bus; accepted: {}", FORMS.join(", ")))
         }
     }
 }
 
-fn bus(text: &str, form: &str) -> Result<BusUrl, String> {
-    let (endpoint, name) = text.split_once('/').ok_or_else(|| format!("the bus has no name; accepted: {form}"))?;
-    let endpoint = Endpoint::parse(endpoint, form)?;
+fn bus(text: &str) -> Result<BusUrl, String> {
+    let (endpoint, name) =
+        text.split_once('/').ok_or_else(|| format!("the bus has no name; accepted: {SOCKETCAND}"))?;
+    let endpoint = Endpoint::parse(endpoint, SOCKETCAND)?;
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if name.is_empty() || name.len() > BUS_NAME_MAX || !name.chars().all(allowed) {
         return Err(format!(
@@ -195,8 +173,13 @@ fn bus(text: &str, form: &str) -> Result<BusUrl, String> {
     Ok(BusUrl::Socketcand(endpoint, name.to_owned()))
 }
 
+#[cfg(not(target_os = "linux"))]
+fn interface(_: &str) -> Result<BusUrl, String> {
+    Err(format!("{SOCKETCAN} is available on Linux only; accepted: {}", FORMS.join(", ")))
+}
+
 #[cfg(target_os = "linux")]
-fn interface(name: &str, _: &str) -> Result<BusUrl, String> {
+fn interface(name: &str) -> Result<BusUrl, String> {
     let allowed = |c: char| c.is_ascii_graphic() && c != '/' && c != ':';
     if name.is_empty() || name.len() > INTERFACE_NAME_MAX || !name.chars().all(allowed) {
         return Err(format!(
@@ -206,23 +189,28 @@ fn interface(name: &str, _: &str) -> Result<BusUrl, String> {
     Ok(BusUrl::Socketcan(name.to_owned()))
 }
 
+#[cfg(not(unix))]
+fn link(_: &str) -> Result<BusUrl, String> {
+    Err(format!("{SLCAN_PTY} is available on Unix only; accepted: {}", FORMS.join(", ")))
+}
+
 #[cfg(unix)]
-fn link(path: &str, form: &str) -> Result<BusUrl, String> {
+fn link(path: &str) -> Result<BusUrl, String> {
     // In the ready line, a space ends each URL.
     if path.is_empty() || path.chars().any(|c| c.is_whitespace() || c.is_control()) {
         return Err(format!(
-            "'{path}' is not a valid path for a link; accepted: {form}, without spaces, as in slcan+pty:/tmp/pve0"
+            "'{path}' is not a valid path for a link; accepted: {SLCAN_PTY}, without spaces, as in slcan+pty:/tmp/pve0"
         ));
     }
     Ok(BusUrl::SlcanPty(path.into()))
 }
 
-fn group(text: &str, form: &str) -> Result<BusUrl, String> {
+fn group(text: &str) -> Result<BusUrl, String> {
     let without_port = || text.trim_matches(['[', ']']).parse::<IpAddr>().map(|ip| SocketAddr::new(ip, MULTICAST_PORT));
     match text.parse().or_else(|_| without_port()) {
         Ok(group) if group.ip().is_multicast() && group.port() != 0 => Ok(BusUrl::UdpMulticast(group)),
         _ => Err(format!(
-            "'{text}' is not a multicast group with a port; accepted: {form}, as in \
+            "'{text}' is not a multicast group with a port; accepted: {UDP_MULTICAST}, as in \
              udp-multicast://239.74.163.2:{MULTICAST_PORT}"
         )),
     }

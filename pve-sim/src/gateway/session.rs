@@ -48,15 +48,6 @@ impl Client {
     }
 }
 
-/// The time limits of a client.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
-    /// The time limit for opening the bus; `None` for no limit.
-    pub(super) open_timeout: Option<Duration>,
-    /// The time limit for reading the last answers after the client's end of stream.
-    pub(super) drain_timeout: Duration,
-}
-
 /// The reason why a session ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
@@ -66,26 +57,28 @@ pub enum End {
     Dismissed,
 }
 
-/// Serves one client until it disconnects, fails, or is disconnected because it reads too slowly.
+/// Serves one client until it disconnects, fails, or is disconnected because it reads too slowly. `open_timeout` limits
+/// the time for opening the bus, and `drain_timeout` that for reading the last answers after the client's end of stream.
 pub(super) async fn serve(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
     world: WorldSender,
-    limits: Limits,
+    open_timeout: Option<Duration>,
+    drain_timeout: Duration,
     dialogue: impl Dialogue,
 ) -> End {
     let (to_client, ClientEnd { queue, permits }) = ClientQueue::new();
     let client = Client { id: ClientId::next(), world, permits };
     client.world.tell(ToWorld::Join(client.id, to_client));
     let mut write = pin!(write(writer, queue, dialogue.encoder()));
-    let mut listen = pin!(listen(reader, dialogue, &client, limits.open_timeout));
+    let mut listen = pin!(listen(reader, dialogue, &client, open_timeout));
     let end = tokio::select! {
         () = client.permits.dismissed() => End::Dismissed,
         () = async {
             tokio::select! {
                 // After its end of stream, a client still receives pending answers: the queue ends when the world has
                 // removed the client.
-                () = &mut listen => drop(timeout(limits.drain_timeout, write).await),
+                () = &mut listen => drop(timeout(drain_timeout, write).await),
                 // A client that stopped reading may still have sent requests.
                 written = &mut write => if written.is_err() { listen.await },
             }

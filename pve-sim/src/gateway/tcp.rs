@@ -15,7 +15,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
 use super::guard::{ForeignWarning, Guarded};
-use super::session::{Dialogue, End, Limits, serve};
+use super::session::{Dialogue, End, serve};
 use crate::inbox::WorldSender;
 
 /// The delay after a failed accept, for example while no file descriptor is free.
@@ -57,10 +57,6 @@ impl Endpoint {
             .parse()
             .map_err(|_| format!("'{port}' is not a valid port; accepted: 0–65535, 0 selects a free one"))?;
         Ok(Self { host: host.to_owned(), port })
-    }
-
-    pub(super) fn with_free_port(&self) -> Self {
-        Self { port: 0, ..self.clone() }
     }
 
     /// Binds the address.
@@ -127,8 +123,8 @@ pub async fn enter<D: Dialogue>(
     warning: Arc<ForeignWarning>,
     dialogue: D,
 ) -> End {
-    let limits = Limits { open_timeout: Some(OPEN_TIMEOUT), drain_timeout: DRAIN_TIMEOUT };
-    serve(Guarded::new(reader, D::JUDGE, warning), writer, world, limits, dialogue).await
+    let reader = Guarded::new(reader, D::JUDGE, warning);
+    serve(reader, writer, world, Some(OPEN_TIMEOUT), DRAIN_TIMEOUT, dialogue).await
 }
 
 /// Returns a free place, after waiting at most [`WAIT_FOR_PLACE`]; `None` on time-out, or if too many clients already

@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
+use protocol_core::frame::{Digits, Frame, Id, MAX_LEN, identifier};
 
 use crate::gateway::guard::Verdict;
 use hal_sim::log::{Timestamp, write_hex};
@@ -19,6 +19,9 @@ pub(super) const BELL: &str = "\x07";
 pub(super) const SENT_STANDARD: &str = "z\r";
 /// The answer to a frame with a 29-bit identifier.
 pub(super) const SENT_EXTENDED: &str = "Z\r";
+/// The answers to `F`: bit 7 indicates a bus error.
+pub(super) const NO_ERROR: &str = "F00\r";
+pub(super) const BUS_ERROR: &str = "F80\r";
 /// The versions of the hardware, 1.0, and of the program.
 pub(super) const VERSION: &str = concat!("V10", env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"), "\r");
 /// The serial number of the adapter: four characters.
@@ -119,15 +122,10 @@ fn parse(line: &[u8]) -> Option<Command> {
         b"Z0" => Some(Command::Stamps(false)),
         b"Z1" => Some(Command::Stamps(true)),
         b"X1" => Some(Command::AutoSend),
-        [kind @ (b't' | b'r'), rest @ ..] => {
-            let (id, rest) = rest.split_at_checked(3)?;
-            let id = u16::try_from(hex(id)?).ok().filter(|id| *id <= 0x7FF)?;
-            frame(standard(id).into(), rest, *kind == b'r').map(Command::Send)
-        }
-        [kind @ (b'T' | b'R'), rest @ ..] => {
-            let (id, rest) = rest.split_at_checked(8)?;
-            let id = hex(id).filter(|id| *id <= 0x1FFF_FFFF)?;
-            frame(extended(id).into(), rest, *kind == b'R').map(Command::Send)
+        [kind @ (b't' | b'T' | b'r' | b'R'), rest @ ..] => {
+            let is_extended = kind.is_ascii_uppercase();
+            let (id, rest) = rest.split_at_checked(if is_extended { 8 } else { 3 })?;
+            frame(identifier(hex(id)?, is_extended)?, rest, kind.eq_ignore_ascii_case(&b'r')).map(Command::Send)
         }
         _ => None,
     }
@@ -165,27 +163,15 @@ const fn timing(registers: u32) -> u32 {
 
 /// Appends a frame as a line, with a time stamp in milliseconds if requested.
 pub fn emit_frame(out: &mut String, frame: &Frame, stamp: Option<Timestamp>) {
-    let is_remote = frame.is_remote();
+    let kind = if frame.is_remote() { 'r' } else { 't' };
+    let kind = if frame.is_extended() { kind.to_ascii_uppercase() } else { kind };
     // Writing to a string cannot fail.
-    let _ = match frame.id() {
-        Id::Standard(id) => write!(out, "{}{:03X}{}", if is_remote { 'r' } else { 't' }, id.as_raw(), frame.len()),
-        Id::Extended(id) => write!(out, "{}{:08X}{}", if is_remote { 'R' } else { 'T' }, id.as_raw(), frame.len()),
-    };
+    let _ = write!(out, "{kind}{}{}", Digits(frame.id()), frame.len());
     write_hex(out, frame.data());
     if let Some(at) = stamp {
         let _ = write!(out, "{:04X}", at.as_micros() / 1000 % STAMP_END);
     }
     out.push('\r');
-}
-
-/// Returns the answer to `F`; bit 7 indicates a bus error.
-pub(super) const fn flags(has_error: bool) -> &'static str {
-    if has_error { "F80\r" } else { "F00\r" }
-}
-
-/// Returns the answer to a frame.
-pub(super) fn sent(frame: &Frame) -> &'static str {
-    if frame.is_extended() { SENT_EXTENDED } else { SENT_STANDARD }
 }
 
 #[cfg(test)]

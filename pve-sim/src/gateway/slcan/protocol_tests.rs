@@ -1,4 +1,5 @@
 use proptest::prelude::*;
+use protocol_core::frame::{extended, standard};
 
 use super::*;
 

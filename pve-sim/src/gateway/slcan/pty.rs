@@ -10,7 +10,7 @@ use tokio::time::sleep;
 use super::session::Session;
 use super::terminal::Terminal;
 use crate::gateway::Gateway;
-use crate::gateway::session::{End, Limits, serve};
+use crate::gateway::session::{End, serve};
 use crate::inbox::{ToWorld, WorldSender};
 
 /// The polling interval for a client: the system does not report when a client opens the terminal.
@@ -35,15 +35,15 @@ pub(in crate::gateway) fn open(path: &Path) -> io::Result<Gateway> {
 
 /// Serves one client after the other, forever.
 async fn run(mut terminal: Terminal, url: Arc<str>, world: WorldSender) {
-    // The time to open the bus is unlimited: no other client waits for the place.
-    let limits = Limits { open_timeout: None, drain_timeout: Duration::ZERO };
     loop {
         while !terminal.is_in_use() {
             sleep(LOOK).await;
         }
         let done = match terminal.halves() {
             Ok((reader, writer)) => {
-                let end = serve(reader, writer, world.clone(), limits, Session::new(Arc::clone(&url))).await;
+                let session = Session::new(Arc::clone(&url));
+                // The time to open the bus is unlimited: no other client waits for the place.
+                let end = serve(reader, writer, world.clone(), None, Duration::ZERO, session).await;
                 // The next client may have opened the terminal already, and keeps it. A dismissed client sees a
                 // hang-up, as from an unplugged adapter.
                 if end == End::Left && terminal.reset().is_ok() { Ok(()) } else { terminal.renew() }

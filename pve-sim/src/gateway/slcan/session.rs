@@ -6,7 +6,10 @@ use std::time::Duration;
 
 use tokio::sync::oneshot;
 
-use super::protocol::{BELL, Command, OK, Parser, Refused, SERIAL, VERSION, emit_frame, flags, judge, sent};
+use super::protocol::{
+    BELL, BUS_ERROR, Command, NO_ERROR, OK, Parser, Refused, SENT_EXTENDED, SENT_STANDARD, SERIAL, VERSION, emit_frame,
+    judge,
+};
 use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{Note, Reply, ToClient, ToWorld};
@@ -57,37 +60,38 @@ impl Session {
 
     /// Executes a line and answers it.
     async fn execute(&mut self, command: Result<Command, Refused>, client: &Client) {
-        let answer = match (command, self.state) {
-            (Ok(Command::Nothing | Command::AutoSend), _) => OK,
-            (Ok(Command::Version), _) => VERSION,
-            (Ok(Command::Serial), _) => SERIAL,
-            (Ok(Command::SetRate(rate)), State::Closed) => {
-                self.rate = Some(rate);
-                OK
-            }
-            (Ok(Command::Stamps(on)), State::Closed) => {
-                self.has_stamps = on;
-                OK
-            }
-            (Ok(command @ (Command::Open | Command::Listen)), State::Closed) if self.is_at_rate(client).await => {
-                self.state = if command == Command::Open { State::Open } else { State::Listening };
-                self.was_open = true;
-                let opened = Reply { text: OK.into(), note: Note::Stamps(self.has_stamps) };
-                return client.tell(ToWorld::Listen(client.id, opened)).await;
-            }
-            (Ok(Command::Close), State::Open | State::Listening) => {
-                self.state = State::Closed;
-                return client.tell(ToWorld::Unlisten(client.id, Reply::new(OK))).await;
-            }
-            (Ok(Command::Flags), State::Open | State::Listening) => {
-                flags(self.has_error.swap(false, Ordering::Relaxed))
-            }
-            (Ok(Command::Send(frame)), State::Open) => {
-                client.tell(ToWorld::Send(client.id, frame)).await;
-                sent(&frame)
-            }
-            (Ok(_) | Err(Refused), _) => BELL,
-        };
+        let answer =
+            match (command, self.state) {
+                (Ok(Command::Nothing | Command::AutoSend), _) => OK,
+                (Ok(Command::Version), _) => VERSION,
+                (Ok(Command::Serial), _) => SERIAL,
+                (Ok(Command::SetRate(rate)), State::Closed) => {
+                    self.rate = Some(rate);
+                    OK
+                }
+                (Ok(Command::Stamps(on)), State::Closed) => {
+                    self.has_stamps = on;
+                    OK
+                }
+                (Ok(command @ (Command::Open | Command::Listen)), State::Closed) if self.is_at_rate(client).await => {
+                    self.state = if command == Command::Open { State::Open } else { State::Listening };
+                    self.was_open = true;
+                    let opened = Reply { text: OK.into(), note: Note::Stamps(self.has_stamps) };
+                    return client.tell(ToWorld::Listen(client.id, opened)).await;
+                }
+                (Ok(Command::Close), State::Open | State::Listening) => {
+                    self.state = State::Closed;
+                    return client.tell(ToWorld::Unlisten(client.id, Reply::new(OK))).await;
+                }
+                (Ok(Command::Flags), State::Open | State::Listening) => {
+                    if self.has_error.swap(false, Ordering::Relaxed) { BUS_ERROR } else { NO_ERROR }
+                }
+                (Ok(Command::Send(frame)), State::Open) => {
+                    client.tell(ToWorld::Send(client.id, frame)).await;
+                    if frame.is_extended() { SENT_EXTENDED } else { SENT_STANDARD }
+                }
+                (Ok(_) | Err(Refused), _) => BELL,
+            };
         client.tell(ToWorld::Reply(client.id, Reply::new(answer))).await;
     }
 

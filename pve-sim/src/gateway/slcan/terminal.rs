@@ -1,17 +1,18 @@
 //! A pseudo-terminal, and the symbolic link through which clients open it.
 
 use std::ffi::OsStr;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::{OpenOptionsExt, symlink};
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
+use std::slice;
 use std::task::{Context, Poll};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::OFlags;
+use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 use tokio::io::{AsyncRead, ReadBuf};
@@ -37,11 +38,10 @@ impl Terminal {
 
     /// Returns whether a client has the terminal open, or has left unread data.
     pub(super) fn is_in_use(&self) -> bool {
-        let mut fds = [PollFd::new(&self.end, PollFlags::IN)];
-        let now = Timespec { tv_sec: 0, tv_nsec: 0 };
-        let seen = poll(&mut fds, Some(&now))
-            .map_or(PollFlags::empty(), |_| fds.iter().fold(PollFlags::empty(), |seen, fd| seen | fd.revents()));
-        seen.contains(PollFlags::IN) || !seen.contains(PollFlags::HUP)
+        let mut fd = PollFd::new(&self.end, PollFlags::IN);
+        // A failed poll reports nothing.
+        let _ = poll(slice::from_mut(&mut fd), Some(&Timespec { tv_sec: 0, tv_nsec: 0 }));
+        fd.revents().contains(PollFlags::IN) || !fd.revents().contains(PollFlags::HUP)
     }
 
     /// Returns a reader and a writer for one client. Both fail once the client has closed the terminal.
@@ -77,7 +77,8 @@ impl Terminal {
     /// As [`open`](Self::open).
     pub(super) fn renew(&mut self) -> io::Result<()> {
         let (end, device) = make()?;
-        self.link.lead_to(device)?;
+        self.link.remove();
+        self.link = Link::make(&self.link.path, device)?;
         self.end = end;
         Ok(())
     }
@@ -97,8 +98,7 @@ fn make() -> io::Result<(OwnedFd, PathBuf)> {
 
 /// Opens the device that clients open, but not as the controlling terminal of this process.
 fn open(device: &Path) -> io::Result<File> {
-    let no_control = i32::try_from(OFlags::NOCTTY.bits()).unwrap_or_default();
-    OpenOptions::new().read(true).write(true).custom_flags(no_control).open(device)
+    Ok(rustix::fs::open(device, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?.into())
 }
 
 fn set_raw(terminal: impl AsFd) -> io::Result<()> {
@@ -147,12 +147,6 @@ impl Link {
             made => made?,
         }
         Ok(Self { path: path.to_owned(), device })
-    }
-
-    fn lead_to(&mut self, device: PathBuf) -> io::Result<()> {
-        self.remove();
-        *self = Self::make(&self.path, device)?;
-        Ok(())
     }
 
     /// Removes the link if the path still leads to its device.

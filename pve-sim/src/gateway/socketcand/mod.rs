@@ -25,7 +25,7 @@ mod beacon;
 mod protocol;
 mod session;
 
-pub use protocol::{ECHO, HI, MESSAGE_MAX, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
+pub use protocol::{MESSAGE_MAX, Parser, Refusal, Request, emit_frame};
 pub use session::Session;
 
 use std::io;

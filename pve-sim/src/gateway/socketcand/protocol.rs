@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
+use protocol_core::frame::{self, Digits, Frame, Id, MAX_LEN};
 
 use crate::gateway::guard::Verdict;
 use hal_sim::log::{ErrorClass, Timestamp, write_hex};
@@ -11,11 +11,11 @@ use hal_sim::log::{ErrorClass, Timestamp, write_hex};
 pub const MESSAGE_MAX: usize = 256;
 
 /// The greeting of a client.
-pub const HI: &str = "< hi >";
+pub(super) const HI: &str = "< hi >";
 /// The answer to `< echo >`.
-pub const ECHO: &str = "< echo >";
+pub(super) const ECHO: &str = "< echo >";
 /// The answer to an executed request.
-pub const OK: &str = "< ok >";
+pub(super) const OK: &str = "< ok >";
 
 /// A request of a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,84 +30,45 @@ pub enum Request {
     Send(Frame),
 }
 
-/// The reason why a message was refused; its text goes to the client.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum RequestError {
-    /// Unknown command.
-    #[error("unknown command; accepted: open, rawmode, send, echo")]
-    UnknownCommand,
-    /// Wrong number of words for the command.
-    #[error("wrong number of arguments")]
-    Arguments,
-    /// Not a hex number of at most 29 bits.
-    #[error("bad identifier; accepted: 0 to 1FFFFFFF in hex")]
-    Identifier,
-    /// An identifier above 7FF that is not marked as extended.
-    #[error("an identifier above 7FF needs eight digits")]
-    NotExtended,
-    /// Not a length of a classic CAN frame.
-    #[error("bad length; accepted: 0 to 8")]
-    Length,
-    /// A number of bytes that differs from the length.
-    #[error("length and number of bytes differ")]
-    Count,
-    /// Not a hex number of at most eight bits.
-    #[error("bad data byte; accepted: 00 to FF")]
-    Byte,
-    /// More than [`MESSAGE_MAX`] bytes without an end.
-    #[error("message too long")]
-    TooLong,
-    /// A message began before the previous one ended.
-    #[error("unterminated message")]
-    Interrupted,
-}
+/// The reason why a message was refused, which goes to the client.
+pub type Refusal = &'static str;
 
-/// Parses messages from a byte stream, independent of read boundaries. Skips the bytes between messages.
+/// The refusal of a number that is no identifier.
+const IDENTIFIER: Refusal = "bad identifier; accepted: 0 to 1FFFFFFF in hex";
+/// The refusal of more than [`MESSAGE_MAX`] bytes without an end.
+pub(super) const TOO_LONG: Refusal = "message too long";
+/// The refusal of a message before whose end another one begins.
+pub(super) const UNTERMINATED: Refusal = "unterminated message";
+
+/// Parses messages from a byte stream, independent of read boundaries. Skips the bytes between messages, and the rest
+/// of a message that is too long.
 #[derive(Debug, Default)]
 pub struct Parser {
-    state: State,
+    is_inside: bool,
     message: Vec<u8>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum State {
-    #[default]
-    Between,
-    Inside,
-    /// The message is too long; its remaining bytes are skipped.
-    Skipping,
-}
-
 impl Parser {
-    /// Processes the next byte. Returns a request if the byte completes a message, or the error that the byte reveals.
-    pub fn push(&mut self, byte: u8) -> Option<Result<Request, RequestError>> {
-        match (self.state, byte) {
-            (State::Inside, b'<') => {
+    /// Processes the next byte. Returns a request if the byte completes a message, or the refusal that the byte causes.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Request, Refusal>> {
+        match byte {
+            b'<' => {
                 self.message.clear();
-                Some(Err(RequestError::Interrupted))
+                std::mem::replace(&mut self.is_inside, true).then_some(Err(UNTERMINATED))
             }
-            (State::Between | State::Skipping, b'<') => {
-                self.message.clear();
-                self.state = State::Inside;
-                None
-            }
-            (State::Inside, b'>') => {
-                self.state = State::Between;
+            _ if !self.is_inside => None,
+            b'>' => {
+                self.is_inside = false;
                 Some(parse(&String::from_utf8_lossy(&self.message)))
             }
-            (State::Inside, _) if self.message.len() == MESSAGE_MAX => {
-                self.state = State::Skipping;
-                Some(Err(RequestError::TooLong))
+            _ if self.message.len() == MESSAGE_MAX => {
+                self.is_inside = false;
+                Some(Err(TOO_LONG))
             }
-            (State::Inside, _) => {
+            _ => {
                 self.message.push(byte);
                 None
             }
-            (State::Skipping, b'>') => {
-                self.state = State::Between;
-                None
-            }
-            (State::Between | State::Skipping, _) => None,
         }
     }
 }
@@ -124,31 +85,31 @@ pub(super) const fn judge(byte: u8) -> Verdict {
 }
 
 /// Parses the text between `<` and `>`.
-fn parse(message: &str) -> Result<Request, RequestError> {
+fn parse(message: &str) -> Result<Request, Refusal> {
     let words: Vec<&str> = message.split_ascii_whitespace().collect();
     match words.as_slice() {
         ["open", name] => Ok(Request::Open((*name).to_owned())),
         ["rawmode"] => Ok(Request::RawMode),
         ["echo"] => Ok(Request::Echo),
         ["send", id, len, bytes @ ..] => send(id, len, bytes).map(Request::Send),
-        ["open" | "rawmode" | "echo" | "send", ..] => Err(RequestError::Arguments),
-        _ => Err(RequestError::UnknownCommand),
+        ["open" | "rawmode" | "echo" | "send", ..] => Err("wrong number of arguments"),
+        _ => Err("unknown command; accepted: open, rawmode, send, echo"),
     }
 }
 
-fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
+fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, Refusal> {
     let id = identifier(id)?;
     let len = hex(len, 8).and_then(|len| u8::try_from(len).ok()).filter(|len| usize::from(*len) <= MAX_LEN);
-    let len = len.ok_or(RequestError::Length)?;
+    let len = len.ok_or("bad length; accepted: 0 to 8")?;
     if bytes.is_empty() && len > 0 {
         return Ok(Frame::remote(id, len));
     }
     if bytes.len() != usize::from(len) {
-        return Err(RequestError::Count);
+        return Err("length and number of bytes differ");
     }
     let mut data = [0; MAX_LEN];
     for (slot, word) in data.iter_mut().zip(bytes) {
-        let [byte, ..] = hex(word, 8).ok_or(RequestError::Byte)?.to_le_bytes();
+        let [byte, ..] = hex(word, 8).ok_or("bad data byte; accepted: 00 to FF")?.to_le_bytes();
         *slot = byte;
     }
     Ok(Frame::with_len(id, data, len))
@@ -156,16 +117,15 @@ fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
 
 /// Parses an identifier. An identifier is extended if the word has eight characters, or if bit 31 is set (the flag in
 /// SocketCAN's `can_id`), which may appear as the sign of the number.
-fn identifier(word: &str) -> Result<Id, RequestError> {
+fn identifier(word: &str) -> Result<Id, Refusal> {
     const EXTENDED: u32 = 1 << 31;
-    const MAX: u32 = 0x1FFF_FFFF;
-    let raw = hex(word, 32).ok_or(RequestError::Identifier)?;
+    let raw = hex(word, 32).ok_or(IDENTIFIER)?;
     let number = raw & !EXTENDED;
-    match u16::try_from(number) {
-        _ if number > MAX => Err(RequestError::Identifier),
-        _ if word.len() == 8 || raw & EXTENDED != 0 => Ok(extended(number).into()),
-        Ok(number @ 0..=0x7FF) => Ok(standard(number).into()),
-        _ => Err(RequestError::NotExtended),
+    let is_extended = word.len() == 8 || raw & EXTENDED != 0;
+    match frame::identifier(number, is_extended) {
+        Some(id) => Ok(id),
+        None if frame::identifier(number, true).is_some() => Err("an identifier above 7FF needs eight digits"),
+        None => Err(IDENTIFIER),
     }
 }
 
@@ -195,23 +155,19 @@ pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
         return;
     }
     // Writing to a string cannot fail.
-    let _ = match frame.id() {
-        Id::Standard(id) => write!(out, "< frame {:03X} {at} ", id.as_raw()),
-        Id::Extended(id) => write!(out, "< frame {:08X} {at} ", id.as_raw()),
-    };
+    let _ = write!(out, "< frame {} {at} ", Digits(frame.id()));
     write_hex(out, frame.data());
     out.push_str(" >");
 }
 
 /// Writes `< error 040 1795223549.715344 >`: an error frame.
-pub fn emit_error(out: &mut String, at: Timestamp, class: ErrorClass) {
+pub(super) fn emit_error(out: &mut String, at: Timestamp, class: ErrorClass) {
     let _ = write!(out, "< error {:03X} {at} >", class.code());
 }
 
 /// Returns `< error … >` with the reason why a message was refused.
-#[must_use]
-pub fn emit_refusal(error: RequestError) -> String {
-    format!("< error {error} >")
+pub(super) fn emit_refusal(reason: &str) -> String {
+    format!("< error {reason} >")
 }
 
 #[cfg(test)]

@@ -1,13 +1,15 @@
 //! The pitfalls of socketcand's text, each with the bytes that clients send.
 
+use protocol_core::frame::{extended, standard};
+
 use super::*;
 
-fn messages(bytes: &[u8]) -> Vec<Result<Request, RequestError>> {
+fn messages(bytes: &[u8]) -> Vec<Result<Request, Refusal>> {
     let mut parser = Parser::default();
     bytes.iter().filter_map(|byte| parser.push(*byte)).collect()
 }
 
-fn one(text: &str) -> Result<Request, RequestError> {
+fn one(text: &str) -> Result<Request, Refusal> {
     let mut all = messages(text.as_bytes());
     assert_eq!(all.len(), 1, "{text}: {all:?}");
     all.remove(0)
@@ -67,7 +69,7 @@ fn garbage_between_messages_is_skipped() {
 
 #[test]
 fn a_message_without_end_does_not_swallow_the_next() {
-    assert_eq!(messages(b"< send 18A 2 < echo >"), [Err(RequestError::Interrupted), Ok(Request::Echo)]);
+    assert_eq!(messages(b"< send 18A 2 < echo >"), [Err(UNTERMINATED), Ok(Request::Echo)]);
 }
 
 #[test]
@@ -77,11 +79,11 @@ fn over_long_messages_are_refused_once_and_not_kept() {
     bytes.extend(std::iter::repeat_n(b'x', 1_000_000));
     bytes.extend(b">< echo >");
     let all: Vec<_> = bytes.iter().filter_map(|byte| parser.push(*byte)).collect();
-    assert_eq!(all, [Err(RequestError::TooLong), Ok(Request::Echo)]);
+    assert_eq!(all, [Err(TOO_LONG), Ok(Request::Echo)]);
     assert!(parser.message.capacity() <= 2 * MESSAGE_MAX);
     // the next message is found even if the long one never ends
     let endless = format!("<{}< echo >", "x".repeat(1000));
-    assert_eq!(messages(endless.as_bytes()), [Err(RequestError::TooLong), Ok(Request::Echo)]);
+    assert_eq!(messages(endless.as_bytes()), [Err(TOO_LONG), Ok(Request::Echo)]);
 }
 
 #[test]
@@ -149,7 +151,7 @@ fn what_is_wrong_is_refused_and_nothing_is_sent() {
     ];
     for (text, refusal) in cases {
         match one(text) {
-            Err(error) => assert_eq!(emit_refusal(error), refusal, "{text}"),
+            Err(reason) => assert_eq!(emit_refusal(reason), refusal, "{text}"),
             Ok(request) => panic!("{text}: {request:?}"),
         }
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::protocol::{ECHO, HI, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal, judge};
+use super::protocol::{ECHO, HI, OK, Parser, Refusal, Request, emit_error, emit_frame, emit_refusal, judge};
 use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{ClientId, Note, Reply, ToClient, ToWorld};
@@ -17,41 +17,33 @@ const HOLD_BACK: Duration = Duration::from_millis(20);
 pub struct Session {
     bus: Arc<str>,
     parser: Parser,
-    stage: Stage,
-}
-
-/// The progress of the handshake.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Greeted,
-    Open,
+    is_open: bool,
 }
 
 impl Session {
     /// Creates the dialogue with a new client on the bus of this name.
     #[must_use]
     pub fn new(bus: Arc<str>) -> Self {
-        Self { bus, parser: Parser::default(), stage: Stage::Greeted }
+        Self { bus, parser: Parser::default(), is_open: false }
     }
 
-    fn answer(&mut self, message: Result<Request, RequestError>, id: ClientId) -> ToWorld {
+    fn answer(&mut self, message: Result<Request, Refusal>, id: ClientId) -> ToWorld {
         let reply = |text| ToWorld::Reply(id, Reply::new(text));
-        match (message, self.stage) {
-            (Err(error), _) => ToWorld::Reply(id, Reply::new(emit_refusal(error))),
+        let refuse = |reason: &str| ToWorld::Reply(id, Reply::new(emit_refusal(reason)));
+        match (message, self.is_open) {
+            (Err(reason), _) => refuse(reason),
             (Ok(Request::Echo), _) => reply(ECHO),
-            (Ok(Request::Open(name)), Stage::Greeted) if *name == *self.bus => {
-                self.stage = Stage::Open;
+            (Ok(Request::Open(name)), false) if *name == *self.bus => {
+                self.is_open = true;
                 reply(OK)
             }
-            (Ok(Request::Open(_)), Stage::Greeted) => {
-                ToWorld::Reply(id, Reply::new(format!("< error unknown bus; accepted: {} >", self.bus)))
-            }
-            (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is already open >"),
-            (Ok(_), Stage::Greeted) => reply("< error open the bus first >"),
-            (Ok(Request::RawMode), Stage::Open) => {
+            (Ok(Request::Open(_)), false) => refuse(&format!("unknown bus; accepted: {}", self.bus)),
+            (Ok(Request::Open(_)), true) => refuse("the bus is already open"),
+            (Ok(_), false) => refuse("open the bus first"),
+            (Ok(Request::RawMode), true) => {
                 ToWorld::Listen(id, Reply { text: OK.into(), note: Note::Pause(HOLD_BACK) })
             }
-            (Ok(Request::Send(frame)), Stage::Open) => ToWorld::Send(id, frame),
+            (Ok(Request::Send(frame)), true) => ToWorld::Send(id, frame),
         }
     }
 }
@@ -62,7 +54,7 @@ impl Dialogue for Session {
     const GREETING: Option<&'static str> = Some(HI);
 
     fn is_opened(&self) -> bool {
-        self.stage != Stage::Greeted
+        self.is_open
     }
 
     async fn receive(&mut self, bytes: &[u8], client: &Client) {

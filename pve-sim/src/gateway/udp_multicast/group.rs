@@ -117,7 +117,7 @@ impl Intake {
         let ignored = if self.is_remote || is_of_this_machine(from) {
             match parse(datagram) {
                 Ok(frame) => return Ok(Some(frame)),
-                Err(reason) => reason.to_string(),
+                Err(reason) => reason.to_owned(),
             }
         } else {
             format!("a datagram from remote host {}; use --allow-remote to accept it", from.ip())

@@ -1,31 +1,18 @@
 //! Decodes and encodes datagrams: python-can's `Message` as a MessagePack map. No I/O.
 
-use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
+use protocol_core::frame::{Frame, MAX_LEN, identifier, number};
 use serde::{Deserialize, Serialize};
 use serde_bytes::Bytes;
 
 use hal_sim::log::Timestamp;
 
-/// A sent message, with all keys.
-#[derive(Debug, Serialize)]
-struct Sent<'a> {
+/// A message with all keys. Of a received message, only the keys that define a frame are read; missing ones have the
+/// defaults of python-can's constructor.
+#[derive(Debug, Serialize, Deserialize)]
+struct Message<'a> {
     /// The time in seconds since 1970; python-can replaces this time by that of the arrival.
+    #[serde(skip_deserializing)]
     timestamp: f64,
-    arbitration_id: u32,
-    is_extended_id: bool,
-    is_remote_frame: bool,
-    is_error_frame: bool,
-    channel: Option<&'a str>,
-    dlc: u8,
-    data: &'a Bytes,
-    is_fd: bool,
-    bitrate_switch: bool,
-    error_state_indicator: bool,
-}
-
-/// The keys of a message that define a frame; missing ones have the defaults of python-can's constructor.
-#[derive(Debug, Deserialize)]
-struct Received<'a> {
     arbitration_id: u32,
     #[serde(default = "yes")]
     is_extended_id: bool,
@@ -33,11 +20,17 @@ struct Received<'a> {
     is_remote_frame: bool,
     #[serde(default)]
     is_error_frame: bool,
+    #[serde(skip_deserializing)]
+    channel: Option<&'a str>,
     dlc: Option<u8>,
     #[serde(borrow)]
     data: Option<&'a Bytes>,
     #[serde(default)]
     is_fd: bool,
+    #[serde(skip_deserializing)]
+    bitrate_switch: bool,
+    #[serde(skip_deserializing)]
+    error_state_indicator: bool,
 }
 
 const fn yes() -> bool {
@@ -45,47 +38,34 @@ const fn yes() -> bool {
 }
 
 /// The reason why a datagram is not a frame of this bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum NoFrame {
-    /// Not a message.
-    #[error("a datagram that is not a python-can message")]
-    Nonsense,
-    /// An identifier, length or data that no frame can have.
-    #[error("an invalid frame")]
-    Invalid,
-    /// A CAN FD frame.
-    #[error("a CAN FD frame")]
-    Fd,
-    /// An error frame.
-    #[error("an error frame")]
-    Error,
-}
+pub type NoFrame = &'static str;
+
+const NO_MESSAGE: NoFrame = "a datagram that is not a python-can message";
+const INVALID: NoFrame = "an invalid frame";
+const FD: NoFrame = "a CAN FD frame";
+const ERROR: NoFrame = "an error frame";
 
 /// Decodes a datagram.
 ///
 /// # Errors
-/// [`NoFrame`] for everything but a classic CAN frame.
+/// The reason, for everything but a classic CAN frame.
 pub fn parse(datagram: &[u8]) -> Result<Frame, NoFrame> {
     // Serde would also accept a list of the members' values.
     if !matches!(datagram.first(), Some(0x80..=0x8F | 0xDE | 0xDF)) {
-        return Err(NoFrame::Nonsense);
+        return Err(NO_MESSAGE);
     }
-    let message: Received<'_> = rmp_serde::from_slice(datagram).map_err(|_| NoFrame::Nonsense)?;
+    let message: Message<'_> = rmp_serde::from_slice(datagram).map_err(|_| NO_MESSAGE)?;
     if message.is_error_frame {
-        return Err(NoFrame::Error);
+        return Err(ERROR);
     }
     if message.is_fd {
-        return Err(NoFrame::Fd);
+        return Err(FD);
     }
-    frame(&message).ok_or(NoFrame::Invalid)
+    frame(&message).ok_or(INVALID)
 }
 
-fn frame(message: &Received<'_>) -> Option<Frame> {
-    let id: Id = match u16::try_from(message.arbitration_id) {
-        _ if message.is_extended_id && message.arbitration_id <= 0x1FFF_FFFF => extended(message.arbitration_id).into(),
-        Ok(id @ 0..=0x7FF) if !message.is_extended_id => standard(id).into(),
-        _ => return None,
-    };
+fn frame(message: &Message<'_>) -> Option<Frame> {
+    let id = identifier(message.arbitration_id, message.is_extended_id)?;
     let data: &[u8] = message.data.map_or(&[], |data| data);
     if message.is_remote_frame {
         let len = message.dlc.unwrap_or(0);
@@ -98,19 +78,15 @@ fn frame(message: &Received<'_>) -> Option<Frame> {
 /// Encodes a frame as a datagram.
 #[must_use]
 pub fn emit(at: Timestamp, frame: &Frame) -> Vec<u8> {
-    let arbitration_id = match frame.id() {
-        Id::Standard(id) => id.as_raw().into(),
-        Id::Extended(id) => id.as_raw(),
-    };
-    let message = Sent {
+    let message = Message {
         timestamp: std::time::Duration::from_micros(at.as_micros()).as_secs_f64(),
-        arbitration_id,
+        arbitration_id: number(frame.id()),
         is_extended_id: frame.is_extended(),
         is_remote_frame: frame.is_remote(),
         is_error_frame: false,
         channel: None,
-        dlc: frame.len(),
-        data: Bytes::new(frame.data()),
+        dlc: Some(frame.len()),
+        data: Some(Bytes::new(frame.data())),
         is_fd: false,
         bitrate_switch: false,
         error_state_indicator: false,
@@ -122,6 +98,7 @@ pub fn emit(at: Timestamp, frame: &Frame) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use protocol_core::frame::{extended, standard};
 
     use super::*;
 
@@ -179,23 +156,23 @@ mod tests {
     fn what_is_no_classic_frame_is_told_apart() {
         let standard = ("is_extended_id", FALSE);
         for (pairs, refusal) in [
-            (&[][..], NoFrame::Nonsense),
-            (&[("arbitration_id", &[0xA1, b'x'][..])], NoFrame::Nonsense),
-            (&[("arbitration_id", &[0xFF])], NoFrame::Nonsense),
-            (&[("arbitration_id", &[0x11]), ("is_fd", TRUE)], NoFrame::Fd),
-            (&[("arbitration_id", &[0x11]), ("is_error_frame", TRUE)], NoFrame::Error),
-            (&[("arbitration_id", &[0xCD, 0x08, 0x00]), standard], NoFrame::Invalid),
-            (&[("arbitration_id", &[0xCE, 0x20, 0, 0, 0])], NoFrame::Invalid),
-            (&[("arbitration_id", &[0x11]), ("dlc", &[1])], NoFrame::Invalid),
-            (&[("arbitration_id", &[0x11]), ("dlc", &[9]), ("is_remote_frame", TRUE)], NoFrame::Invalid),
-            (&[("arbitration_id", &[0x11]), ("data", &[0xC4, 1, 7]), ("is_remote_frame", TRUE)], NoFrame::Invalid),
-            (&[("arbitration_id", &[0x11]), ("data", &[0xC4, 9, 1, 2, 3, 4, 5, 6, 7, 8, 9])], NoFrame::Invalid),
+            (&[][..], NO_MESSAGE),
+            (&[("arbitration_id", &[0xA1, b'x'][..])], NO_MESSAGE),
+            (&[("arbitration_id", &[0xFF])], NO_MESSAGE),
+            (&[("arbitration_id", &[0x11]), ("is_fd", TRUE)], FD),
+            (&[("arbitration_id", &[0x11]), ("is_error_frame", TRUE)], ERROR),
+            (&[("arbitration_id", &[0xCD, 0x08, 0x00]), standard], INVALID),
+            (&[("arbitration_id", &[0xCE, 0x20, 0, 0, 0])], INVALID),
+            (&[("arbitration_id", &[0x11]), ("dlc", &[1])], INVALID),
+            (&[("arbitration_id", &[0x11]), ("dlc", &[9]), ("is_remote_frame", TRUE)], INVALID),
+            (&[("arbitration_id", &[0x11]), ("data", &[0xC4, 1, 7]), ("is_remote_frame", TRUE)], INVALID),
+            (&[("arbitration_id", &[0x11]), ("data", &[0xC4, 9, 1, 2, 3, 4, 5, 6, 7, 8, 9])], INVALID),
         ] {
             assert_eq!(parse(&map(pairs)), Err(refusal), "{pairs:02X?}");
         }
-        assert_eq!(parse(&[]), Err(NoFrame::Nonsense));
-        assert_eq!(parse(&bytes("9711c2c2c2c0c0c2")), Err(NoFrame::Nonsense), "a list of members without keys");
-        assert_eq!(parse(&[0x91; 4096]), Err(NoFrame::Nonsense), "lists in lists");
+        assert_eq!(parse(&[]), Err(NO_MESSAGE));
+        assert_eq!(parse(&bytes("9711c2c2c2c0c0c2")), Err(NO_MESSAGE), "a list of members without keys");
+        assert_eq!(parse(&[0x91; 4096]), Err(NO_MESSAGE), "lists in lists");
     }
 
     proptest! {
