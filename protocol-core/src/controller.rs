@@ -70,6 +70,18 @@ pub enum BusErrorMode {
     BusOff,
 }
 
+impl BusErrorMode {
+    /// Returns the name of the mode.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ErrorActive => "error-active",
+            Self::ErrorPassive => "error-passive",
+            Self::BusOff => "bus-off",
+        }
+    }
+}
+
 /// The bit rates of CiA 301. The numbers are the indices in LSS bit timing table 0 (CiA 305).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]

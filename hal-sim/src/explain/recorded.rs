@@ -104,7 +104,8 @@ fn is_valve(name: Name) -> bool {
 /// Explains an error frame in a recording (`linux/can/error.h`).
 #[must_use]
 pub fn explain_error_frame(error: &ErrorFrame) -> String {
-    const CLASSES: [(u32, &str); 9] = [
+    const CONTROLLER_CLASS: u32 = 0x004;
+    const CLASSES: [(u32, &str); 8] = [
         (0x001, "transmission timed out"),
         (0x002, "arbitration lost"),
         (0x008, "protocol violation"),
@@ -113,27 +114,23 @@ pub fn explain_error_frame(error: &ErrorFrame) -> String {
         (0x040, "bus-off"),
         (0x080, "bus error"),
         (0x100, "restarted after bus-off"),
-        (0x004, "controller"),
     ];
-    const CONTROLLER: [(u8, &str); 7] = [
+    const CONTROLLER: [(u8, &str); 6] = [
         (0x01, "receive overflow"),
         (0x02, "transmit overflow"),
         (0x04, "receive warning"),
         (0x08, "transmit warning"),
-        (0x10, "error-passive"),
-        (0x20, "error-passive"),
+        (0x30, "error-passive"),
         (0x40, "error-active"),
     ];
-    let [_, controller, ..] = error.data;
     let mut words: Vec<&str> =
         CLASSES.iter().filter(|(bit, _)| error.class & bit != 0).map(|(_, word)| *word).collect();
-    if words.last() == Some(&"controller") {
-        let told = CONTROLLER.iter().filter(|(bit, _)| controller & bit != 0).map(|(_, word)| *word);
+    if error.class & CONTROLLER_CLASS != 0 {
+        let [_, state, ..] = error.data;
         let before = words.len();
-        words.extend(told);
-        words.dedup();
-        if words.len() > before {
-            words.remove(before - 1);
+        words.extend(CONTROLLER.iter().filter(|(bits, _)| state & bits != 0).map(|(_, word)| *word));
+        if words.len() == before {
+            words.push("controller");
         }
     }
     if words.is_empty() { "error frame".to_owned() } else { format!("error frame: {}", words.join(", ")) }

@@ -4,13 +4,12 @@ use std::collections::BTreeSet;
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::uds::NODE_ID_ANSWER;
-use protocol_core::wire::uds::{Address, Identifier, NegativeCode, READ, WRITE, parse_id, single_frame};
+use protocol_core::wire::uds::{
+    Address, Identifier, NEGATIVE, NegativeCode, POSITIVE, READ, WRITE, parse_id, single_frame,
+};
 
 use super::{Context, hex, text_or_hex};
 
-/// The flag of a positive response in the service identifier, and the first byte of a negative response (ISO 14229-1).
-const POSITIVE: u8 = 0x40;
-const NEGATIVE: u8 = 0x7F;
 const WRITTEN: u8 = WRITE | POSITIVE;
 
 pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<String> {
@@ -115,15 +114,7 @@ fn content(identifier: &[u8], value: &[u8]) -> String {
 }
 
 fn reason(code: u8) -> String {
-    use NegativeCode as Code;
-    const ALL: [NegativeCode; 6] = [
-        Code::ServiceNotSupported,
-        Code::IncorrectLength,
-        Code::ConditionsNotCorrect,
-        Code::RequestOutOfRange,
-        Code::SecurityAccessDenied,
-        Code::ProgrammingFailure,
-    ];
-    let meaning = ALL.into_iter().find(|known| *known as u8 == code).map_or("unknown code", NegativeCode::meaning);
+    let known = NegativeCode::ALL.into_iter().find(|known| *known as u8 == code);
+    let meaning = known.map_or("unknown code", NegativeCode::meaning);
     format!("{meaning} (0x{code:02X})")
 }

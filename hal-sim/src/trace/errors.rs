@@ -79,10 +79,10 @@ impl Errors {
         };
         let before = before.map_or_else(String::new, |(mode, begin)| {
             let micros = since(event.at, begin).as_micros();
-            format!(", was {} for {}.{:03} ms", name(mode), micros / 1000, micros % 1000)
+            format!(", was {} for {}.{:03} ms", mode.name(), micros / 1000, micros % 1000)
         });
         let frames = if self.count == 1 { "frame" } else { "frames" };
-        (Some(class), format!("{}: {}{before} ({} error {frames} so far)", event.who, name(to), self.count))
+        (Some(class), format!("{}: {}{before} ({} error {frames} so far)", event.who, to.name(), self.count))
     }
 }
 
@@ -91,14 +91,6 @@ const fn class(error: BusError) -> ErrorClass {
     match error {
         BusError::Acknowledgement => ErrorClass::NoAcknowledge,
         BusError::Bit | BusError::Stuff => ErrorClass::BusError,
-    }
-}
-
-const fn name(mode: BusErrorMode) -> &'static str {
-    match mode {
-        BusErrorMode::ErrorActive => "error-active",
-        BusErrorMode::ErrorPassive => "error-passive",
-        BusErrorMode::BusOff => "bus-off",
     }
 }
 

@@ -240,21 +240,14 @@ impl Latest {
 
 /// Splits a text between words into lines of up to `width` characters.
 fn broken(text: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    let mut length = 0;
+    let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
-        let chars = word.chars().count();
-        let Some(line) = lines.last_mut() else { break };
-        if length == 0 {
-            line.push_str(word);
-            length = chars;
-        } else if length + 1 + chars <= width {
-            line.push(' ');
-            line.push_str(word);
-            length += 1 + chars;
-        } else {
-            lines.push(word.to_owned());
-            length = chars;
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
         }
     }
     lines

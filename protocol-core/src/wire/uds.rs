@@ -59,9 +59,9 @@ pub const READ: u8 = 0x22;
 /// Service 0x2E, write data by identifier.
 pub const WRITE: u8 = 0x2E;
 /// The bit that a positive answer adds to the service of its request.
-const POSITIVE: u8 = 0x40;
+pub const POSITIVE: u8 = 0x40;
 /// The service of a negative answer.
-const NEGATIVE: u8 = 0x7F;
+pub const NEGATIVE: u8 = 0x7F;
 
 /// A data identifier, big-endian on the bus (R: one example in the manual reverses the bytes).
 pub type Identifier = u16;
@@ -85,6 +85,16 @@ pub enum NegativeCode {
 }
 
 impl NegativeCode {
+    /// All codes.
+    pub const ALL: [Self; 6] = [
+        Self::ServiceNotSupported,
+        Self::IncorrectLength,
+        Self::ConditionsNotCorrect,
+        Self::RequestOutOfRange,
+        Self::SecurityAccessDenied,
+        Self::ProgrammingFailure,
+    ];
+
     /// Returns the meaning of the code as text.
     #[must_use]
     pub const fn meaning(self) -> &'static str {

@@ -8,7 +8,6 @@
 
 use std::fmt::Write;
 
-use protocol_core::controller::BusErrorMode;
 use protocol_core::device::plant::{Product, Values, WORDS, Word};
 use protocol_core::device::view::View;
 use protocol_core::device::{Device, Kind};
@@ -178,11 +177,7 @@ fn status(id: NodeId, world: &mut World) -> String {
         Some(view) => write!(text, "{}", shown(&view)),
         None => write!(text, "no power"),
     };
-    let bus = match world.inputs(id).bus {
-        BusErrorMode::ErrorActive => "error-active",
-        BusErrorMode::ErrorPassive => "error-passive",
-        BusErrorMode::BusOff => "bus-off",
-    };
+    let bus = world.inputs(id).bus.name();
     let dropped = world.device(id).map_or(0, Device::frames_dropped);
     let _ = write!(text, ", bus {bus}, dropped {dropped}");
     let is_told = |plant: &Change| !plant.word().simulated || Some(plant.text().1) != plant.word().healthy();

@@ -24,7 +24,6 @@ const PAUSE: Duration = Duration::from_millis(100);
 
 #[derive(Debug)]
 pub(super) struct Group {
-    address: SocketAddr,
     incoming: UdpSocket,
     outgoing: UdpSocket,
     intake: Intake,
@@ -53,7 +52,7 @@ impl Group {
         let incoming = incoming(address)?;
         let outgoing = outgoing(address, if is_remote { HOPS } else { 0 })?;
         let intake = Intake { group: address, own: outgoing.local_addr()?, is_remote, has_warned: false };
-        Ok(Self { address, incoming, outgoing, intake, is_in_trouble: false })
+        Ok(Self { incoming, outgoing, intake, is_in_trouble: false })
     }
 
     /// Records the result of sending a datagram. Returns a message for the user when sending begins to fail or works
@@ -65,7 +64,7 @@ impl Group {
             (true, None) => "sending frames again".to_owned(),
             (false, None) | (true, Some(_)) => return None,
         };
-        Some(format!("udp-multicast://{}: {text}", self.address))
+        Some(format!("udp-multicast://{}: {text}", self.intake.group))
     }
 }
 
@@ -225,8 +224,7 @@ mod tests {
         let (sender, listener) = (bind().await.expect("a socket"), bind().await.expect("a socket"));
         sender.connect(incoming.local_addr().expect("its address")).await.expect("an address");
         outgoing.connect(listener.local_addr().expect("its address")).await.expect("an address");
-        let address = GROUP.parse().expect("an address");
-        let group = Group { address, incoming, outgoing, intake: intake(false), is_in_trouble: false };
+        let group = Group { incoming, outgoing, intake: intake(false), is_in_trouble: false };
         (group, sender, listener)
     }
 
