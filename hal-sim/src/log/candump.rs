@@ -3,12 +3,9 @@
 
 use std::fmt::Write;
 
-use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
+use protocol_core::frame::{ExtendedId, Frame, Id};
 
-use super::{Entry, ErrorFrame, Timestamp, write_hex};
-
-/// The error-frame flag in a Linux CAN identifier.
-pub const ERROR_FLAG: u32 = 0x2000_0000;
+use super::{ERROR_FLAG, EXTENDED_FLAG, Entry, ErrorFrame, REMOTE_FLAG, Reason, Timestamp, write_hex};
 
 /// Writes a frame without a line end. A 29-bit identifier has eight digits. A remote frame has `R` and its length, if
 /// above 0, instead of data.
@@ -38,9 +35,6 @@ pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     }
 }
 
-/// The reason why a line cannot be parsed.
-pub type Reason = &'static str;
-
 /// The message for CAN FD frames, in all recording formats.
 pub(crate) const FD: Reason = "CAN FD frames are not supported";
 
@@ -54,7 +48,7 @@ pub(crate) const NO_LINE: Reason = "not a candump line";
 pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let line = line.trim();
     let (at, rest) = match line.strip_prefix('(').map(|rest| rest.split_once(')')) {
-        Some(Some((time, rest))) => (Some(time.trim().parse().map_err(|_| "invalid timestamp")?), rest),
+        Some(Some((time, rest))) => (Some(time.trim().parse()?), rest),
         Some(None) => return Err(NO_LINE),
         None => (None, line),
     };
@@ -84,26 +78,20 @@ fn word(text: &str) -> (&str, &str) {
     text.split_at(text.find(' ').unwrap_or(text.len()))
 }
 
-/// An identifier or the class of an error frame.
-enum Number {
-    Of(Id),
-    Error(u32),
-}
-
-/// Parses an identifier of three or eight digits.
-fn number(digits: &str) -> Result<Number, Reason> {
+/// Parses an identifier of three or eight digits. Returns the identifier with the flags of a `struct can_frame`.
+fn can_id(digits: &str) -> Result<u32, Reason> {
     const LENGTH: Reason = "an identifier must have three or eight digits";
     if digits.is_empty() || !is_hex(digits) {
         return Err(NO_LINE);
     }
     let raw = u32::from_str_radix(digits, 16).map_err(|_| LENGTH)?;
-    let id = match digits.len() {
-        3 => u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard),
-        8 if raw & !ExtendedId::MAX.as_raw() == ERROR_FLAG => return Ok(Number::Error(raw & !ERROR_FLAG)),
-        8 => ExtendedId::new(raw).map(Id::Extended),
-        _ => return Err(LENGTH),
-    };
-    id.map(Number::Of).ok_or("identifier out of range")
+    match (digits.len(), raw & !ExtendedId::MAX.as_raw()) {
+        (3, _) => Ok(raw),
+        (8, 0) => Ok(raw | EXTENDED_FLAG),
+        (8, ERROR_FLAG) => Ok(raw),
+        (8, _) => Err("identifier out of range"),
+        _ => Err(LENGTH),
+    }
 }
 
 /// Returns whether a text consists of hex digits only. The number parsers alone would also accept a sign.
@@ -113,7 +101,7 @@ fn is_hex(text: &str) -> bool {
 
 /// Parses a line in log format, from the identifier onwards.
 fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
-    let id = number(id)?;
+    let id = can_id(id)?;
     if data.starts_with('#') {
         return Err(FD);
     }
@@ -132,7 +120,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
 fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let (length, rest) = word(rest);
     let length = length.strip_prefix('[').and_then(|length| length.strip_suffix(']')).ok_or(NO_LINE)?;
-    let id = number(id)?;
+    let id = can_id(id)?;
     if rest.trim_start().starts_with("remote request") {
         return remote(id, length);
     }
@@ -145,15 +133,15 @@ fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     entry(id, bytes.into_iter())
 }
 
-fn remote(id: Number, length: &str) -> Result<Entry, Reason> {
+fn remote(id: u32, length: &str) -> Result<Entry, Reason> {
     let length = length.parse().ok().filter(|length| *length <= 8).ok_or("remote frame length above 8")?;
-    match id {
-        Number::Of(id) => Ok(Entry::Frame(Frame::remote(id, length))),
-        Number::Error(_) => Err("an error frame cannot be a remote frame"),
+    if id & ERROR_FLAG != 0 {
+        return Err("an error frame cannot be a remote frame");
     }
+    Entry::of_can_frame(id | REMOTE_FLAG, length, [0; 8])
 }
 
-fn entry<'a>(id: Number, pairs: impl Iterator<Item = &'a str>) -> Result<Entry, Reason> {
+fn entry<'a>(id: u32, pairs: impl Iterator<Item = &'a str>) -> Result<Entry, Reason> {
     let (mut data, mut length) = ([0; 8], 0);
     for pair in pairs {
         let byte = data.get_mut(usize::from(length)).ok_or("more than 8 data bytes")?;
@@ -161,10 +149,7 @@ fn entry<'a>(id: Number, pairs: impl Iterator<Item = &'a str>) -> Result<Entry, 
         *byte = number.ok_or("data must be whole bytes in hex")?;
         length += 1;
     }
-    Ok(match id {
-        Number::Of(id) => Entry::Frame(Frame::with_len(id, data, length)),
-        Number::Error(class) => Entry::Error(ErrorFrame { class, data }),
-    })
+    Entry::of_can_frame(id, length, data)
 }
 
 #[cfg(test)]

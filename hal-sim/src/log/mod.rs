@@ -3,10 +3,13 @@
 pub mod candump;
 mod timestamp;
 
-use protocol_core::frame::Frame;
+use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 
 pub use candump::write_frame;
-pub use timestamp::{ParseTimestampError, Timestamp};
+pub use timestamp::Timestamp;
+
+/// The reason why an entry cannot be read.
+pub type Reason = &'static str;
 
 /// The classes of Linux error frames (`linux/can/error.h`), used by logs and gateways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,33 +28,6 @@ pub enum ErrorClass {
     Restarted,
     /// A device dropped frames before transmission.
     TransmitOverflow,
-}
-
-impl ErrorClass {
-    /// Returns the Linux code of the class.
-    #[must_use]
-    pub const fn code(self) -> u32 {
-        match self {
-            Self::ErrorPassive | Self::ErrorActive | Self::TransmitOverflow => 0x004,
-            Self::NoAcknowledge => 0x020,
-            Self::BusOff => 0x040,
-            Self::BusError => 0x080,
-            Self::Restarted => 0x100,
-        }
-    }
-
-    /// Returns the data bytes of the error frame. Byte 1 contains the controller state.
-    #[must_use]
-    pub const fn data(self) -> [u8; 8] {
-        let controller = match self {
-            // One bit each for the receive and the transmit error counter.
-            Self::ErrorPassive => 0x30,
-            Self::ErrorActive => 0x40,
-            Self::TransmitOverflow => 0x02,
-            Self::NoAcknowledge | Self::BusError | Self::BusOff | Self::Restarted => 0,
-        };
-        [0, controller, 0, 0, 0, 0, 0, 0]
-    }
 }
 
 /// A record of a log.
@@ -88,7 +64,48 @@ impl ErrorFrame {
 
 impl From<ErrorClass> for ErrorFrame {
     fn from(class: ErrorClass) -> Self {
-        Self { class: class.code(), data: class.data() }
+        // The class, and the controller state.
+        let (class, state) = match class {
+            // One bit each for the receive and the transmit error counter.
+            ErrorClass::ErrorPassive => (0x004, 0x30),
+            ErrorClass::ErrorActive => (0x004, 0x40),
+            ErrorClass::TransmitOverflow => (0x004, 0x02),
+            ErrorClass::NoAcknowledge => (0x020, 0),
+            ErrorClass::BusOff => (0x040, 0),
+            ErrorClass::BusError => (0x080, 0),
+            ErrorClass::Restarted => (0x100, 0),
+        };
+        Self { class, data: [0, state, 0, 0, 0, 0, 0, 0] }
+    }
+}
+
+/// The flags of an identifier in Linux's `struct can_frame` (`linux/can.h`).
+pub(crate) const EXTENDED_FLAG: u32 = 0x8000_0000;
+pub(crate) const REMOTE_FLAG: u32 = 0x4000_0000;
+pub(crate) const ERROR_FLAG: u32 = 0x2000_0000;
+
+impl Entry {
+    /// Creates an entry from the identifier with flags, the length and the data of a `struct can_frame`.
+    ///
+    /// # Errors
+    /// The reason, if the identifier is out of range.
+    pub(crate) fn of_can_frame(id: u32, length: u8, data: [u8; 8]) -> Result<Self, Reason> {
+        let number = id & ExtendedId::MAX.as_raw();
+        if id & ERROR_FLAG != 0 {
+            return Ok(Self::Error(ErrorFrame { class: number, data }));
+        }
+        let is_remote = id & REMOTE_FLAG != 0;
+        let id = identifier(number, id & EXTENDED_FLAG != 0).ok_or("identifier out of range")?;
+        Ok(Self::Frame(if is_remote { Frame::remote(id, length) } else { Frame::with_len(id, data, length) }))
+    }
+}
+
+/// Returns the identifier with this number; `None` if the number is out of range.
+pub(crate) fn identifier(number: u32, is_extended: bool) -> Option<Id> {
+    if is_extended {
+        ExtendedId::new(number).map(Id::Extended)
+    } else {
+        u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
     }
 }
 

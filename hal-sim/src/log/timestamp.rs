@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use protocol_core::time::Instant;
 
+use super::Reason;
+
 /// Microseconds since 1970, printed as seconds with six digits after the point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Timestamp(u64);
@@ -35,24 +37,21 @@ impl fmt::Display for Timestamp {
     }
 }
 
-/// Parses the output of [`Display`](fmt::Display). Digits beyond microseconds are ignored.
+/// Parses the output of [`Display`](fmt::Display). Digits beyond microseconds are ignored. Refuses
+/// any other text, and a time above 584,000 years.
 impl FromStr for Timestamp {
-    type Err = ParseTimestampError;
+    type Err = Reason;
 
-    fn from_str(text: &str) -> Result<Self, ParseTimestampError> {
+    fn from_str(text: &str) -> Result<Self, Reason> {
+        const INVALID: Reason = "invalid timestamp";
         let is_number = |digits: &str| !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
         let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));
         if !is_number(seconds) || !is_number(fraction) {
-            return Err(ParseTimestampError);
+            return Err(INVALID);
         }
         let digits = fraction.bytes().chain(std::iter::repeat(b'0')).take(6);
         let micros = digits.fold(0, |micros, digit| micros * 10 + u64::from(digit - b'0'));
-        let seconds: u64 = seconds.parse().map_err(|_| ParseTimestampError)?;
-        seconds.checked_mul(1_000_000).and_then(|all| all.checked_add(micros)).map(Self).ok_or(ParseTimestampError)
+        let seconds: u64 = seconds.parse().map_err(|_| INVALID)?;
+        seconds.checked_mul(1_000_000).and_then(|all| all.checked_add(micros)).map(Self).ok_or(INVALID)
     }
 }
-
-/// The error for a text that is not a time in seconds, or for a time above 584,000 years.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("not a timestamp in seconds")]
-pub struct ParseTimestampError;

@@ -5,11 +5,11 @@
 
 use std::io::{self, Write};
 
-use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
+use protocol_core::frame::{Frame, Id};
 
 use super::date::{self, Date};
-use crate::log::candump::{FD, Reason};
-use crate::log::{Entry, ErrorFrame, Record, Timestamp};
+use crate::log::candump::FD;
+use crate::log::{Entry, ErrorFrame, Reason, Record, Timestamp, identifier};
 
 /// The channel of all written frames.
 const CHANNEL: u8 = 1;
@@ -180,11 +180,8 @@ impl Parser {
     /// Parses a frame from its identifier and the text after the direction.
     fn frame(&self, id: &str, rest: &[&str]) -> Result<Frame, Reason> {
         let number = |text: &str| u32::from_str_radix(text, self.radix).ok().filter(|_| !text.starts_with('+'));
-        let id = match id.strip_suffix(['x', 'X']) {
-            Some(id) => number(id).and_then(ExtendedId::new).map(Id::Extended),
-            None => number(id).and_then(|id| u16::try_from(id).ok()).and_then(StandardId::new).map(Id::Standard),
-        };
-        let id = id.ok_or("invalid identifier")?;
+        let (digits, is_extended) = id.strip_suffix(['x', 'X']).map_or((id, false), |id| (id, true));
+        let id = number(digits).and_then(|number| identifier(number, is_extended)).ok_or("invalid identifier")?;
         let length = |text: &str| number(text).and_then(|code| u8::try_from(code).ok()).filter(|code| *code <= 15);
         match *rest {
             ["r" | "R", ref rest @ ..] => {

@@ -18,11 +18,13 @@ mod pcapng;
 mod reader;
 mod writer;
 
-pub use reader::{Logged, ReadError, Reader};
+pub use reader::Reader;
 pub use writer::Writer;
 
 use std::io;
 use std::path::Path;
+
+use crate::log::Record;
 
 /// The format of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +50,37 @@ impl Format {
             Self::Candump
         }
     }
+}
+
+/// An entry with its line or packet number, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Logged {
+    /// The number of the line or packet, from 1.
+    pub number: u64,
+    /// The entry.
+    pub record: Record,
+}
+
+/// The reason why an entry cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// An unreadable line or packet. Reading can continue.
+    #[error("{number}: {reason}{}", quoted(text))]
+    NoEntry {
+        /// The number of the line or packet, from 1.
+        number: u64,
+        /// The reason.
+        reason: &'static str,
+        /// The beginning of the unreadable line; empty for a packet.
+        text: String,
+    },
+    /// A read error.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}
+
+fn quoted(text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!(": {text:?}") }
 }
 
 fn invalid(reason: &'static str) -> io::Error {

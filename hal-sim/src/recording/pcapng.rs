@@ -4,11 +4,11 @@ use std::io::{self, Cursor, Read, Write};
 
 use pcap_parser::traits::{PcapNGPacketBlock as _, PcapReaderIterator as _};
 use pcap_parser::{Block, PcapBlockOwned, PcapError, PcapNGReader};
-use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
+use protocol_core::frame::Id;
 
-use super::invalid;
-use crate::log::candump::{ERROR_FLAG, FD, Reason};
-use crate::log::{Entry, ErrorFrame, Record, Timestamp};
+use super::{Logged, ReadError, invalid};
+use crate::log::candump::FD;
+use crate::log::{ERROR_FLAG, EXTENDED_FLAG, Entry, REMOTE_FLAG, Reason, Record, Timestamp};
 
 /// The first bytes of a pcapng file, equal in both byte orders.
 pub(super) const MAGIC: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
@@ -18,9 +18,7 @@ pub(super) const MAGIC: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 const SOCKETCAN: u16 = 227;
 const HEAD: usize = 8;
 
-/// The identifier's flag bits.
-const EXTENDED_FLAG: u32 = 0x8000_0000;
-const REMOTE_FLAG: u32 = 0x4000_0000;
+/// The bit of the flags that marks a CAN FD frame.
 const FD_FLAG: u8 = 0x04;
 
 /// The byte-order magic of a section header.
@@ -138,16 +136,10 @@ pub(super) struct Packets {
     interfaces: Vec<Interface>,
     /// The interface of the last packet.
     last: usize,
-}
-
-/// The reason why no entry can be decoded.
-pub(super) enum PacketError {
-    /// This packet contains no valid entry; later packets can still be read.
-    Packet(Reason),
-    /// The file cannot be read any further.
-    End(Reason),
-    /// A read error.
-    Io,
+    /// The number of the last packet, from 1.
+    number: u64,
+    /// True if the rest of the file is unreadable.
+    is_broken: bool,
 }
 
 impl Packets {
@@ -170,7 +162,7 @@ impl Packets {
         let block = [&head[..], &rest].concat();
         let whole: Box<dyn Read + Send> = Box::new(Cursor::new(block).chain(source));
         let reader = PcapNGReader::new(BLOCK_MAX * 2, whole).map_err(|_| invalid(BROKEN))?;
-        Ok(Self { reader, interfaces: Vec::new(), last: 0 })
+        Ok(Self { reader, interfaces: Vec::new(), last: 0, number: 0, is_broken: false })
     }
 
     /// Returns the name of the last packet's interface.
@@ -184,22 +176,34 @@ impl Packets {
     }
 
     /// Decodes the next packet block, skipping other blocks; returns `None` at the end of the file.
-    pub(super) fn next(&mut self) -> Option<Result<Record, PacketError>> {
-        loop {
+    pub(super) fn next(&mut self) -> Result<Option<Logged>, ReadError> {
+        let found = loop {
+            if self.is_broken {
+                return Ok(None);
+            }
             let (length, found) = match self.reader.next() {
                 Ok((length, block)) => (length, take(&mut self.interfaces, &mut self.last, &block)),
-                Err(PcapError::Eof) => return None,
-                Err(PcapError::Incomplete(_)) => match self.reader.refill() {
-                    Ok(()) => continue,
-                    Err(_) => return Some(Err(PacketError::Io)),
-                },
-                Err(PcapError::UnexpectedEof) => return Some(Err(PacketError::End(CUT_OFF))),
-                Err(_) => return Some(Err(PacketError::End(BROKEN))),
+                Err(PcapError::Eof) => return Ok(None),
+                Err(PcapError::Incomplete(_)) => {
+                    let unread = |_| io::Error::other("the rest of the file cannot be read");
+                    self.reader.refill().map_err(unread)?;
+                    continue;
+                }
+                Err(error) => {
+                    self.is_broken = true;
+                    break Err(if matches!(error, PcapError::UnexpectedEof) { CUT_OFF } else { BROKEN });
+                }
             };
             self.reader.consume(length);
             if let Some(found) = found {
-                return Some(found.map_err(PacketError::Packet));
+                break found;
             }
+        };
+        self.number += 1;
+        let number = self.number;
+        match found {
+            Ok(record) => Ok(Some(Logged { number, record })),
+            Err(reason) => Err(ReadError::NoEntry { number, reason, text: String::new() }),
         }
     }
 }
@@ -269,24 +273,12 @@ fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     if length > 8 || flags & FD_FLAG != 0 {
         return Err(FD);
     }
-    let raw = u32::from_be_bytes([a, b, c, d]);
-    let number = raw & ExtendedId::MAX.as_raw();
+    let id = u32::from_be_bytes([a, b, c, d]);
     let mut bytes = [0; 8];
     bytes.iter_mut().zip(data).for_each(|(room, byte)| *room = *byte);
-    if raw & ERROR_FLAG != 0 {
-        return Ok(Entry::Error(ErrorFrame { class: number, data: bytes }));
-    }
-    let id = if raw & EXTENDED_FLAG != 0 {
-        ExtendedId::new(number).map(Id::Extended)
-    } else {
-        u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
-    };
-    let id = id.ok_or("identifier out of range")?;
-    if raw & REMOTE_FLAG != 0 {
-        return Ok(Entry::Frame(Frame::remote(id, length)));
-    }
-    if data.len() < usize::from(length) {
+    let entry = Entry::of_can_frame(id, length, bytes)?;
+    if id & (ERROR_FLAG | REMOTE_FLAG) == 0 && data.len() < usize::from(length) {
         return Err("fewer bytes than the stated length");
     }
-    Ok(Entry::Frame(Frame::with_len(id, bytes, length)))
+    Ok(entry)
 }

@@ -5,10 +5,10 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
-use super::pcapng::{MAGIC, PacketError, Packets};
-use super::{Format, asc, foreign, invalid};
-use crate::log::candump::{self, Reason};
-use crate::log::{Record, Timestamp};
+use super::pcapng::{MAGIC, Packets};
+use super::{Format, Logged, ReadError, asc, foreign, invalid};
+use crate::log::candump;
+use crate::log::{Reason, Record, Timestamp};
 
 /// The maximum length of a line in bytes, far above the line length of any supported format.
 const LINE_MAX: u64 = 4096;
@@ -19,17 +19,13 @@ const SHOWN: usize = 80;
 /// A reader of a recording, entry by entry.
 pub struct Reader {
     source: Source,
-    /// The number of the last line or packet, from 1.
-    number: u64,
-    ended: bool,
-    /// True once the first entry, or the magic of pcapng, has shown that the file is a recording.
-    is_known: bool,
     /// The unreadable lines before the first entry, and the first entry itself.
     held: VecDeque<Result<Logged, ReadError>>,
+    ended: bool,
 }
 
 enum Source {
-    Text(Text),
+    Text(Box<Text>),
     Packets(Box<Packets>),
 }
 
@@ -40,7 +36,11 @@ struct Text {
     last: Timestamp,
     /// The bus name of the last entry.
     bus: String,
-    line: Vec<u8>,
+    /// The number of the current line, from 1.
+    number: u64,
+    /// The current line, as it was read.
+    bytes: Vec<u8>,
+    line: String,
     /// True if the current line exceeds the maximum length.
     is_too_long: bool,
 }
@@ -51,37 +51,6 @@ enum Style {
     Unseen(Format),
     Candump,
     Asc(asc::Parser),
-}
-
-/// An entry with its line or packet number, from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Logged {
-    /// The number of the line or packet, from 1.
-    pub number: u64,
-    /// The entry.
-    pub record: Record,
-}
-
-/// The reason why an entry cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// An unreadable line or packet. Reading can continue.
-    #[error("{number}: {reason}{}", quoted(text))]
-    NoEntry {
-        /// The number of the line or packet, from 1.
-        number: u64,
-        /// The reason.
-        reason: &'static str,
-        /// The beginning of the unreadable line; empty for a packet.
-        text: String,
-    },
-    /// A read error.
-    #[error("{0}")]
-    Io(#[from] io::Error),
-}
-
-fn quoted(text: &str) -> String {
-    if text.is_empty() { String::new() } else { format!(": {text:?}") }
 }
 
 impl Reader {
@@ -104,28 +73,31 @@ impl Reader {
     /// candump is read as ASC if `ending` is [`Format::Asc`], otherwise as candump.
     ///
     /// # Errors
-    /// [`io::Error`] if `source` cannot be read, or if its first bytes show an unsupported or damaged format.
+    /// [`io::Error`] if `source` cannot be read, or if its beginning shows an unsupported or damaged format.
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;
         if let Some(refusal) = foreign::by_magic(&head) {
             return Err(invalid(refusal));
         }
-        let is_known = head == MAGIC;
+        let is_packets = head == MAGIC;
         let whole = Box::new(Cursor::new(head).chain(source));
-        let source = if is_known {
-            Source::Packets(Box::new(Packets::new(whole)?))
-        } else {
-            Source::Text(Text {
-                input: BufReader::new(whole),
-                style: Style::Unseen(ending),
-                last: Timestamp::from_micros(0),
-                bus: "can0".to_owned(),
-                line: Vec::new(),
-                is_too_long: false,
-            })
+        if is_packets {
+            let source = Source::Packets(Box::new(Packets::new(whole)?));
+            return Ok(Self { source, held: VecDeque::new(), ended: false });
+        }
+        let mut text = Text {
+            input: BufReader::new(whole),
+            style: Style::Unseen(ending),
+            last: Timestamp::from_micros(0),
+            bus: "can0".to_owned(),
+            number: 0,
+            bytes: Vec::new(),
+            line: String::new(),
+            is_too_long: false,
         };
-        Ok(Self { source, number: 0, ended: false, is_known, held: VecDeque::new() })
+        let held = text.read_head()?;
+        Ok(Self { source: Source::Text(Box::new(text)), held, ended: false })
     }
 
     /// Returns the bus name of the last entry.
@@ -145,126 +117,121 @@ impl Reader {
             Source::Packets(packets) => packets.may_wait(),
         }
     }
-
-    /// Reads the next entry or unreadable line.
-    fn read_one(&mut self) -> Option<Result<Logged, ReadError>> {
-        loop {
-            self.number += 1;
-            let number = self.number;
-            let none = |reason, text| ReadError::NoEntry { number, reason, text };
-            let found = match &mut self.source {
-                Source::Packets(packets) => match packets.next()? {
-                    Ok(record) => Ok(record),
-                    Err(PacketError::Packet(reason)) => Err(none(reason, String::new())),
-                    Err(PacketError::End(reason)) => {
-                        self.ended = true;
-                        Err(none(reason, String::new()))
-                    }
-                    Err(PacketError::Io) => Err(io::Error::other("the rest of the file cannot be read").into()),
-                },
-                Source::Text(text) => match text.next_line() {
-                    Err(error) => Err(error.into()),
-                    Ok(false) if matches!(text.style, Style::Unseen(_)) => Err(invalid(foreign::EMPTY).into()),
-                    Ok(false) => return None,
-                    Ok(true) => match (text.refusal(), text.entry()) {
-                        (Some(reason), _) => Err(invalid(reason).into()),
-                        (None, Ok(None)) => continue,
-                        (None, Ok(Some(record))) => Ok(record),
-                        (None, Err(reason)) => Err(none(reason, text.shown())),
-                    },
-                },
-            };
-            self.ended |= matches!(found, Err(ReadError::Io(_)));
-            return Some(found.map(|record| Logged { number, record }));
-        }
-    }
-}
-
-/// Returns whether a line cannot come from a recording, not even from a damaged one.
-fn is_no_line(read: &Result<Logged, ReadError>) -> bool {
-    matches!(read, Err(ReadError::NoEntry { reason: candump::NO_LINE, .. }))
 }
 
 impl Iterator for Reader {
     type Item = Result<Logged, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        while !self.is_known && !self.ended {
-            let read = self.read_one();
-            self.is_known = !matches!(read, Some(Err(ReadError::NoEntry { .. })));
-            let is_short = read.is_none() && self.held.len() > 1 && self.held.iter().all(is_no_line);
-            self.held.extend(read);
-            if is_short || self.held.len() >= foreign::LINES && !self.is_known {
-                self.ended = true;
-                self.held.clear();
-                return Some(Err(invalid(foreign::UNKNOWN).into()));
-            }
+        if !self.held.is_empty() || self.ended {
+            return self.held.pop_front();
         }
-        match self.held.pop_front() {
-            None if self.ended => None,
-            None => self.read_one(),
-            held => held,
-        }
+        let read = match &mut self.source {
+            Source::Text(text) => text.next(),
+            Source::Packets(packets) => packets.next(),
+        };
+        self.ended = matches!(read, Ok(None) | Err(ReadError::Io(_)));
+        read.transpose()
     }
 }
 
 impl Text {
+    /// Reads up to the first entry. Returns this entry, after the unreadable lines before it. Refuses a text that
+    /// begins with too many unreadable lines, or has only lines that cannot come from a recording.
+    fn read_head(&mut self) -> io::Result<VecDeque<Result<Logged, ReadError>>> {
+        let mut held = VecDeque::new();
+        while held.len() < foreign::LINES {
+            match self.next() {
+                Err(ReadError::Io(error)) => return Err(error),
+                Ok(None) if held.len() > 1 && held.iter().all(is_no_line) => break,
+                Ok(None) => return Ok(held),
+                Ok(Some(logged)) => {
+                    held.push_back(Ok(logged));
+                    return Ok(held);
+                }
+                Err(unreadable) => held.push_back(Err(unreadable)),
+            }
+        }
+        Err(invalid(foreign::UNKNOWN))
+    }
+
+    /// Reads the next entry or unreadable line. Returns `None` at the end of the file.
+    fn next(&mut self) -> Result<Option<Logged>, ReadError> {
+        while self.next_line()? {
+            self.number += 1;
+            let (number, is_blank) = (self.number, self.line.trim().is_empty() || self.line.starts_with('#'));
+            if !is_blank {
+                self.find_style()?;
+            }
+            let found = match self.is_too_long {
+                true => Err("line too long"),
+                false if is_blank => continue,
+                false => self.entry(),
+            };
+            match found {
+                Ok(None) => {}
+                Ok(Some(record)) => return Ok(Some(Logged { number, record })),
+                Err(reason) => {
+                    let text = self.line.trim().chars().take(SHOWN).collect();
+                    return Err(ReadError::NoEntry { number, reason, text });
+                }
+            }
+        }
+        if matches!(self.style, Style::Unseen(_)) { Err(invalid(foreign::EMPTY).into()) } else { Ok(None) }
+    }
+
     /// Reads the next line up to the maximum length. Returns false at the end of the file.
     fn next_line(&mut self) -> io::Result<bool> {
-        self.line.clear();
-        if (&mut self.input).take(LINE_MAX).read_until(b'\n', &mut self.line)? == 0 {
+        self.bytes.clear();
+        if (&mut self.input).take(LINE_MAX).read_until(b'\n', &mut self.bytes)? == 0 {
             return Ok(false);
         }
-        self.is_too_long = !self.line.ends_with(b"\n") && self.line.len() as u64 == LINE_MAX;
+        self.is_too_long = !self.bytes.ends_with(b"\n") && self.bytes.len() as u64 == LINE_MAX;
         if self.is_too_long {
             self.input.skip_until(b'\n')?;
         }
+        self.line.clear();
+        // ASC files use the encoding of the machine that wrote them. Windows editors may put a byte order mark at the
+        // start of the file.
+        self.line.push_str(String::from_utf8_lossy(&self.bytes).trim_start_matches('\u{FEFF}'));
         Ok(true)
     }
 
-    /// Returns the error message if the first line shows that the text has an unsupported format.
-    fn refusal(&self) -> Option<&'static str> {
-        let line = String::from_utf8_lossy(&self.line);
-        let line = line.trim_start_matches('\u{FEFF}').trim();
-        let is_first = matches!(self.style, Style::Unseen(_)) && !line.is_empty() && !line.starts_with('#');
-        let is_known = || asc::is_head(line) || candump::parse(line).is_ok();
-        if is_first && !is_known() { foreign::by_line(line) } else { None }
+    /// Determines the format from the first line that is not blank. Refuses a line that shows an unsupported format.
+    fn find_style(&mut self) -> io::Result<()> {
+        let Style::Unseen(ending) = self.style else { return Ok(()) };
+        let (is_asc, is_candump) = (asc::is_head(&self.line), candump::parse(&self.line).is_ok());
+        if let Some(refusal) = foreign::by_line(self.line.trim()).filter(|_| !is_asc && !is_candump) {
+            return Err(invalid(refusal));
+        }
+        if !self.is_too_long {
+            let is_asc = is_asc || (ending == Format::Asc && !is_candump);
+            self.style = if is_asc { Style::Asc(asc::Parser::default()) } else { Style::Candump };
+        }
+        Ok(())
     }
 
     /// Parses the current line; `None` for a valid line without an entry.
     fn entry(&mut self) -> Result<Option<Record>, Reason> {
-        if self.is_too_long {
-            return Err("line too long");
-        }
-        // ASC files use the encoding of the machine that wrote them.
-        let line = String::from_utf8_lossy(&self.line);
-        // Windows editors may put a byte order mark at the start of the file.
-        let line = line.trim_start_matches('\u{FEFF}');
-        if line.trim().is_empty() || line.starts_with('#') {
-            return Ok(None);
-        }
-        if let Style::Unseen(ending) = self.style {
-            let is_asc = asc::is_head(line) || (ending == Format::Asc && candump::parse(line).is_err());
-            self.style = if is_asc { Style::Asc(asc::Parser::default()) } else { Style::Candump };
-        }
         if let Style::Asc(asc) = &mut self.style {
             let before = asc.channel;
-            let record = asc.line(line)?;
+            let record = asc.line(&self.line)?;
             if asc.channel != before {
                 // ASC channels are numbered from 1, candump names from 0.
                 self.bus = format!("can{}", asc.channel.saturating_sub(1));
             }
             return Ok(record);
         }
-        let (at, bus, entry) = candump::parse(line)?;
+        let (at, bus, entry) = candump::parse(&self.line)?;
         if self.bus != bus {
             bus.clone_into(&mut self.bus);
         }
         self.last = at.unwrap_or(self.last);
         Ok(Some(Record { at: self.last, entry }))
     }
+}
 
-    fn shown(&self) -> String {
-        String::from_utf8_lossy(&self.line).trim().chars().take(SHOWN).collect()
-    }
+/// Returns whether a line cannot come from a recording, not even from a damaged one.
+fn is_no_line(read: &Result<Logged, ReadError>) -> bool {
+    matches!(read, Err(ReadError::NoEntry { reason: candump::NO_LINE, .. }))
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use protocol_core::frame::{self, Digits, Frame, Id, MAX_LEN};
 
 use crate::gateway::guard::Verdict;
-use hal_sim::log::{ErrorClass, Timestamp, write_hex};
+use hal_sim::log::{ErrorClass, ErrorFrame, Timestamp, write_hex};
 
 /// The maximum message length between `<` and `>`, in bytes; a client that sends every number in 64 bits needs 160.
 pub const MESSAGE_MAX: usize = 256;
@@ -162,7 +162,7 @@ pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
 
 /// Writes `< error 040 1795223549.715344 >`: an error frame.
 pub(super) fn emit_error(out: &mut String, at: Timestamp, class: ErrorClass) {
-    let _ = write!(out, "< error {:03X} {at} >", class.code());
+    let _ = write!(out, "< error {:03X} {at} >", ErrorFrame::from(class).class);
 }
 
 /// Returns `< error … >` with the reason why a message was refused.
