@@ -48,7 +48,7 @@ fn is_own_claim(frame: &Frame, nodes: &[Node], timeline: &Timeline) -> bool {
         };
         own == name
             || match &power_up.logged {
-                Some(logged) => name_of(logged) == Some(name),
+                Some(logged) => name_of(&logged.frame) == Some(name),
                 None => node.node_id == Some(source.get()) && product(own) == product(name),
             }
     })

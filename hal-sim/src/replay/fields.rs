@@ -18,9 +18,6 @@ const FLOAT: i32 = 32_767;
 /// The value of an AVEF without flow (SPEC 5).
 const NO_FLOW: i32 = 125;
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Fields([Option<Field>; 8]);
-
 /// A little-endian number in the data of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Field {
@@ -136,47 +133,32 @@ pub(super) const fn bits(frame: &Frame) -> u64 {
     u64::from_le_bytes(*frame.bytes())
 }
 
-impl Fields {
-    /// Returns the position fields in a frame from a device of this kind. `tpdo` is the key and the mapping of the
-    /// device's TPDO.
-    pub(super) fn of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingEntry])>) -> Self {
-        let mut fields = Self::default();
-        let mut places = fields.0.iter_mut();
-        let mut add = |shift: u8, (encoding, bits): (Encoding, u8)| {
-            if let Some(place) = places.next() {
-                *place = Some(Field { shift, bits, encoding });
-            }
-        };
-        match (tpdo, frame.id(), kind.protocol()) {
-            (Some((key, mapping)), ..) if key == frame.key() => {
-                let mut shift: u8 = 0;
-                for entry in mapping {
-                    Encoding::of_object(entry.index, entry.sub).into_iter().for_each(|field| add(shift, field));
-                    shift = shift.saturating_add(entry.bits);
-                }
-            }
-            (_, Id::Standard(id), Protocol::Canopen) if matches!(classify(id), Some((Function::SdoAnswer, _))) => {
-                // The response to an expedited upload.
-                if let &[0x42..=0x43 | 0x47 | 0x4B | 0x4F, low, high, sub, ..] = frame.data() {
-                    Encoding::of_object(u16::from_le_bytes([low, high]), sub)
-                        .into_iter()
-                        .for_each(|field| add(32, field));
-                }
-            }
-            (_, Id::Extended(id), Protocol::Isobus) => {
-                let id = J1939Id::from_raw(id.as_raw());
-                if id.pgn() == Pgn::avef(id.source().get()) {
-                    add(0, (Encoding::Extend, 8));
-                    add(8, (Encoding::Retract, 8));
-                }
-            }
-            _ => {}
+/// Returns the position fields in a frame from a device of this kind. `tpdo` is the key and the mapping of the device's
+/// TPDO.
+pub(super) fn fields_of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingEntry])>) -> Vec<Field> {
+    let field = |shift: u8, (encoding, bits): (Encoding, u8)| Field { shift, bits, encoding };
+    match (tpdo, frame.id(), kind.protocol()) {
+        (Some((key, mapping)), ..) if key == frame.key() => {
+            let mut shift: u8 = 0;
+            let next = |entry: &MappingEntry| {
+                let at = shift;
+                shift = shift.saturating_add(entry.bits);
+                Encoding::of_object(entry.index, entry.sub).map(|object| field(at, object))
+            };
+            mapping.iter().filter_map(next).collect()
         }
-        fields
-    }
-
-    pub(super) fn iter(&self) -> impl Iterator<Item = Field> {
-        self.0.into_iter().flatten()
+        (_, Id::Standard(id), Protocol::Canopen) if matches!(classify(id), Some((Function::SdoAnswer, _))) => {
+            // The response to an expedited upload.
+            let &[0x42..=0x43 | 0x47 | 0x4B | 0x4F, low, high, sub, ..] = frame.data() else { return Vec::new() };
+            let object = Encoding::of_object(u16::from_le_bytes([low, high]), sub);
+            object.into_iter().map(|object| field(32, object)).collect()
+        }
+        (_, Id::Extended(id), Protocol::Isobus) => {
+            let id = J1939Id::from_raw(id.as_raw());
+            let is_avef = id.pgn() == Pgn::avef(id.source().get());
+            if is_avef { vec![field(0, (Encoding::Extend, 8)), field(8, (Encoding::Retract, 8))] } else { Vec::new() }
+        }
+        _ => Vec::new(),
     }
 }
 

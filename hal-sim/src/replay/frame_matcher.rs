@@ -26,14 +26,16 @@ const ALONE: u32 = 2;
 const APART: u32 = 3;
 
 /// The verdict on a frame without a partner, or on a pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Verdict {
     /// The difference; `None` if the frame was sent with the logged data, within the time tolerance.
     pub(super) what: Option<What>,
-    /// The logged frame, or an additional sent frame.
-    pub(super) item: Item,
-    /// The sent frame of a pair.
-    pub(super) partner: Option<Item>,
+    /// The end of the logged frame, or of an additional sent frame.
+    pub(super) at: Instant,
+    /// The logged frame; `None` for an additional sent frame.
+    pub(super) logged: Option<Item>,
+    /// The sent frame; `None` for a missing frame.
+    pub(super) sent: Option<Item>,
 }
 
 /// The logged and sent frames of one identifier that have no verdict yet, oldest first.
@@ -87,7 +89,7 @@ impl FrameMatcher {
                 _ => Some(What::Late(since(sent.at, logged.at))),
             },
         };
-        Some(Verdict { what, item: logged.or(sent)?, partner: logged.and(sent) })
+        Some(Verdict { what, at: logged.as_ref().or(sent.as_ref())?.at, logged, sent })
     }
 
     /// Returns the first step of the cheapest alignment of the next frames.

@@ -3,13 +3,13 @@
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant};
 
-use super::fields::Fields;
+use super::fields::Field;
 
 /// The maximum time between a logged frame and its partner, in addition to the tolerance (A).
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A frame from the log or from a simulated device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Item {
     /// The end of the frame.
     pub(super) at: Instant,
@@ -19,15 +19,5 @@ pub(super) struct Item {
     /// The index of the simulated device that sent the frame; `None` for a log frame.
     pub(super) device: Option<usize>,
     /// The position fields; empty for a log frame.
-    pub(super) fields: Fields,
-}
-
-impl Item {
-    pub(super) fn logged(at: Instant, frame: Frame, number: u64) -> Self {
-        Self { at, frame, number: Some(number), device: None, fields: Fields::default() }
-    }
-
-    pub(super) fn sent(at: Instant, frame: Frame, device: usize) -> Self {
-        Self { at, frame, number: None, device: Some(device), fields: Fields::default() }
-    }
+    pub(super) fields: Vec<Field>,
 }

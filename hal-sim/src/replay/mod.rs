@@ -35,15 +35,14 @@ mod timeline;
 pub use report::{Difference, What};
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::error::Error;
 use std::fmt::Display;
-use std::fs;
-use std::io;
 use std::path::PathBuf;
 
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
-use self::frame_matcher::{FrameMatcher, Verdict};
+use self::frame_matcher::FrameMatcher;
 use self::identifier::{id_of_key, is_claim};
 use self::item::Item;
 use self::replay_bus::ReplayBus;
@@ -109,58 +108,26 @@ impl Outcome {
 
 /// The reason why a recording cannot be replayed.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ReplayError {
-    /// The file cannot be read.
-    #[error("{}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
-    /// The file contains no frame.
-    #[error("{}: no frame to replay", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file contains no frame from a device.
-    #[error("{}: no {what} from {name} in the log", path.display())]
-    NotThere {
-        /// The file.
-        path: PathBuf,
-        /// A description of the missing frames.
-        what: &'static str,
-        /// The name of the device.
-        name: String,
-    },
-    /// After the last round, the client had still sent log frames with identifiers that a simulated device sends too.
-    #[error("{}: the devices still sent identifiers of other nodes after {ROUNDS} rounds: {ids}", path.display())]
-    Misplayed {
-        /// The file.
-        path: PathBuf,
-        /// The identifiers.
-        ids: String,
-    },
+#[error("{}: {reason}", path.display())]
+pub struct ReplayError {
+    path: PathBuf,
+    reason: Refusal,
 }
+
+/// The reason without the name of the file: a read error or a message.
+type Refusal = Box<dyn Error + Send + Sync>;
 
 /// Replays a recording.
 ///
 /// # Errors
 /// [`ReplayError`] if the recording cannot be read or contains nothing to compare.
 pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
-    let unread = |source| ReplayError::Read { path: options.file.clone(), source };
-    if !fs::metadata(&options.file).map_err(unread)?.is_file() {
-        let twice = "replay reads the file more than once; use a regular file";
-        return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
-    }
-    let timeline = Timeline::find(options)?;
-    play_rounds(options, &timeline, ROUNDS)
+    let replayed = Timeline::find(options).and_then(|timeline| play_rounds(options, &timeline, ROUNDS));
+    replayed.map_err(|reason| ReplayError { path: options.file.clone(), reason })
 }
 
 /// Repeats the replay until all identifiers of the simulated devices are known, for at most `rounds` rounds.
-fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> Result<Outcome, ReplayError> {
+fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> Result<Outcome, Refusal> {
     let mut own = BTreeSet::new();
     let mut misplayed = BTreeSet::new();
     for _ in 0..rounds {
@@ -168,16 +135,17 @@ fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> R
         player.play()?;
         misplayed = player.misplayed();
         if misplayed.is_empty() {
-            if let Some(name) = player.silent().filter(|_| player.outcome.is_as_logged()) {
-                return Err(ReplayError::NotThere { path: options.file.clone(), what: "frame", name: name.to_owned() });
-            }
-            return Ok(player.outcome);
+            return match player.silent().filter(|_| player.outcome.is_as_logged()) {
+                Some(name) => Err(format!("no frame from {name} in the log").into()),
+                None => Ok(player.outcome),
+            };
         }
         own = player.own;
         own.extend(&misplayed);
     }
     let ids: Vec<String> = misplayed.into_iter().map(id_of_key).collect();
-    Err(ReplayError::Misplayed { path: options.file.clone(), ids: ids.join(", ") })
+    let ids = ids.join(", ");
+    Err(format!("the devices still sent identifiers of other nodes after {ROUNDS} rounds: {ids}").into())
 }
 
 /// One round of a replay.
@@ -212,17 +180,16 @@ impl<'a> Player<'a> {
         }
     }
 
-    fn play(&mut self) -> Result<(), ReplayError> {
-        let unread = |source| ReplayError::Read { path: self.options.file.clone(), source };
+    fn play(&mut self) -> Result<(), Refusal> {
         let mut end = Instant::from_ticks(0);
-        for entry in Reader::open(&self.options.file).map_err(unread)? {
+        for entry in Reader::open(&self.options.file)? {
             let logged = match entry {
                 Ok(logged) => logged,
                 Err(error @ ReadError::NoEntry { .. }) => {
                     self.name(&error);
                     continue;
                 }
-                Err(ReadError::Io(source)) => return Err(unread(source)),
+                Err(ReadError::Io(error)) => return Err(error.into()),
             };
             let Some(at) = self.timeline.instant(&logged) else { continue };
             if since(at, end) > GAP && end > Instant::from_ticks(0) {
@@ -262,7 +229,8 @@ impl<'a> Player<'a> {
         self.collect();
         if self.timeline.is_first(logged.number) || self.bus.is_own(&frame, &self.own, self.timeline) {
             self.outcome.compared += 1;
-            self.matchers.entry(frame.key()).or_default().logged.push_back(Item::logged(at, frame, logged.number));
+            let item = Item { at, frame, number: Some(logged.number), device: None, fields: Vec::new() };
+            self.matchers.entry(frame.key()).or_default().logged.push_back(item);
         } else {
             self.outcome.played += 1;
             self.played.insert(frame.key());
@@ -282,17 +250,15 @@ impl<'a> Player<'a> {
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for matcher in self.matchers.values_mut() {
-            while let Some(Verdict { what, item, partner }) = matcher.next(known, tolerance, &self.bus.positions) {
-                let Some(what) = what else { continue };
-                let is_after = end.is_some_and(|end| after(item.at, tolerance) > end);
-                let is_outside = is_after || after(item.at, tolerance) < self.timeline.opened();
+            while let Some(verdict) = matcher.next(known, tolerance, &self.bus.positions) {
+                let (Some(what), latest) = (verdict.what, after(verdict.at, tolerance)) else { continue };
+                let is_outside = end.is_some_and(|end| latest > end) || latest < self.timeline.opened();
                 if what == What::Additional && is_outside {
                     continue;
                 }
                 self.outcome.differences += 1;
                 if self.outcome.told.len() < TOLD {
-                    let difference = self.bus.difference(what, &item, partner.as_ref(), self.timeline);
-                    self.outcome.told.push(difference);
+                    self.outcome.told.push(self.bus.difference(what, &verdict, self.timeline));
                 }
             }
         }

@@ -8,11 +8,9 @@ use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
 use protocol_core::encoder::STEPS;
-use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after};
-use protocol_core::wire::pdo_mapping::MappingEntry;
 
-use super::fields::{Fields, bits};
+use super::fields::bits;
 use super::item::{Item, PATIENCE};
 use crate::Kind;
 use crate::world::{NodeId, World};
@@ -97,11 +95,6 @@ impl PositionTolerance {
                 track.samples.push_back(Sample { at, position, floats, moved });
             }
         }
-    }
-
-    /// Returns the position fields of a frame that a device has just sent.
-    pub(super) fn fields(&self, device: usize, frame: &Frame, tpdo: Option<(u32, &[MappingEntry])>) -> Fields {
-        self.tracks.get(device).map(|track| Fields::of(frame, track.kind, tpdo)).unwrap_or_default()
     }
 
     /// Drops the samples too old to match any frame after `known`, the time up to which all frames are known.

@@ -1,7 +1,6 @@
 //! The simulated devices on a bus, in virtual time, with one client that sends the log frames of all other nodes.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::collections::BTreeSet;
 
 use protocol_core::device::Device;
 use protocol_core::frame::Frame;
@@ -9,6 +8,8 @@ use protocol_core::time::{Instant, after};
 
 use super::ReplayOptions;
 use super::attribution;
+use super::fields::fields_of;
+use super::frame_matcher::Verdict;
 use super::item::Item;
 use super::position::{GRID, PositionTolerance};
 use super::report::{Difference, What};
@@ -16,15 +17,13 @@ use super::timeline::{Timeline, length};
 use crate::Memory;
 use crate::devices::link_in;
 use crate::explain::{Explainer, Node};
-use crate::world::{ClientPortId, EventKind, NodeId, World};
+use crate::world::{ClientPortId, Event, EventKind, NodeId, World};
 
 pub(super) struct ReplayBus {
     world: World,
     others: ClientPortId,
     /// The pending power-ups; the earliest power-up is last.
     to_come: Vec<(Instant, NodeId)>,
-    /// The index of each device, by device name.
-    places: BTreeMap<Arc<str>, usize>,
     nodes: Vec<NodeId>,
     explainer: Explainer,
     /// The frames from the simulated devices that have not been taken yet, oldest first.
@@ -56,7 +55,6 @@ impl ReplayBus {
             node_id: device.setup.node_id,
         });
         Self {
-            places: options.devices.iter().enumerate().map(|(at, device)| (device.name.as_str().into(), at)).collect(),
             explainer: Explainer::new(known.collect()),
             positions: PositionTolerance::new(
                 options.devices.iter().map(|device| device.setup.kind),
@@ -117,18 +115,14 @@ impl ReplayBus {
     /// Records the bus events and samples the positions.
     fn look(&mut self) {
         self.positions.sample(&mut self.world, &self.nodes);
-        let first = self.sent.len();
-        for event in self.world.take_events() {
-            let EventKind::Frame { frame, .. } = event.what else { continue };
-            if let Some(&place) = self.places.get(&event.who) {
-                self.sent_keys.insert(frame.key());
-                self.sent.push(Item::sent(event.at, frame, place));
-            }
-        }
-        for item in self.sent.iter_mut().skip(first) {
-            if let Some((place, node)) = item.device.and_then(|place| Some((place, *self.nodes.get(place)?))) {
-                item.fields = self.positions.fields(place, &item.frame, self.world.tpdo(node));
-            }
+        let events: Vec<Event> = self.world.take_events().collect();
+        for Event { at, who, what } in events {
+            let EventKind::Frame { frame, .. } = what else { continue };
+            let Some(place) = self.explainer.nodes.iter().position(|known| *known.name == *who) else { continue };
+            let tpdo = self.nodes.get(place).and_then(|node| self.world.tpdo(*node));
+            let fields = fields_of(&frame, self.explainer.nodes[place].kind, tpdo);
+            self.sent_keys.insert(frame.key());
+            self.sent.push(Item { at, frame, number: None, device: Some(place), fields });
         }
         // The client follows the bit rate of the first device, so that the replay can continue.
         let rate = self.nodes.first().and_then(|node| self.world.device(*node)).map(Device::bit_rate);
@@ -157,27 +151,19 @@ impl ReplayBus {
     }
 
     /// Creates a difference with explanations.
-    pub(super) fn difference(
-        &mut self,
-        what: What,
-        item: &Item,
-        other: Option<&Item>,
-        timeline: &Timeline,
-    ) -> Difference {
+    pub(super) fn difference(&mut self, what: What, verdict: &Verdict, timeline: &Timeline) -> Difference {
         self.update_ids();
-        let logged = Some(item).filter(|_| what != What::Additional);
-        let sent = if what == What::Additional { Some(item) } else { other };
-        let name = |item: &Item| {
-            let place = item.device?;
-            self.places.iter().find(|(_, at)| **at == place).map(|(name, _)| name.to_string())
+        let say = |item: &Item| {
+            let sender = item.device.and_then(|place| self.explainer.nodes.get(place));
+            (item.frame, self.explainer.explain(&item.frame, sender.map(|node| node.name.as_str())))
         };
-        let say = |item: &Item| (item.frame, self.explainer.explain(&item.frame, name(item).as_deref()));
+        let Verdict { at, logged, sent, .. } = verdict;
         Difference {
-            at: timeline.time(item.at),
-            number: item.number,
+            at: timeline.time(*at),
+            number: logged.as_ref().and_then(|item| item.number),
             what,
-            logged: logged.map(say),
-            sent: sent.map(say),
+            logged: logged.as_ref().map(say),
+            sent: sent.as_ref().map(say),
         }
     }
 }

@@ -1,11 +1,13 @@
 //! The power-up of each recorded device, derived from the device's first frame.
 
+use std::fs;
+
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};
 use protocol_core::wire::cob_id::{Function, classify};
 
 use super::identifier::{is_claim, is_of};
-use super::{ReplayError, ReplayOptions};
+use super::{Refusal, ReplayOptions};
 use crate::bus::FrameBits;
 use crate::devices::NamedDevice;
 use crate::log::{Entry, Timestamp};
@@ -36,9 +38,7 @@ pub(super) struct PowerUp {
     /// The first frame from the simulated device; `None` for a blank device, which sends no frame without a request.
     pub(super) frame: Option<Frame>,
     /// The first frame of the device in the log: equal to `frame`, or with the same identifier and different data.
-    pub(super) logged: Option<Frame>,
-    /// The number of the log entry that contains `logged`.
-    number: Option<u64>,
+    pub(super) logged: Option<FirstFrame>,
 }
 
 /// The first frame from a simulated device, and its delay after the power-up.
@@ -64,10 +64,10 @@ enum Search {
 
 /// The number, the time and the content of a device's first frame in the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct FirstFrame {
+pub(super) struct FirstFrame {
     number: u64,
     at: Timestamp,
-    frame: Frame,
+    pub(super) frame: Frame,
 }
 
 impl Search {
@@ -109,57 +109,58 @@ impl Search {
 
 impl Timeline {
     /// Finds the first frames from the devices in the log and derives the power-ups.
-    pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
-        let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
-        let mut found = vec![Search::Open; firsts.len()];
+    pub(super) fn find(options: &ReplayOptions) -> Result<Self, Refusal> {
+        if !fs::metadata(&options.file)?.is_file() {
+            return Err("replay reads the file more than once; use a regular file".into());
+        }
+        let sought = |device| (device, first_frame(device), Search::Open);
+        let mut sought: Vec<(&NamedDevice, Option<First>, Search)> = options.devices.iter().map(sought).collect();
         let mut start = None;
-        let unread = |source| ReplayError::Read { path: options.file.clone(), source };
-        for entry in Reader::open(&options.file).map_err(unread)? {
+        for entry in Reader::open(&options.file)? {
             let Logged { number, record } = match entry {
                 Ok(logged) => logged,
                 Err(ReadError::NoEntry { .. }) => continue,
-                Err(ReadError::Io(source)) => return Err(unread(source)),
+                Err(ReadError::Io(error)) => return Err(error.into()),
             };
             start.get_or_insert((number, record.at));
             let Entry::Frame(frame) = record.entry else { continue };
-            for ((first, found), device) in firsts.iter().zip(&mut found).zip(&options.devices) {
-                if let Some(first) = first.as_ref().filter(|_| !found.is_over()) {
+            for (device, first, search) in &mut sought {
+                if let Some(first) = first
+                    && !search.is_over()
+                {
                     let entry = FirstFrame { number, at: record.at, frame };
-                    *found = found.look(entry, first, device, options.from_boot_up);
+                    *search = search.look(entry, first, device, options.from_boot_up);
                 }
             }
-            if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || found.is_over()) {
+            if sought.iter().all(|(_, first, search)| first.is_none() || search.is_over()) {
                 break;
             }
         }
-        let mut start = start.ok_or_else(|| ReplayError::Empty { path: options.file.clone() })?;
-        for ((first, found), device) in firsts.iter().zip(&found).zip(&options.devices) {
-            if first.is_some() && *found == Search::Open {
-                let (path, name) = (options.file.clone(), device.name.clone());
-                let what = if options.from_boot_up { "boot-up or address claim" } else { "frame" };
-                return Err(ReplayError::NotThere { path, what, name });
-            }
+        let mut start = start.ok_or("no frame to replay")?;
+        if let Some((device, ..)) = sought.iter().find(|(_, first, search)| first.is_some() && *search == Search::Open)
+        {
+            let what = if options.from_boot_up { "boot-up or address claim" } else { "frame" };
+            return Err(format!("no {what} from {} in the log", device.name).into());
         }
-        let found: Vec<Option<FirstFrame>> = found.into_iter().map(Search::found).collect();
         if options.from_boot_up {
-            let earliest = found.iter().flatten().min_by_key(|entry| entry.number);
+            let earliest = sought.iter().filter_map(|(.., search)| search.found()).min_by_key(|entry| entry.number);
             start = earliest.map_or(start, |entry| (entry.number, entry.at));
         }
-        let power_up = |(first, found): (&Option<First>, &Option<FirstFrame>)| match (first, found) {
-            (Some(First { delay, .. }), Some(FirstFrame { at, .. })) => {
-                at.as_micros().saturating_sub(delay.as_micros())
-            }
-            _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
+        let power_up = |(_, first, search): &(_, Option<First>, Search)| {
+            let (at, before) = match (first, search.found()) {
+                (Some(First { delay, .. }), Some(FirstFrame { at, .. })) => (at, *delay),
+                _ => (start.1, LEAD),
+            };
+            at.as_micros().saturating_sub(before.as_micros())
         };
-        let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
+        let power_ups: Vec<u64> = sought.iter().map(power_up).collect();
         // Random delays depend on virtual time. A log that includes the first power-up therefore keeps its time base:
         // virtual time 0 is its first entry.
         let zero = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
-        let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
+        let devices = sought.into_iter().zip(power_ups).map(|((_, first, search), at)| PowerUp {
             at: Instant::from_micros(at - zero),
             frame: first.map(|first| first.frame),
-            logged: found.map(|entry| entry.frame),
-            number: found.map(|entry| entry.number),
+            logged: search.found(),
         });
         Ok(Self { zero: Timestamp::from_micros(zero), first: start, power_ups: devices.collect() })
     }
@@ -182,12 +183,12 @@ impl Timeline {
 
     /// Returns whether a log entry contains the first frame from a device.
     pub(super) fn is_first(&self, number: u64) -> bool {
-        self.power_ups.iter().any(|device| device.number == Some(number))
+        self.power_ups.iter().any(|device| device.logged.is_some_and(|entry| entry.number == number))
     }
 
     /// Returns the number of the entry with each device's first frame; `None` for a device powered up before the log.
     pub(super) fn entries(&self) -> Vec<Option<u64>> {
-        self.power_ups.iter().map(|device| device.number).collect()
+        self.power_ups.iter().map(|device| device.logged.map(|entry| entry.number)).collect()
     }
 }
 
