@@ -237,7 +237,7 @@ fn plant(device: &str, mut change: Table, rest: Table) -> Result<(String, Act), 
 }
 
 fn switch(device: &str, change: Table, rest: Table) -> Result<(String, Act), String> {
-    let power = power(change)?;
+    let power = power(table(change)?)?;
     let lasts = match only_duration(rest)?.remove("for_ms") {
         Some(Value::Integer(_)) if power != Power::Off => {
             return Err("for_ms is only valid with { on = false }".to_owned());

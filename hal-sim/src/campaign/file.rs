@@ -161,23 +161,7 @@ pub(super) struct Safe {
 /// # Errors
 /// [`ReadError`] with the line of the error.
 pub(super) fn read(text: &str) -> Result<PlanFile, ReadError> {
-    scenario_file::parse(text, (&SCHEMAS, "Plan", &["faults"]), |table| document(toml::Value::Table(table)), |_| false)
-}
-
-/// Converts a value to JSON. In the tables `plant` and `expect`, "none" becomes null.
-fn document(value: toml::Value) -> Value {
-    match value {
-        toml::Value::Array(values) => values.into_iter().map(document).collect(),
-        toml::Value::Table(table) => {
-            let member = |(key, value): (String, toml::Value)| match (&*key, &value) {
-                ("plant" | "expect", toml::Value::Table(_)) => (key, scenario_file::json(value)),
-                _ => (key, document(value)),
-            };
-            table.into_iter().map(member).collect()
-        }
-        toml::Value::String(text) => text.into(),
-        value => scenario_file::json(value),
-    }
+    scenario_file::parse(text, (&SCHEMAS, "Plan", &["faults"]), |_| false)
 }
 
 /// The schemas against which a plan is checked.

@@ -77,7 +77,7 @@ struct StateEye<'a> {
 
 impl<'a> StateEye<'a> {
     fn new(wanted: &'a Wanted, simulation: &Simulation) -> Option<Self> {
-        simulation.find(wanted.device()).ok().map(|device| Self { wanted, device, last: None })
+        simulation.find(&wanted.device).ok().map(|device| Self { wanted, device, last: None })
     }
 
     fn holds(&mut self, simulation: &Simulation) -> bool {

@@ -24,16 +24,15 @@ pub(super) struct ScenarioFile {
     /// The devices on the bus. They are switched on together, at 0 ms.
     #[serde(default)]
     #[schema(value_type = Vec<DeviceEntry>, required, example = json!(["pvea-canopen@0x20"]))]
-    pub(super) devices: Vec<Spanned<toml::Value>>,
+    pub(super) devices: Vec<Spanned<DeviceEntry>>,
     /// Links by which the shaft of a sensor follows a valve, each as in --link:
     /// VALVE=SENSOR[,rate=…][,min=…][,max=…].
     #[serde(default)]
     #[schema(value_type = Vec<String>)]
     pub(super) links: Vec<Spanned<String>>,
     /// The bit rate of the bus, in bit/s; by default that of the first device.
-    #[serde(default)]
     #[schema(value_type = Option<BitsPerSecond>)]
-    pub(super) bit_rate: Option<Spanned<u32>>,
+    pub(super) bit_rate: Option<u32>,
     /// True to accept devices with the same node ID or address.
     #[serde(default)]
     pub(super) allow_clash: bool,
@@ -52,10 +51,7 @@ pub(super) struct ScenarioFile {
 
 /// A device on the bus.
 #[derive(Debug, Deserialize, ToSchema)]
-#[serde(
-    untagged,
-    expecting = "accepted: a device as in \"pvea-canopen@0x20\", or { device = \"pvea-canopen@0x20\", heard = false }"
-)]
+#[serde(untagged)]
 #[schema(as = Device)]
 pub(super) enum DeviceEntry {
     /// A device as in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, boot-ms,
@@ -74,21 +70,7 @@ pub(super) struct DeviceTable {
     /// answer-ms, cycle-ms, brown-out-mv, noise, dead-band, oil, blank.
     pub(super) device: String,
     /// False if the bit rate of the device may differ from that of the bus; true by default.
-    #[serde(default)]
     pub(super) heard: Option<bool>,
-}
-
-impl DeviceEntry {
-    /// Reads a device entry. Returns the device text, and whether the device must run at the bit rate of the bus.
-    ///
-    /// # Errors
-    /// A message with the accepted forms.
-    pub(super) fn read(value: toml::Value) -> Result<(String, bool), String> {
-        Self::deserialize(json(value)).map_err(|error| error.to_string()).map(|entry| match entry {
-            Self::Text(device) => (device, true),
-            Self::Table(DeviceTable { device, heard }) => (device, heard.unwrap_or(true)),
-        })
-    }
 }
 
 /// A step: a start time, at most one action and at most one expectation. By default, a step begins when the previous
@@ -98,76 +80,53 @@ impl DeviceEntry {
 #[schema(as = Step)]
 pub(super) struct StepTable {
     /// The purpose of the step; shown when it fails.
-    #[serde(default)]
     pub(super) note: Option<String>,
     /// The start of the step, in milliseconds of virtual time since the devices were switched on.
-    #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) at_ms: Option<u32>,
     /// The delay of the step after the end of the previous step, in milliseconds.
-    #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) after_ms: Option<u32>,
     /// The name of the device for plant, power or a state; required with several devices on the bus.
-    #[serde(default)]
     pub(super) device: Option<String>,
     /// Sends a frame, as in "220#0F00 0020".
-    #[serde(default)]
     pub(super) send: Option<String>,
     /// The period of the frame of `send`, in milliseconds; replaces an earlier cyclic frame with the same identifier.
     /// Without `send`, in a strict scenario: the period at which the expected frame must come again, until a step
     /// expects or stops its identifier.
-    #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
     /// Stops the active cyclic frame with an identifier, as in "220", or all cyclic frames with "all". In a strict
     /// scenario, stop also ends the expectation of a cyclic frame.
-    #[serde(default)]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub(super) stop: Option<Identifier>,
     /// Changes the plant of the device.
-    #[serde(default)]
     #[schema(value_type = Option<PlantChange>)]
     pub(super) plant: Option<toml::Table>,
     /// Switches the power of the device, or resets its processor.
-    #[serde(default)]
-    #[schema(value_type = Option<PowerChange>)]
-    pub(super) power: Option<toml::Table>,
+    pub(super) power: Option<PowerChange>,
     /// Changes the bit rate of the bus, including that of the scenario's frame sender.
-    #[serde(default)]
-    #[schema(value_type = Option<BusChange>)]
-    pub(super) bus: Option<toml::Table>,
+    pub(super) bus: Option<BusChange>,
     /// Destroys the next transmission attempts with bit errors.
-    #[serde(default)]
-    #[schema(value_type = Option<Disturb>)]
-    pub(super) disturb: Option<toml::Table>,
+    pub(super) disturb: Option<Disturb>,
     /// Adds a communication fault. The scenario fails if the fault affects no frame.
-    #[serde(default)]
-    #[schema(value_type = Option<FaultRequest>)]
-    pub(super) fault: Option<toml::Table>,
+    pub(super) fault: Option<FaultRequest>,
     /// Ends a communication fault by its name, or "all".
-    #[serde(default)]
     pub(super) end: Option<String>,
     /// Expects a frame of a device, several frames in order, or a state of the device.
-    #[serde(default)]
     pub(super) expect: Option<Expected>,
     /// True if the expected frames may come in any order.
-    #[serde(default)]
     pub(super) any_order: Option<bool>,
     /// Expected or forbidden frames that end after this virtual time count, in milliseconds, also those that the
     /// scenario itself sends.
-    #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) since_ms: Option<u32>,
     /// The time limit of the expectation, in milliseconds; 1000 by default.
-    #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) within_ms: Option<u32>,
     /// Forbids a frame of a device, several frames, or a state of the device during the following steps.
-    #[serde(default)]
     pub(super) never: Option<Expected>,
     /// The duration of `never`, in milliseconds; by default until the end of the scenario.
-    #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) for_ms: Option<u32>,
 }
@@ -179,28 +138,21 @@ pub(super) struct StepTable {
 #[schema(as = Reaction)]
 pub(super) struct ReactionTable {
     /// Acts at the end of a frame of a device, as in "0A0#1234 ..".
-    #[serde(default)]
     pub(super) on: Option<String>,
     /// Acts when no such frame of a device has come for `for_ms`. The first such frame starts the supervision.
-    #[serde(default)]
     pub(super) missing: Option<String>,
     /// The time without the frame, in milliseconds; required with `missing`.
-    #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) for_ms: Option<u32>,
     /// Sends a frame, as in "000#0220".
-    #[serde(default)]
     pub(super) send: Option<String>,
     /// The period of the frame of `send`, in milliseconds; replaces an earlier cyclic frame with the same identifier.
-    #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
     /// Stops an active cyclic frame by its identifier, as in "220", or all cyclic frames with "all".
-    #[serde(default)]
     #[schema(value_type = Option<IdentifierOrAll>)]
     pub(super) stop: Option<Identifier>,
     /// The virtual time before which the rule ignores frames, in milliseconds; 0 by default.
-    #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) from_ms: Option<u32>,
     /// True if the rule acts each time. By default, the rule acts once.
@@ -233,23 +185,17 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     // If devices or steps are missing, a later check reports them with an example.
     let schemas = Schemas::of::<ScenarioFile>();
-    parse(
-        text,
-        (schemas, "Scenario", &["steps", "reactions"]),
-        |table| document(toml::Value::Table(table), 0),
-        |path| path.is_empty(),
-    )
+    parse(text, (schemas, "Scenario", &["steps", "reactions"]), |path| path.is_empty())
 }
 
-/// Parses a text and validates it against the named schema, except at excused paths. `json` converts the parsed table
-/// for the validation. Messages omit the index of an item of `lists`, because the line number locates the item.
+/// Parses a text and validates it against the named schema, except at excused paths. Messages omit the index of an item
+/// of `lists`, because the line number locates the item.
 ///
 /// # Errors
 /// [`ReadError`] with the line of the error.
 pub(crate) fn parse<T: for<'de> Deserialize<'de>>(
     text: &str,
     (schemas, name, lists): (&Schemas, &str, &[&str]),
-    json: impl FnOnce(toml::Table) -> serde_json::Value,
     is_excused: impl FnOnce(&[Place]) -> bool,
 ) -> Result<T, ReadError> {
     let refuse = |error: toml::de::Error| {
@@ -257,7 +203,7 @@ pub(crate) fn parse<T: for<'de> Deserialize<'de>>(
         let lines = error.message().lines().map(str::trim).filter(|line| !line.is_empty());
         ReadError { line: Some(line), reason: lines.collect::<Vec<_>>().join("; ") }
     };
-    let document = toml::from_str(text).map(json).map_err(refuse)?;
+    let document = toml::from_str(text).map(|table| json(toml::Value::Table(table), false)).map_err(refuse)?;
     match schemas.check(name, &document, NONE) {
         Err(mismatch) if !is_excused(&mismatch.path) => {
             let item = match mismatch.path.as_slice() {
@@ -302,41 +248,33 @@ pub(super) fn line_of(text: &str, place: usize) -> usize {
     1 + text.bytes().take(place).filter(|byte| *byte == b'\n').count()
 }
 
-/// The word that stands for null in the tables of steps.
+/// The word that stands for null in the tables of a plant or a state.
 pub(crate) const NONE: &str = "\"none\"";
-
-/// The nesting depth from which values belong to the tables of steps, in which "none" stands for null.
-const TABLES: usize = 4;
-
-/// Converts a value at a nesting depth to JSON. In the tables of steps, "none" becomes null.
-fn document(value: toml::Value, depth: usize) -> serde_json::Value {
-    match value {
-        value if depth >= TABLES => json(value),
-        toml::Value::Array(values) => values.into_iter().map(|value| document(value, depth + 1)).collect(),
-        toml::Value::Table(table) => table.into_iter().map(|(key, value)| (key, document(value, depth + 1))).collect(),
-        toml::Value::String(text) => text.into(),
-        value => json(value),
-    }
-}
 
 /// Deserialises a table to a type of the control interface, in which "none" stands for null.
 ///
 /// # Errors
 /// The reason why the table is invalid.
 pub(crate) fn table<T: for<'de> Deserialize<'de>>(table: toml::Table) -> Result<T, String> {
-    T::deserialize(json(toml::Value::Table(table))).map_err(|error| error.to_string())
+    T::deserialize(json(toml::Value::Table(table), true)).map_err(|error| error.to_string())
 }
 
-/// Converts a value to JSON; the text "none" becomes null.
-pub(crate) fn json(value: toml::Value) -> serde_json::Value {
+/// Converts a value to JSON. If `has_none`, and in the tables of a plant or a state, "none" becomes null.
+fn json(value: toml::Value, has_none: bool) -> serde_json::Value {
     match value {
-        toml::Value::String(text) if text == "none" => serde_json::Value::Null,
+        toml::Value::String(text) if has_none && text == "none" => serde_json::Value::Null,
         toml::Value::String(text) => text.into(),
         toml::Value::Integer(number) => number.into(),
         toml::Value::Float(number) => number.into(),
         toml::Value::Boolean(is) => is.into(),
         toml::Value::Datetime(time) => time.to_string().into(),
-        toml::Value::Array(values) => values.into_iter().map(json).collect(),
-        toml::Value::Table(table) => table.into_iter().map(|(key, value)| (key, json(value))).collect(),
+        toml::Value::Array(values) => values.into_iter().map(|value| json(value, has_none)).collect(),
+        toml::Value::Table(table) => {
+            let member = |(key, value): (String, toml::Value)| {
+                let has_none = has_none || value.is_table() && matches!(&*key, "plant" | "expect" | "never");
+                (key, json(value, has_none))
+            };
+            table.into_iter().map(member).collect()
+        }
     }
 }

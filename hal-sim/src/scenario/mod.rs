@@ -65,8 +65,8 @@ impl Scenario {
     /// Runs the scenario as [`run_traced`](Self::run_traced) does, and calls `watch` after every step of the
     /// simulation. `watch` may replace the simulation with a clone.
     #[must_use]
-    pub fn run_watched(&self, seed: u64, watch: impl FnMut(&mut Simulation)) -> Outcome {
-        runner::run(self, &mut self.powered(seed), true, &mut Watcher(watch))
+    pub fn run_watched(&self, seed: u64, mut watch: impl FnMut(&mut Simulation)) -> Outcome {
+        runner::run(self, &mut self.powered(seed), true, &mut watch)
     }
 
     /// Runs the scenario on a target with powered devices and records a [trace](Outcome::trace). If the target cannot
@@ -82,14 +82,5 @@ impl Scenario {
         simulation.send_as(OWN);
         simulation.power_up(SUPPLY_JITTER);
         simulation
-    }
-}
-
-/// An observer of the simulation after each of its steps.
-struct Watcher<F>(F);
-
-impl<F: FnMut(&mut Simulation)> runner::Watch for Watcher<F> {
-    fn step(&mut self, simulation: &mut Simulation) {
-        (self.0)(simulation);
     }
 }

@@ -2,37 +2,26 @@
 
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::OWN;
-use crate::bus::FaultEffect;
 use crate::simulation::{Command, Happened};
 use crate::state::Pattern;
-use crate::world::EventKind;
 
 #[derive(Debug)]
 pub(super) struct Reaction {
-    pub(super) trigger: Trigger,
+    pub(super) frame: Pattern,
+    /// If given, the rule acts when no such frame from a device has come for this time; the first such frame starts the
+    /// supervision. Otherwise, the rule acts on such a frame from a device.
+    pub(super) missing: Option<Duration>,
     pub(super) act: Command,
     /// The time before which the rule ignores frames.
-    pub(super) from: Duration,
+    pub(super) from: Instant,
     /// True if the rule acts each time instead of once.
     pub(super) again: bool,
-}
-
-/// The trigger of a rule.
-#[derive(Debug)]
-pub(super) enum Trigger {
-    /// A frame from a device.
-    On(Pattern),
-    /// No frame from a device for this time. The first such frame starts the supervision.
-    Missing(Pattern, Duration),
 }
 
 /// The rules of a run.
 #[derive(Clone)]
 pub(super) struct Reactions<'a> {
     rules: Vec<Rule<'a>>,
-    /// True if a fault hides the next frame from the master.
-    is_lost: bool,
 }
 
 #[derive(Clone)]
@@ -48,39 +37,21 @@ struct Rule<'a> {
 impl<'a> Reactions<'a> {
     pub(super) fn new(reactions: &'a [Reaction]) -> Self {
         let rule = |reaction| Rule { reaction, due: NEVER, acts: false, is_spent: false };
-        Self { rules: reactions.iter().map(rule).collect(), is_lost: false }
+        Self { rules: reactions.iter().map(rule).collect() }
     }
 
-    /// Observes an event. Ignores frames from the master, and frames that a fault hides from the master.
+    /// Observes an event. Ignores everything except frames that the master receives.
     pub(super) fn observe(&mut self, happened: &Happened) {
-        if self.rules.is_empty() {
-            return;
-        }
-        match &happened.event.what {
-            // The event of a loss precedes the event of the lost frame.
-            EventKind::Fault { effect: FaultEffect::Lost(receivers), .. } => {
-                self.is_lost |= receivers.is_empty() || receivers.iter().any(|name| **name == *OWN);
+        let Some(frame) = happened.event.frame().filter(|_| happened.is_received) else { return };
+        for rule in self.rules.iter_mut().filter(|rule| !rule.is_spent) {
+            let Reaction { frame: pattern, missing, from, .. } = rule.reaction;
+            if happened.event.at < *from || !pattern.matches(frame) {
+                continue;
             }
-            EventKind::Frame { frame, .. } => {
-                let is_lost = std::mem::take(&mut self.is_lost);
-                if is_lost || *happened.event.who == *OWN {
-                    return;
-                }
-                for rule in self.rules.iter_mut().filter(|rule| !rule.is_spent) {
-                    let Reaction { trigger, from, .. } = rule.reaction;
-                    if happened.event.at < after(Instant::from_ticks(0), *from) {
-                        continue;
-                    }
-                    match trigger {
-                        Trigger::On(pattern) if pattern.matches(frame) => rule.act(),
-                        Trigger::Missing(pattern, span) if pattern.matches(frame) => {
-                            rule.due = after(happened.event.at, *span);
-                        }
-                        _ => {}
-                    }
-                }
+            match missing {
+                Some(span) => rule.due = after(happened.event.at, *span),
+                None => rule.act(),
             }
-            _ => {}
         }
     }
 

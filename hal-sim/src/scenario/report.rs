@@ -4,11 +4,14 @@ use std::fmt::{self, Write as _};
 
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
+use serde_json::{Value, json};
 
-use super::step::{Begin, Step, Wanted};
+use super::file::NONE;
+use super::frames::Frames;
+use super::step::{Step, Wanted};
 use super::strict::Deviation;
 use crate::simulation::{Command, Happened, Heard, History, Refusal};
-use crate::state::{DeviceState, Pattern};
+use crate::state::{DeviceState, Pattern, StateCondition};
 use crate::text::in_one_line;
 use crate::trace::Layout;
 
@@ -29,18 +32,18 @@ pub struct Outcome {
 pub(super) struct Failure {
     /// The line of the step.
     pub(super) line: usize,
-    note: Option<String>,
+    pub(super) note: Option<String>,
     /// The failed expectation, in one line.
     pub(super) headline: String,
     /// The lines that describe the expectation and the observation.
-    details: Vec<String>,
+    pub(super) details: Vec<String>,
     /// The exclusive upper bound of the event numbers to show with the failure; `None` for no bound.
-    until: Option<u64>,
-    at: Instant,
+    pub(super) until: Option<u64>,
+    pub(super) at: Instant,
     /// The trace lines of the last events before the failure.
-    excerpt: Vec<String>,
+    pub(super) excerpt: Vec<String>,
     /// True if a device is at a bit rate different from the bus. The bus errors then replace the excerpt.
-    is_not_heard: bool,
+    pub(super) is_not_heard: bool,
 }
 
 impl Outcome {
@@ -115,32 +118,18 @@ impl Trace {
 
 impl Failure {
     fn new(step: &Step, headline: String, details: Vec<String>) -> Self {
-        let at = Instant::from_ticks(0);
-        Self {
-            line: step.line,
-            note: step.note.clone(),
-            headline,
-            details,
-            until: None,
-            at,
-            excerpt: Vec::new(),
-            is_not_heard: false,
-        }
+        Self { note: step.note.clone(), ..Self::in_line(step.line, headline, details) }
+    }
+
+    fn in_line(line: usize, headline: String, details: Vec<String>) -> Self {
+        let (at, excerpt) = (Instant::from_ticks(0), Vec::new());
+        Self { line, note: None, headline, details, until: None, at, excerpt, is_not_heard: false }
     }
 
     /// Creates the failure for a device at a bit rate different from the bus.
     pub(super) fn not_heard(line: usize, reason: String) -> Self {
         let accept = "if this is intended, declare the device as { device = \"…\", heard = false }".to_owned();
-        Self {
-            line,
-            note: None,
-            headline: reason,
-            details: vec![accept],
-            until: None,
-            at: Instant::from_ticks(0),
-            excerpt: Vec::new(),
-            is_not_heard: true,
-        }
+        Self { is_not_heard: true, ..Self::in_line(line, reason, vec![accept]) }
     }
 
     /// Replaces the excerpt of a bit rate failure with the bus errors.
@@ -153,16 +142,17 @@ impl Failure {
     /// Creates the failure for a step that begins late because the previous steps took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
         let details = vec![format!("the previous steps were still running at {}", time(begin))];
-        let ms = match step.begin {
-            Begin::At(distance) => distance.as_millis(),
-            Begin::Now | Begin::After(_) => 0,
-        };
-        Self::new(step, format!("at_ms = {ms}"), details)
+        Self::new(step, format!("at_ms = {}", begin.as_millis()), details)
     }
 
     /// Creates the failure for a step whose command was refused.
-    pub(super) fn refused(step: &Step, command: &Command, refusal: &Refusal) -> Self {
-        Self::undone(step, &name(command), &refusal.to_string())
+    pub(super) fn refused(step: &Step, (key, command): &(&str, Command), refusal: &Refusal) -> Self {
+        let what = match command {
+            Command::Send(frame, _) => format!("{key} {frame}"),
+            Command::Fault(fault) => format!("{key} {fault}"),
+            _ => (*key).to_owned(),
+        };
+        Self::undone(step, &what, &refusal.to_string())
     }
 
     /// Creates the failure for a step that could not be executed or tested nothing. `what` names the step or its part.
@@ -170,27 +160,20 @@ impl Failure {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Creates the failure for missing frames. `missing` are the unmatched `patterns`. `from` is the number of the
-    /// first event of the step, `mark` the number of the event after the last matching frame.
-    pub(super) fn frames(
-        step: &Step,
-        patterns: &[Pattern],
-        missing: &[&Pattern],
-        (from, mark): (u64, u64),
-        history: &History,
-    ) -> Self {
+    /// Creates the failure for missing frames. `from` is the number of the first event of the step.
+    pub(super) fn frames(step: &Step, frames: &Frames<'_>, from: u64, history: &History) -> Self {
         let mut details = Vec::new();
-        for pattern in patterns {
-            let is_missing = missing.iter().any(|missing| std::ptr::eq(*missing, pattern));
-            let label = if is_missing { "expected" } else { "received" };
+        for (pattern, frame) in &frames.wanted {
+            let label = if frame.is_some() { "received" } else { "expected" };
             details.push(format!("{label:<10}{pattern}{}", meaning(pattern, history)));
         }
-        if let Some(first) = missing.first() {
-            details.extend(seen(first, (from, mark), history));
+        let missing = || frames.wanted.iter().filter(|(_, frame)| frame.is_none());
+        if let Some((first, _)) = missing().next() {
+            details.extend(seen(first, (from, frames.mark), history));
         }
-        let wanted = match patterns {
-            [pattern] => pattern.to_string(),
-            _ => format!("{} frames ({} received)", patterns.len(), patterns.len() - missing.len()),
+        let wanted = match frames.wanted.as_slice() {
+            [(pattern, _)] => pattern.to_string(),
+            all => format!("{} frames ({} received)", all.len(), all.len() - missing().count()),
         };
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
@@ -215,9 +198,15 @@ impl Failure {
 
     /// Creates the failure for an expected state that was not reached.
     pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
-        let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
-        let mut details: Vec<String> =
-            keys.map(|(key, value, _)| format!("{key:<10}expected {value}, seen {}", value_of(key, state))).collect();
+        let differs = |(key, value): &(String, Value)| {
+            let alone = serde_json::from_value::<StateCondition>(json!({ key: value }));
+            alone.is_ok_and(|alone| !alone.holds(state))
+        };
+        let keys = wanted.condition.keys().into_iter().filter(differs);
+        let text = |(key, value): (String, Value)| {
+            format!("{key:<10}expected {}, seen {}", written(&value), seen_value(&key, state))
+        };
+        let mut details: Vec<String> = keys.map(text).collect();
         if details.is_empty() {
             details.push("each key had its expected value, but never all at the same time".to_owned());
         }
@@ -234,19 +223,9 @@ impl Failure {
 
     /// Creates the failure for a forbidden state.
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
-        let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
-        let details = wanted.keys.iter().map(seen).collect();
+        let seen = |(key, _): (String, Value)| format!("seen      {key} = {}", seen_value(&key, state));
+        let details = wanted.condition.keys().into_iter().map(seen).collect();
         Self::new(step, format!("never state of {}{}", state.name, during(step)), details)
-    }
-
-    /// Returns the exclusive upper bound of the event numbers to show with the failure; `None` for no bound.
-    pub(super) const fn until(&self) -> Option<u64> {
-        self.until
-    }
-
-    /// Adds the time of the failure and the events before it.
-    pub(super) fn with(self, at: Instant, excerpt: Vec<String>) -> Self {
-        Self { at, excerpt, ..self }
     }
 
     /// Writes the failure in indented lines; `file` is the name of the scenario file. The first failure shows the
@@ -284,21 +263,6 @@ impl Deviation {
                 format!("not received since {}, expected every {} ms: {pattern}", time(*last), period.as_millis())
             }
         }
-    }
-}
-
-/// Returns the text for a command in failure headlines: the scenario key, and the frame or fault.
-fn name(command: &Command) -> String {
-    match command {
-        Command::Send(frame, _) => format!("send {frame}"),
-        Command::Plant(..) => "plant".to_owned(),
-        Command::Power(..) => "power".to_owned(),
-        Command::BitRate(_) => "bus".to_owned(),
-        Command::Disturb(_) => "disturb".to_owned(),
-        Command::Fault(fault) => format!("fault {fault}"),
-        Command::EndFaults(_) => "end".to_owned(),
-        Command::Stop(_) => "stop".to_owned(),
-        Command::Wait(..) | Command::Advance(_) => "wait".to_owned(),
     }
 }
 
@@ -367,25 +331,22 @@ fn counted(since: Option<Instant>) -> String {
     since.map_or_else(String::new, |since| format!(" since {} ms", since.as_millis()))
 }
 
-/// Formats the value of a state key in scenario syntax.
-fn value_of(key: &str, state: &DeviceState) -> String {
-    let mut values = serde_json::to_value(state).unwrap_or_default();
-    match key {
-        "faults" => {
-            let active = state.faults.iter().filter(|fault| fault.active).map(|fault| format!("\"{}\"", fault.fault));
-            format!("[{}]", active.collect::<Vec<_>>().join(", "))
+/// Formats the value of a state key in scenario syntax. Of the faults, only the active ones are shown.
+fn seen_value(key: &str, state: &DeviceState) -> String {
+    let active = state.faults.iter().filter(|fault| fault.active).map(|fault| fault.fault);
+    written(&if key == "faults" { active.collect() } else { json!(state)[key].take() })
+}
+
+/// Formats a value in scenario syntax.
+fn written(value: &Value) -> String {
+    match value {
+        Value::Null => NONE.to_owned(),
+        Value::Array(items) => format!("[{}]", items.iter().map(written).collect::<Vec<_>>().join(", ")),
+        Value::Object(members) => {
+            let members = members.iter().map(|(key, value)| format!("{key} = {}", written(value)));
+            format!("{{ {} }}", members.collect::<Vec<_>>().join(", "))
         }
-        "led" => state.led.map_or_else(
-            || "\"none\"".to_owned(),
-            |led| {
-                let color = serde_json::to_value(led.color).unwrap_or_default();
-                format!("{{ color = {color}, flashing = {} }}", led.flashing)
-            },
-        ),
-        _ => match values[key].take() {
-            serde_json::Value::Null => "\"none\"".to_owned(),
-            value => value.to_string(),
-        },
+        value => value.to_string(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use protocol_core::controller::BitRate;
 
-use super::file::{self, DeviceEntry, ScenarioFile};
+use super::file::{self, DeviceEntry, DeviceTable, ScenarioFile};
 use super::reaction::Reaction;
 use super::step::{Expect, Step, What};
 use super::trial::Trial;
@@ -10,7 +10,6 @@ use super::{OWN, ReadError};
 use crate::devices::{self, DeviceSpec, NamedDevice, NamedLink};
 use crate::memory::Memory;
 use crate::simulation::Simulation;
-use crate::state::{BusChange, Invalid};
 use crate::text::in_one_line;
 
 /// A checked scenario.
@@ -52,7 +51,10 @@ impl Scenario {
         let mut entries = Vec::new();
         let specs = devices.into_iter().map(|entry| {
             let place = entry.span().start;
-            let (device, heard) = DeviceEntry::read(entry.into_inner()).map_err(at(place))?;
+            let (device, heard) = match entry.into_inner() {
+                DeviceEntry::Text(device) => (device, true),
+                DeviceEntry::Table(DeviceTable { device, heard }) => (device, heard.unwrap_or(true)),
+            };
             entries.push(Entry { line: file::line_of(text, place), heard });
             device.parse::<DeviceSpec>().map_err(at(place))
         });
@@ -72,12 +74,9 @@ impl Scenario {
         });
         let links: Vec<NamedLink> = links.collect::<Result<_, _>>()?;
         devices::refuse_bad_links(&devices, &links).map_err(|error| at(first)(error.to_string()))?;
-        let bit_rate = bit_rate.map(|rate| {
-            let place = rate.span().start;
-            let change = BusChange { bit_rate: rate.into_inner() };
-            change.bit_rate().map_err(|Invalid(reason)| at(place)(reason))
-        });
-        let bit_rate = devices::share_bit_rate(&mut devices, bit_rate.transpose()?);
+        // The schema accepts only known bit rates.
+        let bit_rate = bit_rate.and_then(BitRate::from_bits_per_second);
+        let bit_rate = devices::share_bit_rate(&mut devices, bit_rate);
         if steps.is_empty() {
             return Err(at(0)("no steps; add steps = [{ expect = \"720#00\" }]".to_owned()));
         }

@@ -13,7 +13,8 @@ pub(super) struct Step {
     pub(super) line: usize,
     pub(super) note: Option<String>,
     pub(super) begin: Begin,
-    pub(super) act: Option<Command>,
+    /// The action, with its key in the file.
+    pub(super) act: Option<(&'static str, Command)>,
     pub(super) expect: Option<Expect>,
     pub(super) never: Option<Never>,
 }
@@ -25,8 +26,8 @@ pub(super) enum Begin {
     Now,
     /// The step starts with a delay after the end of the previous step.
     After(Duration),
-    /// The step starts at a time counted from the start of the scenario.
-    At(Duration),
+    /// The step starts at an instant.
+    At(Instant),
 }
 
 #[derive(Debug)]
@@ -64,28 +65,12 @@ pub(crate) struct Wanted {
     /// The name of the device.
     pub(crate) device: String,
     pub(crate) condition: StateCondition,
-    /// Each key with its value as written in the file, and a condition on this key only.
-    pub(super) keys: Vec<(String, String, StateCondition)>,
 }
 
 impl Wanted {
-    pub(crate) fn device(&self) -> &str {
-        &self.device
-    }
-
     /// Returns the condition for a wait.
     pub(super) fn condition(&self) -> Condition {
         Condition::State(self.device.clone(), Box::new(self.condition.clone()))
-    }
-}
-
-impl What {
-    /// Returns the frames; empty for a state.
-    pub(super) fn frames(&self) -> &[Pattern] {
-        match self {
-            Self::Frames(frames) => frames,
-            Self::State(_) => &[],
-        }
     }
 }
 
@@ -98,6 +83,6 @@ impl Step {
             Begin::At(_) => true,
         };
         let expects = matches!(&self.expect, Some(expect) if expect.within > NO_TIME);
-        waits || expects || matches!(self.act, Some(Command::Send(..)))
+        waits || expects || matches!(self.act, Some((_, Command::Send(..))))
     }
 }

@@ -1,19 +1,15 @@
 //! The trial run of a scenario: refuses steps that cannot be executed.
 
-use protocol_core::controller::BitRate;
 use protocol_core::device::{Protocol, Setup};
-use protocol_core::frame::{Frame, Id};
+use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant};
 
 use super::file::{self, Expected, NONE, PATIENCE, ReactionTable, StepTable};
-use super::reaction::{Reaction, Trigger};
+use super::reaction::Reaction;
 use super::step::{Begin, Expect, Never, Step, Wanted, What};
-use crate::bus::Disturbance;
 use crate::devices::NamedDevice;
 use crate::simulation::{Command, Refusal, Simulation};
-use crate::state::{
-    self, BusChange, Disturb, FaultRequest, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition,
-};
+use crate::state::{self, FaultRequest, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition};
 
 /// The trial run of the steps. Tracks devices, cyclic frames and faults.
 pub(super) struct Trial {
@@ -34,7 +30,7 @@ impl Trial {
     }
 
     /// Checks a step, and applies its plant and fault changes to the trial simulation.
-    pub(super) fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
+    pub(super) fn check(&mut self, line: usize, mut table: StepTable) -> Result<Step, String> {
         let about_device = table.plant.is_some()
             || table.power.is_some()
             || matches!(table.expect, Some(Expected::State(_)))
@@ -45,11 +41,10 @@ impl Trial {
         if table.expect.is_some() && table.never.is_some() {
             return Err("expect and never cannot be in the same step".to_owned());
         }
-        refuse_two_acts(&table)?;
         let device = &device(&self.devices, table.device.as_deref(), about_device)?;
         let begin = match (table.at_ms, table.after_ms) {
             (None, None) => Begin::Now,
-            (Some(at), None) => Begin::At(millis(at)),
+            (Some(at), None) => Begin::At(Instant::from_millis(at.into())),
             (None, Some(after)) => Begin::After(millis(after)),
             (Some(_), Some(_)) => return Err("at_ms and after_ms cannot be in the same step".to_owned()),
         };
@@ -61,47 +56,46 @@ impl Trial {
             return Err("since_ms is not valid in a strict scenario; remove strict = true".to_owned());
         }
         let since = table.since_ms.map(|ms| Instant::from_millis(ms.into()));
-        let mut expect = self.expect(device, table.expect, table.any_order, since, table.within_ms)?;
-        let never = self.never(device, table.never, since, table.for_ms)?;
-        let mut act = None;
-        if let Some(frame) = table.send {
-            act = Some(self.send(&frame, table.every_ms)?);
-        } else if let Some(period) = period(table.every_ms)? {
-            self.expect_again(expect.as_mut(), period)?;
+        let mut expect = self.expect(device, &mut table, since)?;
+        let never = self.never(device, &mut table, since)?;
+        if let (None, Some(period)) = (&table.send, table.every_ms) {
+            self.expect_again(expect.as_mut(), millis(period))?;
         }
-        if let Some(which) = table.stop {
-            act = Some(Command::Stop(self.stop(&which)?));
+        let note = table.note.take();
+        let act = self.act(device, table)?;
+        Ok(Step { line, note, begin, act, expect, never })
+    }
+
+    /// Returns the command of a step's action with its key, and applies plant and fault changes to the trial simulation.
+    fn act(&mut self, device: &NamedDevice, table: StepTable) -> Result<Option<(&'static str, Command)>, String> {
+        let StepTable { send, every_ms, stop, plant, power, bus, disturb, fault, end, .. } = table;
+        let reason = |Invalid(reason)| reason;
+        let acts = [
+            ("send", send.map(|frame| self.send(&frame, every_ms))),
+            ("stop", stop.map(|which| self.stop(&which).map(Command::Stop))),
+            ("plant", plant.map(|change| self.plant(device, change))),
+            ("power", power.map(|change| Ok(Command::Power(device.name.clone(), self::power(change)?)))),
+            ("bus", bus.map(|change| change.bit_rate().map(Command::BitRate).map_err(reason))),
+            ("disturb", disturb.map(|change| change.disturbance().map(Command::Disturb).map_err(reason))),
+            ("fault", fault.map(|request| self.fault(&request))),
+            ("end", end.map(|name| self.end(name))),
+        ];
+        let mut given = acts.into_iter().filter_map(|(key, act)| Some((key, act?)));
+        match (given.next(), given.next()) {
+            (Some((one, _)), Some((other, _))) => Err(format!("{one} and {other} cannot be in the same step")),
+            (Some((key, act)), None) => Ok(Some((key, act.map_err(within(key))?))),
+            (None, _) => Ok(None),
         }
-        if let Some(change) = table.plant {
-            act = Some(self.plant(device, change).map_err(within("plant"))?);
-        }
-        if let Some(change) = table.power {
-            act = Some(Command::Power(device.name.clone(), power(change).map_err(within("power"))?));
-        }
-        if let Some(change) = table.bus {
-            act = Some(Command::BitRate(bit_rate(change).map_err(within("bus"))?));
-        }
-        if let Some(change) = table.disturb {
-            act = Some(Command::Disturb(disturbance(change).map_err(within("disturb"))?));
-        }
-        if let Some(change) = table.fault {
-            act = Some(self.fault(change).map_err(within("fault"))?);
-        }
-        if let Some(name) = table.end {
-            act = Some(self.end(name)?);
-        }
-        Ok(Step { line, note: table.note, begin, act, expect, never })
     }
 
     fn expect(
         &self,
         device: &NamedDevice,
-        expected: Option<Expected>,
-        any_order: Option<bool>,
+        table: &mut StepTable,
         since: Option<Instant>,
-        within_ms: Option<u32>,
     ) -> Result<Option<Expect>, String> {
-        let Some(expected) = expected else {
+        let (any_order, within_ms) = (table.any_order, table.within_ms);
+        let Some(expected) = table.expect.take() else {
             return match (within_ms, any_order) {
                 (Some(_), _) => Err("within_ms is only valid together with expect".to_owned()),
                 (None, Some(_)) => Err("any_order is only valid together with expect".to_owned()),
@@ -121,10 +115,10 @@ impl Trial {
 
     /// Checks that a step of a strict scenario can expect its frame cyclically.
     fn expect_again(&mut self, expect: Option<&mut Expect>, period: Duration) -> Result<(), String> {
-        let expect = expect.filter(|_| self.strict);
-        let expect = expect.and_then(|expect| match expect.what.frames() {
-            [frame] => frame.identifier().map(|id| (expect, id)),
-            _ => None,
+        let expect = expect.filter(|_| self.strict).and_then(|expect| {
+            let What::Frames(frames) = &expect.what else { return None };
+            let [frame] = frames.as_slice() else { return None };
+            frame.identifier().map(|id| (expect, id))
         });
         let Some((expect, id)) = expect else {
             return Err(
@@ -142,11 +136,11 @@ impl Trial {
     fn never(
         &self,
         device: &NamedDevice,
-        expected: Option<Expected>,
+        table: &mut StepTable,
         since: Option<Instant>,
-        for_ms: Option<u32>,
     ) -> Result<Option<Never>, String> {
-        match expected {
+        let for_ms = table.for_ms;
+        match table.never.take() {
             Some(_) if for_ms == Some(0) => Err("for_ms must be at least 1".to_owned()),
             Some(expected) => {
                 let what = self.what(device, expected, since).map_err(within("never"))?;
@@ -163,15 +157,17 @@ impl Trial {
     }
 
     fn send(&mut self, text: &str, every_ms: Option<u32>) -> Result<Command, String> {
-        let (frame, period) = (one_frame(text)?, period(every_ms)?);
-        if period.is_some() {
+        let frame = text.parse::<Pattern>()?.frame();
+        let refuse = || format!("'{text}' is not a single frame; give all digits, as in \"220#0F00 0020\"");
+        let frame = frame.ok_or_else(refuse)?;
+        if every_ms.is_some() {
             for known in [&mut self.cyclic, &mut self.ever_cyclic] {
                 if !known.contains(&frame.id()) {
                     known.push(frame.id());
                 }
             }
         }
-        Ok(Command::Send(frame, period))
+        Ok(Command::Send(frame, every_ms.map(millis)))
     }
 
     /// Removes the cyclic frame to stop from the active cyclic frames. Returns its identifier; `None` stops all cyclic
@@ -189,31 +185,29 @@ impl Trial {
     /// Checks a rule.
     pub(super) fn reaction(&mut self, table: ReactionTable) -> Result<Reaction, String> {
         let ReactionTable { on, missing, for_ms, send, every_ms, stop, from_ms, again } = table;
-        let trigger = match (on, missing, for_ms) {
-            (Some(on), None, None) => Trigger::On(self.frame_to_come(&on).map_err(within("on"))?),
+        let (frame, missing) = match (on, missing, for_ms) {
+            (Some(on), None, None) => (self.frame_to_come(&on).map_err(within("on"))?, None),
             (Some(_), None, Some(_)) => return Err("for_ms is only valid together with missing".to_owned()),
-            (None, Some(frame), Some(ms)) => {
-                Trigger::Missing(self.frame_to_come(&frame).map_err(within("missing"))?, millis(ms))
-            }
+            (None, Some(frame), Some(ms)) => (self.frame_to_come(&frame).map_err(within("missing"))?, Some(millis(ms))),
             (None, Some(_), None) => return Err("for_ms is missing; give the time without the frame".to_owned()),
             (None, None, _) => return Err("no trigger; give on = \"0A0\", or missing = \"720\" with for_ms".to_owned()),
             (Some(_), Some(_), _) => return Err("on and missing cannot be in the same reaction".to_owned()),
         };
         let act = match (send, stop) {
-            (Some(frame), None) => self.send(&frame, every_ms)?,
+            (Some(frame), None) => self.send(&frame, every_ms).map_err(within("send"))?,
             (None, Some(_)) if every_ms.is_some() => return Err("every_ms is only valid together with send".to_owned()),
-            (None, Some(which)) => Command::Stop(stopped(&which)?),
+            (None, Some(which)) => Command::Stop(stopped(&which).map_err(within("stop"))?),
             (None, None) => return Err("no action; give send = \"000#0220\", or stop = \"220\"".to_owned()),
             (Some(_), Some(_)) => return Err("send and stop cannot be in the same reaction".to_owned()),
         };
-        Ok(Reaction { trigger, act, from: millis(from_ms.unwrap_or(0)), again })
+        Ok(Reaction { frame, missing, act, from: Instant::from_millis(from_ms.unwrap_or(0).into()), again })
     }
 
     /// Checks that a step or rule sends the cyclic frame that a rule stops. Called after all steps.
     pub(super) fn check_stop(&self, reaction: &Reaction) -> Result<(), String> {
         match reaction.act {
             Command::Stop(Some(id)) if !self.ever_cyclic.contains(&id) => {
-                Err(no_cyclic(&format!("\"{}\"", state::digits(id)), &self.ever_cyclic))
+                Err(within("stop")(no_cyclic(&format!("\"{}\"", state::digits(id)), &self.ever_cyclic)))
             }
             _ => Ok(()),
         }
@@ -230,8 +224,7 @@ impl Trial {
         Ok(command)
     }
 
-    fn fault(&mut self, change: toml::Table) -> Result<Command, String> {
-        let request: FaultRequest = file::table(change)?;
+    fn fault(&mut self, request: &FaultRequest) -> Result<Command, String> {
         let command = Command::Fault(request.fault().map_err(|Invalid(reason)| reason)?);
         match self.simulation.execute(command.clone()) {
             // A conflict is accepted, because earlier faults may have expired by the time of this step.
@@ -249,7 +242,7 @@ impl Trial {
         let is_known = self.faults.contains(&name);
         let command = Command::EndFaults(Some(name).filter(|name| name != "all"));
         match self.simulation.execute(command.clone()) {
-            Err(refusal) if !is_known => Err(format!("end: {refusal}")),
+            Err(refusal) if !is_known => Err(refusal.to_string()),
             _ => Ok(command),
         }
     }
@@ -307,23 +300,12 @@ pub(crate) fn wanted(device: &NamedDevice, state: toml::Table) -> Result<Wanted,
         return Err("empty state; give at least one key, as in { dsm = \"active\" }".to_owned());
     }
     let NamedDevice { name, setup: Setup { kind, .. }, .. } = device;
-    let keys = state.clone().into_iter().map(|(key, value)| {
-        let alone: Result<StateCondition, String> = file::table([(key.clone(), value.clone())].into_iter().collect());
-        match alone {
-            Ok(alone) => Ok((key, value.to_string(), alone)),
-            Err(reason) if !reason.starts_with("invalid ") => Err(reason),
-            Err(_) => {
-                Err(format!("{key} {value} is not valid; accepted: {}", state::accepted(&key, *kind, name, NONE)))
-            }
-        }
-    });
-    let keys = keys.collect::<Result<_, String>>()?;
     let condition: StateCondition = file::table(state)?;
     condition.check(name, *kind, NONE).map_err(|Invalid(reason)| reason)?;
     if condition.is_always_so(name, *kind) {
         return Err(format!("this condition is always true for {name}; use one that can be false"));
     }
-    Ok(Wanted { device: name.clone(), condition, keys })
+    Ok(Wanted { device: name.clone(), condition })
 }
 
 pub(crate) fn within(key: &'static str) -> impl FnOnce(String) -> String {
@@ -334,57 +316,16 @@ fn millis(ms: u32) -> Duration {
     Duration::from_millis(ms.into())
 }
 
-pub(crate) fn power(change: toml::Table) -> Result<Power, String> {
-    let change: PowerChange = file::table(change)?;
+pub(crate) fn power(change: PowerChange) -> Result<Power, String> {
     // The control interface's message has the JSON form of the accepted values.
     let accepted = "must be { on = true }, { on = false } or { reset = \"watchdog\" }";
     change.power().map_err(|_| accepted.to_owned())
 }
 
-fn bit_rate(change: toml::Table) -> Result<BitRate, String> {
-    let change: BusChange = file::table(change)?;
-    change.bit_rate().map_err(|Invalid(reason)| reason)
-}
-
-fn disturbance(change: toml::Table) -> Result<Disturbance, String> {
-    let change: Disturb = file::table(change)?;
-    change.disturbance().map_err(|Invalid(reason)| reason)
-}
-
-fn period(every_ms: Option<u32>) -> Result<Option<Duration>, String> {
-    match every_ms {
-        Some(0) => Err("every_ms must be at least 1".to_owned()),
-        every_ms => Ok(every_ms.map(millis)),
-    }
-}
-
-fn refuse_two_acts(table: &StepTable) -> Result<(), String> {
-    let acts = [
-        ("send", table.send.is_some()),
-        ("stop", table.stop.is_some()),
-        ("plant", table.plant.is_some()),
-        ("power", table.power.is_some()),
-        ("bus", table.bus.is_some()),
-        ("disturb", table.disturb.is_some()),
-        ("fault", table.fault.is_some()),
-        ("end", table.end.is_some()),
-    ];
-    let mut given = acts.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key);
-    match (given.next(), given.next()) {
-        (Some(one), Some(other)) => Err(format!("{one} and {other} cannot be in the same step")),
-        _ => Ok(()),
-    }
-}
-
-fn one_frame(text: &str) -> Result<Frame, String> {
-    let frame = text.parse::<Pattern>().map_err(within("send"))?.frame();
-    frame.ok_or_else(|| format!("send: '{text}' is not a single frame; give all digits, as in \"220#0F00 0020\""))
-}
-
 /// Returns the refusal to stop an unknown cyclic frame.
 fn no_cyclic(which: &str, known: &[Id]) -> String {
     let known = known.iter().map(|id| format!("\"{}\"", state::digits(*id))).chain(["\"all\"".to_owned()]);
-    format!("stop: there is no cyclic frame {which}; accepted: {}", known.collect::<Vec<_>>().join(", "))
+    format!("there is no cyclic frame {which}; accepted: {}", known.collect::<Vec<_>>().join(", "))
 }
 
 /// Returns the identifier of the cyclic frame to stop; `None` stops all cyclic frames.
@@ -393,8 +334,7 @@ fn stopped(which: &Identifier) -> Result<Option<Id>, String> {
         Identifier::Text(text) if text == "all" => Ok(None),
         _ => {
             let extended = which.needs_29_bits().then_some(true);
-            let refuse =
-                |_| format!("stop: {which} is not an identifier; accepted: hex digits as in \"220\", or \"all\"");
+            let refuse = |_| format!("{which} is not an identifier; accepted: hex digits as in \"220\", or \"all\"");
             which.id(extended).map(Some).map_err(refuse)
         }
     }

@@ -350,6 +350,18 @@ impl Simulation {
         std::mem::take(&mut self.completed)
     }
 
+    /// Takes the result of a pending command; `None` if the command has not completed.
+    pub fn take_result(&mut self, ticket: Ticket) -> Option<Result<Reply, Refusal>> {
+        let place = self.completed.iter().position(|(known, _)| *known == ticket)?;
+        Some(self.completed.remove(place).1)
+    }
+
+    /// Returns whether a pending command has completed and its result has not been taken.
+    #[must_use]
+    pub fn has_completed(&self, ticket: Ticket) -> bool {
+        self.completed.iter().any(|(known, _)| *known == ticket)
+    }
+
     /// Advances to the next event or due time, but no further than `end`. Returns whether `end` is reached. The events
     /// must be [taken](Self::take_event) before the next [`poll`](Self::poll).
     pub fn go(&mut self, end: Instant) -> bool {
@@ -424,8 +436,8 @@ impl Simulation {
             Executed::Pending(ticket) => ticket,
         };
         loop {
-            if let Some(place) = self.completed.iter().position(|(known, _)| *known == ticket) {
-                return self.completed.remove(place).1;
+            if let Some(result) = self.take_result(ticket) {
+                return result;
             }
             if self.now() == NEVER {
                 return Err(Refusal::Conflict(

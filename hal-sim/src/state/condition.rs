@@ -154,7 +154,7 @@ impl StateCondition {
     }
 
     /// Returns the keys of the condition with their values.
-    fn keys(&self) -> Vec<(String, serde_json::Value)> {
+    pub(crate) fn keys(&self) -> Vec<(String, serde_json::Value)> {
         match serde_json::to_value(self) {
             Ok(serde_json::Value::Object(keys)) => keys.into_iter().collect(),
             _ => Vec::new(),

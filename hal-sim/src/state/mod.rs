@@ -32,7 +32,6 @@ pub(crate) use identifier::digits;
 pub use identifier::{Identifier, IdentifierOrAll, raw};
 pub use pattern::{DATA, DATA_PATTERN, Pattern};
 pub use plant::{CRANKING, PlantChange, PlantState, Points, Profile, ReadyProfile};
-pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
 pub use words::json_of;
 

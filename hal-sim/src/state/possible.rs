@@ -142,7 +142,7 @@ pub(super) fn is_always_so(wanted: &[(String, Json)], kind: Kind, name: &str) ->
 }
 
 /// Describes the possible values of a key for a device of this kind and name. `none` is the word for null in the text.
-pub fn accepted(key: &str, kind: Kind, name: &str, none: &str) -> String {
+fn accepted(key: &str, kind: Kind, name: &str, none: &str) -> String {
     let mut accepted: Vec<Values> = Vec::new();
     for powered in [true, false] {
         for (_, values) in table(kind, name, powered).into_iter().filter(|(known, _)| *known == key) {

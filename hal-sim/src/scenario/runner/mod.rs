@@ -12,7 +12,7 @@ use crate::scenario::script::Scenario;
 use crate::scenario::step::Step;
 use crate::scenario::strict::Claims;
 use crate::scenario::target::Target;
-use crate::simulation::{Executed, Happened, NotHeard, Refusal, Reply, Simulation, Ticket};
+use crate::simulation::{Executed, Happened, NotHeard, Simulation, Ticket};
 
 /// An observer of a run.
 pub(crate) trait Watch {
@@ -26,14 +26,22 @@ pub(crate) trait Watch {
 /// The observer that ignores everything.
 impl Watch for () {}
 
+impl<F: FnMut(&mut Simulation)> Watch for F {
+    fn step(&mut self, simulation: &mut Simulation) {
+        self(simulation);
+    }
+}
+
 /// A run of a scenario on a target with powered devices. A run can be paused at any instant. A clone continues with a
 /// clone of the target exactly as the original would.
 #[derive(Clone)]
 pub(crate) struct Run<'a> {
     scenario: &'a Scenario,
-    /// The work to do after the wait in progress.
-    next: Next,
-    wait: Option<Wait<'a>>,
+    next: Next<'a>,
+    /// The index of the current step.
+    index: usize,
+    /// The number of the first event of the current step.
+    from: u64,
     /// The check that a step expects each device frame; `None` unless the scenario is strict and failures count.
     claims: Option<Claims<'a>>,
     /// The claims, set aside during an action whose frames may match the step's expectation.
@@ -45,8 +53,6 @@ pub(crate) struct Run<'a> {
     /// The instant at which each step has acted, in the order of the steps.
     #[cfg(feature = "campaign")]
     acted: Vec<Instant>,
-    /// The completed commands with their results.
-    ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
     reactions: Reactions<'a>,
     failures: Vec<Failure>,
@@ -58,35 +64,35 @@ pub(crate) struct Run<'a> {
     shown: u64,
 }
 
-/// The next piece of work. Steps are given by their index; `from` is the number of the first event of the step.
-#[derive(Clone, Copy, Debug)]
-enum Next {
+/// The next piece of work, with the wait before it.
+#[derive(Clone)]
+enum Next<'a> {
     Start,
-    Begin { step: usize },
-    Act { step: usize },
-    Expect { step: usize, from: u64, act: Option<Ticket> },
-    Judge { step: usize, from: u64, state: Option<Ticket> },
-    End,
+    Begin,
+    /// The action, at an instant, or now if `None`.
+    Act(Option<Instant>),
+    /// The expectation, once the command of the action has completed, if it takes time.
+    Expect(Option<Ticket>),
+    /// The verdict on an expected state, once the command that waits for the state has completed. `None` for a step
+    /// without an expectation.
+    JudgeState(Option<Ticket>),
+    /// The verdict on expected frames, once all have come, or at an instant.
+    JudgeFrames(Frames<'a>, Instant),
+    /// The end of the scenario, at an instant, or now if `None`.
+    End(Option<Instant>),
     Over,
 }
 
-/// A wait in progress.
-#[derive(Clone)]
-struct Wait<'a> {
-    end: Instant,
-    goal: Goal<'a>,
-    /// True if the goal was reached; valid once the wait has ended.
-    is_reached: bool,
-}
-
-/// The condition that ends a wait early.
-#[derive(Clone)]
-enum Goal<'a> {
-    /// No condition: the wait lasts until its end.
-    None,
-    /// The completion of a pending command.
-    Command(Ticket),
-    Frames(Frames<'a>),
+impl Next<'_> {
+    /// Returns the instant at which the wait ends at the latest; `None` if there is no wait.
+    fn latest(&self) -> Option<Instant> {
+        match self {
+            Self::Act(at) | Self::End(at) => *at,
+            Self::Expect(ticket) | Self::JudgeState(ticket) => ticket.map(|_| NEVER),
+            Self::JudgeFrames(_, end) => Some(*end),
+            Self::Start | Self::Begin | Self::Over => None,
+        }
+    }
 }
 
 /// Runs a scenario on a target with powered devices and, if `traced`, records a trace.
@@ -102,14 +108,14 @@ impl<'a> Run<'a> {
         Self {
             scenario,
             next: Next::Start,
-            wait: None,
+            index: 0,
+            from: 0,
             claims: scenario.strict.then(Claims::default),
             held_claims: None,
             trace: traced.then(Trace::default),
             step: None,
             #[cfg(feature = "campaign")]
             acted: Vec::new(),
-            ended: Vec::new(),
             guards: Vec::new(),
             reactions: Reactions::new(&scenario.reactions),
             failures: Vec::new(),
@@ -145,9 +151,7 @@ impl Run<'_> {
     /// Advances to `until`, beyond the end of the scenario if necessary. Cyclic frames, rules and devices stay active.
     pub(crate) fn pass<T: Target>(&mut self, target: &mut T, until: Instant, watch: &mut dyn Watch) {
         if self.advance(target, until, watch) {
-            self.wait = Some(Wait::until(until));
-            Runner { run: self, target, watch }.pass(until);
-            self.wait = None;
+            Runner { run: self, target, watch }.pass(until, until);
         }
     }
 
@@ -159,9 +163,8 @@ impl Run<'_> {
     /// Returns the number of steps that are over.
     pub(crate) fn completed(&self) -> usize {
         match self.next {
-            Next::Start => 0,
-            Next::Begin { step } | Next::Act { step } | Next::Expect { step, .. } | Next::Judge { step, .. } => step,
-            Next::End | Next::Over => self.scenario.steps.len(),
+            Next::End(_) | Next::Over => self.scenario.steps.len(),
+            _ => self.index,
         }
     }
 
@@ -186,10 +189,10 @@ struct Runner<'r, 'a, B> {
 }
 
 impl<'a, B: Target> Runner<'_, 'a, B> {
-    /// Advances until the wait ends: at its end, its goal, or a deviation from a strict scenario. Pauses at `until`.
-    /// Processes all due events. Returns whether the wait has ended.
-    fn pass(&mut self, until: Instant) -> bool {
-        let Some(end) = self.run.wait.as_ref().map(|wait| wait.end) else { return true };
+    /// Advances until the wait before the next work ends: at `end`, when the awaited frames or result have come, or at a
+    /// deviation from a strict scenario. Pauses at `until`. Processes all due events. Returns whether the wait has
+    /// ended.
+    fn pass(&mut self, end: Instant, until: Instant) -> bool {
         loop {
             if self.is_reached() || self.run.claims.as_ref().is_some_and(Claims::are_broken) {
                 return true;
@@ -209,27 +212,21 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         }
     }
 
-    /// Checks the goal of the wait in progress, and returns whether it is reached.
+    /// Checks whether the awaited frames or the awaited result have come.
     fn is_reached(&mut self) -> bool {
-        let simulation = self.target.simulation();
-        let Some(wait) = &mut self.run.wait else { return true };
-        wait.is_reached = match (&mut wait.goal, &mut self.run.claims) {
-            (Goal::Frames(frames), None) => {
-                frames.look(simulation.history());
-                frames.are_all_there()
-            }
-            (Goal::Frames(frames), Some(claims)) => {
-                claims.look(simulation.now(), simulation.history(), Some(frames));
-                frames.are_all_there()
-            }
-            (goal, claims) => {
-                if let Some(claims) = claims {
-                    claims.look(simulation.now(), simulation.history(), None);
-                }
-                matches!(goal, Goal::Command(ticket) if self.run.ended.iter().any(|(known, _)| known == ticket))
-            }
-        };
-        wait.is_reached
+        let (simulation, run) = (self.target.simulation(), &mut *self.run);
+        let (now, history) = (simulation.now(), simulation.history());
+        match (&mut run.next, &mut run.claims) {
+            (Next::JudgeFrames(frames, _), None) => frames.look(history),
+            (Next::JudgeFrames(frames, _), Some(claims)) => claims.look(now, history, Some(frames)),
+            (_, Some(claims)) => claims.look(now, history, None),
+            (_, None) => {}
+        }
+        match &run.next {
+            Next::JudgeFrames(frames, _) => frames.are_all_there(),
+            Next::Expect(Some(ticket)) | Next::JudgeState(Some(ticket)) => simulation.has_completed(*ticket),
+            _ => false,
+        }
     }
 
     /// Processes new events and collects completed commands.
@@ -242,7 +239,6 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             }
         }
         self.target.simulation_mut().poll();
-        self.run.ended.extend(self.target.simulation_mut().take_completed());
         // A prohibition proves nothing for a device at a different bit rate, so such devices are detected at the end of
         // each prohibition.
         let now = self.target.simulation().now();
@@ -271,19 +267,18 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             let entry = place.and_then(|place| self.run.scenario.entries.get(place));
             let step = self.run.step.filter(|_| t_us > 0);
             let line = step.map(|step| step.line).or(entry.map(|entry| entry.line)).unwrap_or(1);
-            let failure = Failure::not_heard(line, reason).with(self.target.simulation().now(), Vec::new());
-            self.run.failures.push(failure);
+            let at = self.target.simulation().now();
+            self.run.failures.push(Failure { at, ..Failure::not_heard(line, reason) });
         }
     }
 
     /// Checks the active prohibitions.
     fn guard(&mut self) {
         for mut guard in std::mem::take(&mut self.run.guards) {
-            let ended = self.run.ended.iter().position(|(known, _)| guard.ticket == Some(*known));
-            let ended = ended.map(|place| self.run.ended.swap_remove(place).1);
+            let ended = self.target.simulation_mut().take_result(guard.ticket);
             match guard.violation(ended.as_ref(), self.target.simulation().history()) {
                 Some(failure) => {
-                    guard.ticket.into_iter().for_each(|ticket| self.target.simulation_mut().forget(ticket));
+                    self.target.simulation_mut().forget(guard.ticket);
                     self.fail(failure);
                 }
                 None if ended.is_some() => self.end_guard(&guard),
@@ -305,18 +300,9 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
             return;
         }
         let (at, history) = (self.target.simulation().now(), self.target.simulation().history());
-        let until = failure.until().unwrap_or_else(|| history.next());
-        self.run.failures.push(failure.with(at, history.excerpt(self.run.shown, until)));
+        let until = failure.until.unwrap_or_else(|| history.next());
+        let excerpt = history.excerpt(self.run.shown, until);
+        self.run.failures.push(Failure { at, excerpt, ..failure });
         self.run.shown = self.run.shown.max(until);
-    }
-}
-
-impl Wait<'_> {
-    const fn until(end: Instant) -> Self {
-        Self { end, goal: Goal::None, is_reached: false }
-    }
-
-    const fn for_command(ticket: Ticket) -> Self {
-        Self { end: NEVER, goal: Goal::Command(ticket), is_reached: false }
     }
 }
