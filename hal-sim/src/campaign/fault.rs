@@ -215,7 +215,7 @@ impl PlanFault {
 }
 
 fn message(entry: Table) -> Result<(String, Act), String> {
-    let request: FaultRequest = table(entry)?;
+    let request: FaultRequest = entry.try_into().map_err(|error: toml::de::Error| error.message().to_owned())?;
     let fault = request.fault().map_err(|Invalid(reason)| reason)?;
     Ok((fault.to_string(), Act::Message(fault)))
 }

@@ -69,6 +69,7 @@ fn a_mistake_is_named_with_its_line_and_the_accepted_values() {
         ("{ plant = { supply_mv = 8000 }, device = \"boom\" }", "not a plant word of this kind"),
         ("{ plant = { supply_mv = 8000 }, device = \"valve\", count = 1 }", "count is a key of communication faults"),
         ("{ lose = \"220\", receivers = [\"bom\"] }", "no device or client 'bom'"),
+        ("{ lose = \"220\", sender = \"none\" }", "no device or client 'none'"),
         ("{ loose = \"220\" }", "did you mean 'lose'?"),
         ("{ lose = \"220\", delay = \"220\" }", "a fault has exactly one of"),
         ("{ power = { on = true }, device = \"valve\", for_ms = 5 }", "for_ms is only valid with { on = false }"),
