@@ -3,7 +3,7 @@
 pub mod candump;
 mod timestamp;
 
-use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
+use protocol_core::frame::{ExtendedId, Frame, identifier};
 
 pub use candump::write_frame;
 pub use timestamp::Timestamp;
@@ -97,15 +97,6 @@ impl Entry {
         let is_remote = id & REMOTE_FLAG != 0;
         let id = identifier(number, id & EXTENDED_FLAG != 0).ok_or("identifier out of range")?;
         Ok(Self::Frame(if is_remote { Frame::remote(id, length) } else { Frame::with_len(id, data, length) }))
-    }
-}
-
-/// Returns the identifier with this number; `None` if the number is out of range.
-pub(crate) fn identifier(number: u32, is_extended: bool) -> Option<Id> {
-    if is_extended {
-        ExtendedId::new(number).map(Id::Extended)
-    } else {
-        u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
     }
 }
 

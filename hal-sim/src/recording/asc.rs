@@ -5,11 +5,11 @@
 
 use std::io::{self, Write};
 
-use protocol_core::frame::{Frame, Id};
+use protocol_core::frame::{Frame, Id, identifier};
 
 use super::date::{self, Date};
 use crate::log::candump::FD;
-use crate::log::{Entry, ErrorFrame, Reason, Record, Timestamp, identifier};
+use crate::log::{Entry, ErrorFrame, Reason, Record, Timestamp};
 
 /// The channel of all written frames.
 const CHANNEL: u8 = 1;

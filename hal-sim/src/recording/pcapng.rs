@@ -4,7 +4,7 @@ use std::io::{self, Cursor, Read, Write};
 
 use pcap_parser::traits::{PcapNGPacketBlock as _, PcapReaderIterator as _};
 use pcap_parser::{Block, PcapBlockOwned, PcapError, PcapNGReader};
-use protocol_core::frame::Id;
+use protocol_core::frame::number;
 
 use super::{Logged, ReadError, invalid};
 use crate::log::candump::FD;
@@ -67,11 +67,8 @@ pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record, comment
     let (id, length, data) = match entry {
         Entry::Frame(frame) => {
             let remote = if frame.is_remote() { REMOTE_FLAG } else { 0 };
-            let id = match frame.id() {
-                Id::Standard(id) => u32::from(id.as_raw()),
-                Id::Extended(id) => id.as_raw() | EXTENDED_FLAG,
-            };
-            (id | remote, frame.len(), frame.data())
+            let extended = if frame.is_extended() { EXTENDED_FLAG } else { 0 };
+            (number(frame.id()) | extended | remote, frame.len(), frame.data())
         }
         Entry::Error(error) => (error.class | ERROR_FLAG, 8, error.data.as_slice()),
     };
