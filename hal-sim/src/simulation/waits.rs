@@ -52,8 +52,10 @@ impl Waits {
             let end = match what {
                 Awaited::State(watch) => match watch.look(world) {
                     (state, true) => Some(Ok(Reply::Device(Box::new(state)))),
-                    (state, false) => is_over(*until, world)
-                        .then(|| Err(timed_out("the state was not reached".to_owned(), Some(state), world))),
+                    (state, false) => is_over(*until, world).then(|| {
+                        let differences = watch.condition.differences(&state);
+                        Err(timed_out(format!("the state was not reached: {differences}"), Some(state), world))
+                    }),
                 },
                 Awaited::Frame(pattern, other) => {
                     is_over(*until, world).then(|| Err(timed_out(missing(pattern, other.as_ref()), None, world)))

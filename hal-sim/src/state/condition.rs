@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use protocol_core::time::{Duration, Instant, NEVER, after};
 use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use super::Invalid;
@@ -154,9 +155,9 @@ impl StateCondition {
     }
 
     /// Returns the keys of the condition with their values.
-    pub(crate) fn keys(&self) -> Vec<(String, serde_json::Value)> {
+    pub(crate) fn keys(&self) -> Vec<(String, Value)> {
         match serde_json::to_value(self) {
-            Ok(serde_json::Value::Object(keys)) => keys.into_iter().collect(),
+            Ok(Value::Object(keys)) => keys.into_iter().collect(),
             _ => Vec::new(),
         }
     }
@@ -177,6 +178,17 @@ impl StateCondition {
             && is(self.solenoids.as_ref(), &state.solenoids)
             && fits(self.led.as_ref(), state.led.as_ref(), LedCondition::holds)
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
+    }
+
+    /// Returns a text that lists the keys that a state does not satisfy, each with its value and the expected one.
+    pub(crate) fn differences(&self, state: &DeviceState) -> String {
+        let mut found = json!(state);
+        found["faults"] = state.faults.iter().filter(|fault| fault.active).map(|fault| fault.fault).collect();
+        let differs = |(key, value): (String, Value)| {
+            let alone: Self = serde_json::from_value(json!({ key.as_str(): value })).ok()?;
+            (!alone.holds(state)).then(|| format!("{key} is {}, not {value}", found[&key]))
+        };
+        self.keys().into_iter().filter_map(differs).collect::<Vec<_>>().join("; ")
     }
 
     /// Returns the accepted positions if the current position is not one of them.
@@ -243,7 +255,7 @@ const FORESIGHT: Duration = Duration::from_secs(1);
 pub struct StateWatch {
     node: NodeId,
     kind: Kind,
-    condition: Box<StateCondition>,
+    pub(crate) condition: Box<StateCondition>,
     /// The time before which the position cannot match unless an event occurs.
     moves_there: Instant,
 }

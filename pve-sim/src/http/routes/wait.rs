@@ -4,13 +4,12 @@ use axum::Json;
 use protocol_core::time::Duration;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
-use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
 use super::Control;
 use super::frames::DataPattern;
 use crate::http::error::{Body, Error, Failure};
-use hal_sim::simulation::{Command, FrameRecord, Refusal, Reply, TimedOut};
+use hal_sim::simulation::{Command, FrameRecord, Reply, TimedOut};
 use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition};
 
 /// A wait: for a state of a device, for a frame, or for the next received frame.
@@ -20,8 +19,7 @@ pub(super) struct Wait {
     /// The name of the device.
     device: Option<String>,
     /// The expected state of the device: any subset of its members.
-    #[schema(value_type = Option<StateCondition>)]
-    state: Option<Map<String, Value>>,
+    state: Option<StateCondition>,
     /// The frame.
     frame: Option<FrameToCome>,
     /// The next frame that this interface receives as a node of the bus: each frame once, in order, from the start. Its own
@@ -94,7 +92,7 @@ pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Jso
     let within = wait.within_ms;
     let condition = match wait {
         Wait { device: Some(device), state: Some(state), frame: None, received: None, .. } => {
-            return for_state(&control, device, state, within).await;
+            Condition::State(device, Box::new(state))
         }
         Wait { device: None, state: None, frame: Some(FrameToCome { id, extended, data }), received: None, .. } => {
             Condition::Frame(Pattern::of_data(id.id(extended)?, data.as_deref())?)
@@ -107,39 +105,4 @@ pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Jso
         }
     };
     control.execute(Command::Wait(condition, within)).await
-}
-
-/// Waits for a state of a device. On time-out, the refusal lists the members that differ from the wanted state.
-async fn for_state(
-    control: &Control,
-    device: String,
-    wanted: Map<String, Value>,
-    within: Duration,
-) -> Result<Json<Reply>, Failure> {
-    let condition = Condition::State(device, Box::new(condition(wanted.clone())?));
-    let waited = control.execute(Command::Wait(condition, within)).await;
-    waited.map_err(|failure| match failure {
-        Failure::World(Refusal::TimedOut(mut timed_out)) => {
-            if let Some(state) = &timed_out.state {
-                timed_out.error = format!("the state was not reached: {}", differences(wanted, state));
-            }
-            Failure::World(Refusal::TimedOut(timed_out))
-        }
-        other => other,
-    })
-}
-
-fn condition(members: Map<String, Value>) -> Result<StateCondition, Failure> {
-    serde_json::from_value(Value::Object(members)).map_err(|error| Failure::bad_request(error.to_string()))
-}
-
-/// Returns a text that lists the members of a state that differ from the wanted members.
-fn differences(wanted: Map<String, Value>, state: &DeviceState) -> String {
-    let mut seen = json!(state);
-    seen["faults"] = state.faults.iter().filter(|fault| fault.active).map(|fault| fault.fault).collect();
-    let differs = |(key, value): (String, Value)| {
-        let alone = condition(Map::from_iter([(key.clone(), value.clone())])).ok()?;
-        (!alone.holds(state)).then(|| format!("{key} is {}, not {value}", seen[&key]))
-    };
-    wanted.into_iter().filter_map(differs).collect::<Vec<_>>().join("; ")
 }
