@@ -107,7 +107,7 @@ fn simulator(options: &RunOptions) -> Simulator {
         simulation.add(device, Memory::in_ram());
     }
     simulation.link(&options.links);
-    let speed = if options.speed == Speed::Step { Speed::Step } else { Speed::Factor(1.0) };
+    let speed = if options.speed == Speed::STEP { Speed::STEP } else { Speed::Factor(1.0) };
     Simulator::new(simulation, |driver| driver.controlled(speed))
 }
 

@@ -28,9 +28,9 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(2);
 fn main() -> ExitCode {
     outlive_file_size_limit();
     match cli::parse(std::env::args_os()) {
-        Ok(Request::Run(options)) => ended(run::run(&options)),
+        Ok(Request::Run(options)) => ended(run::run(&options, None)),
         Ok(Request::JudgedRun(options, cell)) => match campaign::judged(&cell, options.speed) {
-            Ok((simulation, judge)) => ended(run::judge(&options, simulation, judge)),
+            Ok(cell) => ended(run::run(&options, Some(cell))),
             Err(CampaignError::Refused(line)) => fail(USAGE, &line),
             Err(error) => fail(FAILURE, &error),
         },
@@ -45,11 +45,11 @@ fn main() -> ExitCode {
         Ok(Request::Replay(options)) => compare(&options),
         Ok(Request::Set(SetArgs { http, device, words })) => match remote::set(http, &device, &words) {
             Ok(()) => ExitCode::SUCCESS,
-            Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
+            Err(error) => fail(FAILURE, &in_one_line(&error)),
         },
         Ok(Request::Status(StatusArgs { http, device, json })) => match remote::status(http, device.as_deref(), json) {
             Ok(text) => print(&text, true),
-            Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
+            Err(error) => fail(FAILURE, &in_one_line(&error)),
         },
         Ok(Request::Print(text)) => print(&text, true),
         Err(error) => fail(USAGE, &error),

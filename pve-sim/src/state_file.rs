@@ -35,26 +35,6 @@ const UNFINISHED_SUFFIX: usize = 6;
 /// the rename.
 const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
 
-/// The reason why a state file cannot be used. The first field of a variant is the path of the file.
-#[derive(Debug, thiserror::Error)]
-pub enum StateFileError {
-    /// The file belongs to a device of another kind: the number in the file, and the expected number.
-    #[error("{file}: holds the memory of {}, not of {}", kind(*.1), kind(*.2), file = .0.display())]
-    OtherKind(PathBuf, u32, u32),
-    /// A newer program wrote the file.
-    #[error("{}: written by a newer pve-sim", .0.display())]
-    Later(PathBuf),
-    /// Another simulator uses the file.
-    #[error("{} is in use by another pve-sim", .0.display())]
-    InUse(PathBuf),
-    /// The file cannot be written or renamed.
-    #[error(transparent)]
-    Unkept(#[from] MemoryFileError),
-    /// An action on the file failed.
-    #[error("{file}: cannot {1}: {2}", file = .0.display())]
-    Io(PathBuf, &'static str, #[source] io::Error),
-}
-
 /// Returns the name of a kind in messages.
 fn kind(number: u32) -> String {
     let kind = u8::try_from(number).ok().and_then(Kind::from_number);
@@ -75,9 +55,9 @@ impl Opened {
     ///
     /// # Errors
     /// Fails if the file cannot be renamed or written. No content is lost.
-    pub fn memory(self) -> Result<Memory, StateFileError> {
+    pub fn memory(self) -> Result<Memory, MemoryFileError> {
         self.file.sweep();
-        Ok(Memory::kept_in(Box::new(self.file), self.content)?)
+        Memory::kept_in(Box::new(self.file), self.content)
     }
 }
 
@@ -94,8 +74,8 @@ impl StateFile {
     /// Opens and reads `dir/name.nvm`, which may not exist yet, for a device of this kind. Creates a missing folder.
     ///
     /// # Errors
-    /// When the file belongs to a device of another kind, is in use, or cannot be read.
-    pub fn open(dir: &Path, name: &str, kind: u32) -> Result<Opened, StateFileError> {
+    /// When the file belongs to a device of another kind, comes from a newer program, is in use, or cannot be read.
+    pub fn open(dir: &Path, name: &str, kind: u32) -> Result<Opened, MemoryFileError> {
         let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, _lock: None };
         fs::create_dir_all(dir).map_err(|error| file.error("create the directory", error))?;
         // A link is resolved, so that its target is replaced, and both names lock the same file.
@@ -115,12 +95,15 @@ impl StateFile {
         Ok(Opened { file, content })
     }
 
-    fn lock(&self) -> Result<Option<File>, StateFileError> {
-        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(self.beside("lock"));
+    fn lock(&self) -> Result<Option<File>, MemoryFileError> {
+        let lock =
+            OpenOptions::new().write(true).create(true).truncate(false).open(self.path.with_added_extension("lock"));
         let lock = lock.map_err(|error| self.error("lock", error))?;
         match lock.try_lock() {
             Ok(()) => Ok(Some(lock)),
-            Err(TryLockError::WouldBlock) => Err(StateFileError::InUse(self.path.clone())),
+            Err(TryLockError::WouldBlock) => {
+                Err(format!("{} is in use by another pve-sim", self.path.display()).into())
+            }
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => Ok(None),
             Err(TryLockError::Error(error)) => Err(self.error("lock", error)),
         }
@@ -133,15 +116,7 @@ impl StateFile {
         Ok(bytes)
     }
 
-    /// Returns the path of the file with a further extension.
-    fn beside(&self, ending: &str) -> PathBuf {
-        let mut name = OsString::from(&self.path);
-        name.push(".");
-        name.push(ending);
-        name.into()
-    }
-
-    fn parse(&self, bytes: Vec<u8>) -> Result<Content, StateFileError> {
+    fn parse(&self, bytes: Vec<u8>) -> Result<Content, MemoryFileError> {
         let Some((header, image)) = bytes.split_first_chunk::<HEADER>() else { return Ok(Content::Damaged) };
         let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
         let (version, found, size) = (word(4), word(8), word(12));
@@ -150,10 +125,11 @@ impl StateFile {
             return Ok(Content::Damaged);
         }
         if layout > LAYOUT {
-            return Err(StateFileError::Later(self.path.clone()));
+            return Err(format!("{}: written by a newer pve-sim", self.path.display()).into());
         }
         if found != self.kind {
-            return Err(StateFileError::OtherKind(self.path.clone(), found, self.kind));
+            let (found, wanted, file) = (kind(found), kind(self.kind), self.path.display());
+            return Err(format!("{file}: holds the memory of {found}, not of {wanted}").into());
         }
         Ok(Flash::from_image(image.to_vec()).map_or(Content::Damaged, Content::Image))
     }
@@ -186,8 +162,8 @@ impl StateFile {
         }
     }
 
-    fn error(&self, action: &'static str, source: io::Error) -> StateFileError {
-        StateFileError::Io(self.path.clone(), action, source)
+    fn error(&self, action: &str, reason: io::Error) -> MemoryFileError {
+        format!("{}: cannot {action}: {reason}", self.path.display()).into()
     }
 }
 
@@ -220,22 +196,22 @@ impl MemoryFile for StateFile {
             File::open(folder)?.sync_all()?;
             Ok(())
         };
-        replace().map_err(|error| self.error("write", error).into())
+        replace().map_err(|error| self.error("write", error))
     }
 
     /// Renames the damaged file to the first free name of `name.nvm.bad`, `name.nvm.bad.2` and so on; returns a message
     /// with both names. The next write syncs the folder.
     fn put_aside(&self) -> Result<String, MemoryFileError> {
         let name = |number: u32| match number {
-            1 => self.beside("bad"),
-            _ => self.beside(&format!("bad.{number}")),
+            1 => self.path.with_added_extension("bad"),
+            _ => self.path.with_added_extension(format!("bad.{number}")),
         };
         for aside in (1..).map(name) {
             // Creates the name exclusively first, so that no file is ever overwritten.
             match OpenOptions::new().write(true).create_new(true).open(&aside) {
                 Ok(_) => {}
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
-                Err(error) => return Err(self.error("rename the damaged file", error).into()),
+                Err(error) => return Err(self.error("rename the damaged file", error)),
             }
             return match fs::rename(&self.path, &aside) {
                 Ok(()) => Ok(format!(
@@ -246,7 +222,7 @@ impl MemoryFile for StateFile {
                 Err(error) => {
                     // The file that reserved the name is still empty.
                     let _ = fs::remove_file(&aside);
-                    Err(self.error("rename the damaged file", error).into())
+                    Err(self.error("rename the damaged file", error))
                 }
             };
         }

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use hal_sim::Memory;
 use hal_sim::memory::{Flash, SIZE};
 
-use super::{StateFile, StateFileError};
+use super::{MemoryFileError, StateFile};
 
 const KIND: u32 = 1;
 const OTHER_KIND: u32 = 6;
@@ -23,7 +23,7 @@ fn directory() -> TempDir {
     tempfile::tempdir().unwrap()
 }
 
-fn in_file(dir: &Path, name: &str, kind: u32) -> Result<Memory, StateFileError> {
+fn in_file(dir: &Path, name: &str, kind: u32) -> Result<Memory, MemoryFileError> {
     StateFile::open(dir, name, kind)?.memory()
 }
 
@@ -95,7 +95,7 @@ fn a_file_of_a_later_program_is_refused_and_left_alone() {
     bytes[9] += 1;
     fs::write(path(&dir), &bytes).unwrap();
     let error = in_file(dir.path(), "valve", KIND).unwrap_err();
-    assert!(matches!(error, StateFileError::Later(_)), "{error}");
+    assert_eq!(error.to_string(), format!("{}: written by a newer pve-sim", path(&dir).display()));
     assert!(fs::read(path(&dir)).unwrap() == bytes);
 }
 
@@ -113,7 +113,6 @@ fn a_file_of_another_kind_is_refused_and_left_alone() {
     open(&dir).store(RecordKey::Parameters, &record(b"kept")).unwrap();
     let before = fs::read(path(&dir)).unwrap();
     let error = in_file(dir.path(), "valve", OTHER_KIND).unwrap_err();
-    assert!(matches!(error, StateFileError::OtherKind(_, KIND, OTHER_KIND)));
     let line = error.to_string();
     assert!(line.contains("valve.nvm") && line.contains("of a pvea-canopen, not of a hat3000"), "{line}");
     assert!(fs::read(path(&dir)).unwrap() == before);
@@ -256,8 +255,7 @@ fn a_file_that_cannot_be_read_or_written_is_named() {
     // A directory in the file's place cannot be read as a file, even by root.
     fs::create_dir(path(&dir)).unwrap();
     let error = in_file(dir.path(), "valve", KIND).unwrap_err();
-    assert!(matches!(error, StateFileError::Io(_, "read", _)));
-    assert!(error.to_string().contains("valve.nvm"), "{error}");
+    assert!(error.to_string().contains("valve.nvm: cannot read: "), "{error}");
     assert_eq!(names(dir.path()), ["valve.nvm"]);
 
     let file = dir.path().join("file");
@@ -321,7 +319,6 @@ fn a_file_is_taken_by_one_at_a_time() {
     let mut memory = open(&dir);
     for stored in [b"first", b"other"] {
         let error = in_file(dir.path(), "valve", KIND).unwrap_err();
-        assert!(matches!(error, StateFileError::InUse(_)));
         let line = error.to_string();
         assert!(line.contains("valve.nvm is in use by another pve-sim"), "{line}");
         // Each write creates a new file.

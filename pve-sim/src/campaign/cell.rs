@@ -107,7 +107,7 @@ pub fn judged(options: &CellOptions, speed: Speed) -> Result<(Simulation, Judge)
     let cell = options.which.of(campaign);
     let seed = cell.and_then(|cell| campaign.rows().get(cell.row)).map_or(0, |row| row.seed);
     let simulation = plan.simulation(seed);
-    let judge = cell.and_then(|cell| Judge::new(campaign, cell, speed == Speed::Step, &simulation));
+    let judge = cell.and_then(|cell| Judge::new(campaign, cell, speed == Speed::STEP, &simulation));
     Ok((simulation, judge.ok_or_else(|| unknown(campaign))?))
 }
 

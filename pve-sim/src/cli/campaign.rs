@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueHint};
 use hal_sim::campaign;
 
-use super::options::seed;
 use super::{Request, UsageError};
 use crate::campaign::{CellOptions, ExploreOptions, MergeOptions, Reports, RunOptions, Shard, Which};
+use crate::run::seed;
 
 /// The arguments of `campaign`.
 #[derive(Args, Debug)]

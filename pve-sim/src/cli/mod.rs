@@ -146,13 +146,13 @@ enum Command {
     Eds {
         /// The kind of device
         #[arg(value_name = "pvea-canopen|pveo-canopen|hat1000|hat3000", value_parser = eds)]
-        sheet: Description,
+        sheet: String,
     },
     /// Prints the DBC of an ISOBUS kind, with its messages at each address
     Dbc {
         /// The kind of device
         #[arg(value_name = "pvea-isobus|pveo-isobus", value_parser = dbc)]
-        database: Description,
+        database: String,
     },
     /// Prints the completion script for a shell
     Completions {
@@ -164,33 +164,20 @@ enum Command {
     Man,
 }
 
-/// The text of an EDS or DBC.
-#[derive(Clone, Debug)]
-struct Description(String);
-
-fn eds(word: &str) -> Result<Description, String> {
-    description(word, ("eds", describe::eds), ("dbc", describe::dbc))
+fn eds(word: &str) -> Result<String, String> {
+    description(word, "EDS", describe::eds, "dbc")
 }
 
-fn dbc(word: &str) -> Result<Description, String> {
-    description(word, ("dbc", describe::dbc), ("eds", describe::eds))
+fn dbc(word: &str) -> Result<String, String> {
+    description(word, "DBC", describe::dbc, "eds")
 }
 
-type Describe = fn(Kind) -> Option<String>;
-
-/// Returns the EDS or DBC of the named device kind. If the kind has only the other format, the error names the command
-/// that prints that format.
-fn description(
-    word: &str,
-    (command, describe): (&str, Describe),
-    (other, has_other): (&str, Describe),
-) -> Result<Description, String> {
-    let kind = Kind::from_name(word);
-    let text = kind.and_then(describe).map(Description);
-    text.ok_or_else(|| match kind.and_then(has_other) {
-        Some(_) => format!("this kind has no {}; use pve-sim {other} {word}", command.to_uppercase()),
-        None => format!("not a kind with {} {}", if command == "eds" { "an" } else { "a" }, command.to_uppercase()),
-    })
+/// Returns the EDS or DBC of the named device kind. Each kind has one of the two formats; the `other` command prints the
+/// other one.
+fn description(word: &str, format: &str, describe: fn(Kind) -> Option<String>, other: &str) -> Result<String, String> {
+    let article = if format == "EDS" { "an" } else { "a" };
+    let kind = Kind::from_name(word).ok_or_else(|| format!("not a kind with {article} {format}"))?;
+    describe(kind).ok_or_else(|| format!("this kind has no {format}; use pve-sim {other} {word}"))
 }
 
 /// Returns the names and titles of the use cases, one per line.
@@ -218,20 +205,13 @@ fn use_cases(word: &str) -> Result<UseCases, String> {
 ///
 /// # Errors
 /// [`UsageError`] for invalid arguments.
-pub fn parse<I, T>(args: I) -> Result<Request, UsageError>
-where
-    I: IntoIterator<Item = T>,
-    T: Into<OsString> + Clone,
-{
+pub fn parse(args: impl IntoIterator<Item = impl Into<OsString>>) -> Result<Request, UsageError> {
+    let args = args.into_iter().map(|arg| without_cr(arg.into()));
     read(args).map_err(|UsageError(reason)| UsageError(in_one_line(&reason)))
 }
 
-fn read<I, T>(args: I) -> Result<Request, UsageError>
-where
-    I: IntoIterator<Item = T>,
-    T: Into<OsString> + Clone,
-{
-    let cli = match Cli::try_parse_from(args.into_iter().map(|arg| without_cr(arg.into()))) {
+fn read(args: impl Iterator<Item = OsString>) -> Result<Request, UsageError> {
+    let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             return Ok(Request::Print(error.to_string()));
@@ -249,7 +229,7 @@ where
         Some(Command::Replay(args)) => Request::Replay(args.try_into()?),
         Some(Command::Set(args)) => Request::Set(args.check()?),
         Some(Command::Status(args)) => Request::Status(args),
-        Some(Command::Eds { sheet: text } | Command::Dbc { database: text }) => Request::Print(text.0),
+        Some(Command::Eds { sheet: text } | Command::Dbc { database: text }) => Request::Print(text),
         Some(Command::Completions { shell }) => Request::Print(shell::completions(shell)),
         Some(Command::Man) => Request::Print(shell::manual_page()),
     })

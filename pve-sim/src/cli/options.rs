@@ -1,28 +1,16 @@
 //! The arguments of `run`, and their conversion to checked options.
 
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::{Args, ValueHint};
-use protocol_core::controller::BitRate;
-use protocol_core::device::pve;
+use clap::Args;
 
 use super::UsageError;
 use crate::campaign::Which;
 use crate::control::Speed;
 use crate::gateway::BusUrl;
-use crate::run::{ColorChoice, LogOptions, RunOptions};
-use hal_sim::Kind;
+use crate::run::{DEFAULT_HTTP, RunOptions, seed};
 use hal_sim::devices::{self, DeviceSpec, NamedDevice, NamedLink};
-
-/// The default seed: two runs with the same seed and input are identical.
-pub(super) const DEFAULT_SEED: u64 = 1;
-
-/// The default address of the control interface.
-pub(super) const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
-
-/// The kind of the default device.
-const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 
 /// The arguments of `run`.
 #[derive(Args, Debug)]
@@ -63,7 +51,8 @@ pub struct RunArgs {
     ///   blank      CANopen only: a device without a node ID, for configuration by LSS
     ///
     /// With --state, an existing memory takes precedence over ID, serial and bit-rate.
-    #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
+    #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", default_value = "pvea-canopen", hide_default_value = true)]
+    #[arg(help_heading = "Devices", verbatim_doc_comment)]
     device: Vec<DeviceSpec>,
 
     /// Let the spool of VALVE turn the shaft of SENSOR, as on a boom; repeatable
@@ -81,79 +70,8 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Devices")]
     allow_clash: bool,
 
-    /// Keep the memory of each device in DIR/NAME.nvm; without this option, the memory is lost at exit
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, help_heading = "Devices")]
-    state: Option<PathBuf>,
-
-    /// A URL at which clients reach the bus; repeatable [default: socketcand://127.0.0.1:29536/pve0]
-    ///
-    /// URL is one of
-    ///   socketcand://HOST:PORT/NAME  a socketcand server on TCP; port 0 selects a free port
-    ///   slcan://HOST:PORT            a serial-line adapter on TCP; port 0 selects a free port
-    ///   slcan+pty:PATH               a serial-line adapter on a pseudo-terminal, with a symbolic
-    ///                                link at PATH; Unix only
-    ///   socketcan:IFACE              a CAN interface of Linux
-    ///   udp-multicast://GROUP:PORT   a group of python-can's udp_multicast; other machines are
-    ///                                reached with --allow-remote only
-    #[arg(long, value_name = "URL", help_heading = "Bus", verbatim_doc_comment)]
-    bus: Vec<BusUrl>,
-
-    /// Announce socketcand buses by UDP to port 42000, so that python-can and SavvyCAN can find them
-    #[arg(long, help_heading = "Bus")]
-    beacon: bool,
-
-    /// Allow communication faults with --bus socketcan:, where they can affect real devices; without this option, only
-    /// simulated devices can lose frames
-    #[arg(long, help_heading = "Bus")]
-    allow_real_bus: bool,
-
-    /// The bit rate of the bus in bit/s, or with k or M, as in 250k [default: the rate of the first device, by default
-    /// 250k for a valve and 500k for an angle sensor]
-    #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
-    bit_rate: Option<BitRate>,
-
-    /// The speed of virtual time: a factor of wall time above 0, or step: only the control interface advances time, and
-    /// the frames of clients wait for the next advance
-    #[arg(long, value_name = "FACTOR|step", value_parser = speed, default_value = "1", help_heading = "Time")]
-    speed: Speed,
-
-    /// The seed of all random values: 0–18446744073709551615
-    #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED, help_heading = "Time")]
-    seed: u64,
-
-    /// Write every frame to FILE, in the format of its extension: .asc (ASC), .pcapng (pcapng), any other (candump -L)
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
-    log: Option<PathBuf>,
-
-    /// Overwrite the --log file if it is not empty
-    #[arg(long, requires = "log", help_heading = "Output")]
-    log_overwrite: bool,
-
-    /// Send error frames to clients: the first one of each destroyed frame, and one for each change of an error mode
-    #[arg(long, help_heading = "Output")]
-    error_frames: bool,
-
-    /// Colour in the trace: auto (depends on the terminal and NO_COLOR), always (also uses the terminal layout in a
-    /// pipe) or never
-    #[arg(long, value_name = "WHEN", default_value = "auto", hide_possible_values = true, help_heading = "Output")]
-    color: ColorChoice,
-
-    /// Show every cyclic frame on a terminal, including unchanged repeats
-    #[arg(long, help_heading = "Output")]
-    verbose: bool,
-
-    /// The address of the control interface; port 0 selects a free port [default: 127.0.0.1:8408]
-    #[arg(long, value_name = "ADDR:PORT", value_parser = http, conflicts_with = "no_http", help_heading = "Control")]
-    http: Option<SocketAddr>,
-
-    /// Disable the control interface
-    #[arg(long, help_heading = "Control")]
-    no_http: bool,
-
-    /// Allow an --http address that other machines can reach, which gives them full control, and allow a udp-multicast
-    /// bus to reach other machines
-    #[arg(long, help_heading = "Control")]
-    allow_remote: bool,
+    #[command(flatten)]
+    options: RunOptions,
 
     #[command(flatten)]
     pub(super) cell: CellArgs,
@@ -179,38 +97,23 @@ impl TryFrom<RunArgs> for RunOptions {
     type Error = UsageError;
 
     fn try_from(args: RunArgs) -> Result<Self, UsageError> {
-        let http = (!args.no_http).then(|| args.http.unwrap_or(DEFAULT_HTTP));
-        if let Some(address) = http.filter(|address| !address.ip().is_loopback() && !args.allow_remote) {
+        let options = args.options;
+        let is_remote = |address: &SocketAddr| !address.ip().is_loopback();
+        if let Some(address) = options.http().filter(is_remote)
+            && !options.allow_remote
+        {
             return Err(UsageError(format!(
                 "--http {address}: other machines could reach this address; use a loopback address, as in {DEFAULT_HTTP}, \
                  or add --allow-remote"
             )));
         }
-        if http.is_none() && args.speed == Speed::Step {
+        if options.no_http && options.speed == Speed::STEP {
             return Err(UsageError("--speed step needs the control interface; remove --no-http".to_owned()));
         }
-        let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
-        let devices = on_one_bus(specs, args.allow_clash)?;
+        let devices = on_one_bus(args.device, args.allow_clash)?;
         let links = checked_links(&devices, args.link)?;
-        let buses = if args.bus.is_empty() { vec![BusUrl::default()] } else { args.bus };
-        check_buses(&buses, args.speed)?;
-        Ok(Self {
-            devices,
-            links,
-            buses,
-            beacon: args.beacon,
-            allow_remote: args.allow_remote,
-            allow_real_bus: args.allow_real_bus,
-            bit_rate: args.bit_rate,
-            state: args.state,
-            speed: args.speed,
-            http,
-            log: args.log.map(|path| LogOptions { path, overwrite: args.log_overwrite }),
-            error_frames: args.error_frames,
-            color: args.color,
-            verbose: args.verbose,
-            seed: args.seed,
-        })
+        check_buses(&options.buses, options.speed)?;
+        Ok(Self { devices, links, ..options })
     }
 }
 
@@ -241,27 +144,4 @@ fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
         }
     }
     Ok(())
-}
-
-fn bit_rate(text: &str) -> Result<BitRate, String> {
-    devices::bit_rate(text).ok_or_else(|| {
-        let rates: Vec<String> = BitRate::ALL.iter().rev().map(|rate| rate.bits_per_second().to_string()).collect();
-        format!("not a bit rate of CiA 301; accepted: {}", rates.join(", "))
-    })
-}
-
-pub(super) fn seed(text: &str) -> Result<u64, String> {
-    text.parse().map_err(|_| format!("must be a whole number, 0–{}", u64::MAX))
-}
-
-fn speed(text: &str) -> Result<Speed, String> {
-    if text == "step" {
-        return Ok(Speed::Step);
-    }
-    let factor = text.parse::<f64>().ok().filter(|factor| factor.is_finite() && *factor > 0.0);
-    factor.map(Speed::Factor).ok_or_else(|| "must be a number above 0, as in 1, 0.5 or 100, or step".to_owned())
-}
-
-fn http(text: &str) -> Result<SocketAddr, String> {
-    text.parse().map_err(|_| format!("must be ADDR:PORT, as in {DEFAULT_HTTP}; port 0 selects a free one"))
 }

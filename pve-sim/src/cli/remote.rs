@@ -6,9 +6,9 @@ use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
 use super::UsageError;
-use super::options::DEFAULT_HTTP;
 use crate::gateway::joinable;
 use crate::remote::PlantWord;
+use crate::run::DEFAULT_HTTP;
 
 /// The arguments of `set`.
 #[derive(Args, Clone, Debug, PartialEq, Eq)]

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::options::{DEFAULT_SEED, seed};
 use super::{Request, UsageError};
 use crate::batch::Options;
+use crate::run::{DEFAULT_SEED, seed};
 use hal_sim::scenario;
 
 /// The arguments of `scenario`.

@@ -8,11 +8,10 @@ use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Setup, pve};
 
-use super::options::DEFAULT_HTTP;
 use super::*;
 use crate::control::Speed;
 use crate::remote::PlantWord;
-use crate::run::{ColorChoice, LogOptions, RunOptions};
+use crate::run::{ColorChoice, DEFAULT_HTTP, LogOptions, RunOptions};
 use hal_sim::Kind;
 use hal_sim::devices::{NamedDevice, NamedLink};
 use hal_sim::world::{Electronics, Link, Roughness};
@@ -76,7 +75,8 @@ fn defaults() {
             bit_rate: None,
             state: None,
             speed: Speed::Factor(1.0),
-            http: Some("127.0.0.1:8408".parse().unwrap()),
+            http: "127.0.0.1:8408".parse().unwrap(),
+            no_http: false,
             log: None,
             error_frames: false,
             color: ColorChoice::Auto,
@@ -85,7 +85,8 @@ fn defaults() {
         }
     );
     assert_eq!(run("run"), options);
-    assert_eq!(run("--no-http"), RunOptions { http: None, ..options });
+    assert_eq!(run("--no-http").http(), None);
+    assert_eq!(run("--no-http"), RunOptions { no_http: true, ..options });
 }
 
 #[test]
@@ -117,7 +118,7 @@ fn options_with_and_without_the_word_run() {
     assert_eq!(options.bit_rate, Some(BitRate::Kbit125));
     assert_eq!(options.state, Some(PathBuf::from("memory")));
     assert_eq!(options.speed, Speed::Factor(2.5));
-    assert_eq!(options.http, Some("127.0.0.2:0".parse().unwrap()));
+    assert_eq!(options.http(), Some("127.0.0.2:0".parse().unwrap()));
     assert_eq!(options.log, Some(LogOptions { path: PathBuf::from("frames.log"), overwrite: true }));
     assert!(
         options.error_frames && options.verbose && options.beacon && options.allow_remote && options.allow_real_bus

@@ -2,16 +2,13 @@
 
 use std::sync::Arc;
 
-use protocol_core::device::View;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 use serde::Serialize;
 use tokio::sync::broadcast;
 
-use hal_sim::Kind;
 use hal_sim::explain::Explainer;
 use hal_sim::simulation::{Happened, Refusal, Simulation, TraceRecord};
-use hal_sim::state::{DeviceState, PlantState};
-use hal_sim::world::{NodeId, World};
+use hal_sim::state::DeviceState;
 
 /// The queue capacity of a follower: about a second of a fully loaded bus. A slower follower loses the oldest events.
 const WAITING: usize = 4096;
@@ -47,29 +44,20 @@ pub struct Subscription {
 #[derive(Debug)]
 pub(crate) struct Events {
     channel: broadcast::Sender<Arc<ControlEvent>>,
-    /// The last reported state of each device.
-    reported: Vec<(NodeId, Kind, Reported)>,
+    /// The last reported state of each device; empty before the first follower.
+    reported: Vec<DeviceState>,
     /// The next position-sample time.
     sample_at: Instant,
     /// The position-sample interval, in virtual time.
     sample: Duration,
 }
 
-/// The last reported state of a device.
-#[derive(Clone, Debug, PartialEq)]
-struct Reported {
-    view: Option<View>,
-    plant: PlantState,
-}
-
 impl Events {
     /// Creates an event stream without followers; `speed` is the factor of virtual time.
-    pub(crate) fn new(speed: f64, simulation: &mut Simulation) -> Self {
-        let devices = simulation.devices().to_vec();
-        let world = simulation.world_mut();
-        let reported = devices.into_iter().map(|(node, kind)| (node, kind, Reported::of(node, world))).collect();
+    pub(crate) fn new(speed: f64) -> Self {
         let sample = Duration::from_ticks((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
-        Self { channel: broadcast::Sender::new(WAITING), reported, sample_at: world.now(), sample }
+        let sample_at = Instant::from_ticks(0);
+        Self { channel: broadcast::Sender::new(WAITING), reported: Vec::new(), sample_at, sample }
     }
 
     pub(crate) fn subscribe(&mut self, simulation: &mut Simulation) -> Result<Subscription, Refusal> {
@@ -78,11 +66,11 @@ impl Events {
         }
         // Existing followers receive pending changes first; without followers, the reported states are reset.
         self.poll(simulation);
+        let states = simulation.states();
         if !self.is_followed() {
-            let world = simulation.world_mut();
-            self.reported.iter_mut().for_each(|(node, _, reported)| *reported = Reported::of(*node, world));
+            self.reported.clone_from(&states);
         }
-        Ok(Subscription { states: simulation.states(), events: self.channel.subscribe() })
+        Ok(Subscription { states, events: self.channel.subscribe() })
     }
 
     pub(crate) fn is_followed(&self) -> bool {
@@ -107,18 +95,14 @@ impl Events {
         if !self.is_followed() {
             return;
         }
-        let world = simulation.world_mut();
-        let samples = world.now() >= self.sample_at;
+        let samples = simulation.now() >= self.sample_at;
         if samples {
-            self.sample_at = after(world.now(), self.sample);
+            self.sample_at = after(simulation.now(), self.sample);
         }
-        let Self { reported, channel, .. } = self;
-        for (node, kind, reported) in reported {
-            let now = Reported::of(*node, world);
-            let changed = if samples { now != *reported } else { now.at_rest() != reported.at_rest() };
-            if changed {
-                *reported = now;
-                tell(channel, "device", &DeviceState::of(*node, *kind, world));
+        for (reported, state) in self.reported.iter_mut().zip(simulation.states()) {
+            if compared(reported, samples) != compared(&state, samples) {
+                tell(&self.channel, "device", &state);
+                *reported = state;
             }
         }
     }
@@ -134,14 +118,12 @@ fn tell(channel: &broadcast::Sender<Arc<ControlEvent>>, name: &'static str, data
     let _ = channel.send(Arc::new(ControlEvent { name, json: json(data) }));
 }
 
-impl Reported {
-    fn of(node: NodeId, world: &mut World) -> Self {
-        Self { view: world.view(node), plant: PlantState::of(node, world) }
+/// Returns a state for comparisons: without its instant and, except at sample times, without the position and the shaft
+/// angle, which change continuously.
+fn compared(state: &DeviceState, samples: bool) -> DeviceState {
+    let state = DeviceState { t_us: 0, ..state.clone() };
+    if samples {
+        return state;
     }
-
-    /// Returns the state for comparisons: position and shaft angle, which change continuously, are 0.
-    fn at_rest(&self) -> Self {
-        let view = self.view.clone().map(|view| View { position: 0, ..view });
-        Self { view, plant: self.plant.at_rest() }
-    }
+    DeviceState { position: None, plant: state.plant.at_rest(), ..state }
 }

@@ -46,12 +46,35 @@ pub enum Message {
 pub type Answer<T> = oneshot::Sender<Result<T, Refusal>>;
 
 /// The speed of virtual time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[serde(untagged)]
+#[schema(as = SpeedValue)]
 pub enum Speed {
-    /// The ratio of virtual time to wall time, finite and above 0.
+    /// The ratio of virtual time to wall time.
     Factor(f64),
-    /// Stepped: only the control interface advances time.
+    /// Time advances only by `POST /time`.
+    Step(StepWord),
+}
+
+/// The word for stepped time in JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StepWord {
+    /// `"step"`
     Step,
+}
+
+impl Speed {
+    /// Stepped time.
+    pub const STEP: Self = Self::Step(StepWord::Step);
+
+    /// Returns the ratio of virtual time to wall time; 1 for stepped time.
+    pub(crate) const fn factor(self) -> f64 {
+        match self {
+            Self::Factor(factor) => factor,
+            Self::Step(_) => 1.0,
+        }
+    }
 }
 
 /// The form of `--speed`.
@@ -59,7 +82,7 @@ impl fmt::Display for Speed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Factor(factor) => write!(f, "{factor}"),
-            Self::Step => f.write_str("step"),
+            Self::Step(_) => f.write_str("step"),
         }
     }
 }
@@ -94,32 +117,5 @@ pub struct Time {
     /// The virtual time, in microseconds since the start.
     pub now_us: u64,
     /// The speed: the ratio of virtual time to wall time, or `"step"`.
-    pub speed: SpeedValue,
-}
-
-/// The speed of virtual time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
-#[serde(untagged)]
-pub enum SpeedValue {
-    /// The ratio of virtual time to wall time.
-    Factor(f64),
-    /// Time advances only by `POST /time`.
-    Step(StepWord),
-}
-
-/// The word for stepped time in JSON.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum StepWord {
-    /// `"step"`
-    Step,
-}
-
-impl From<Speed> for SpeedValue {
-    fn from(speed: Speed) -> Self {
-        match speed {
-            Speed::Factor(factor) => Self::Factor(factor),
-            Speed::Step => Self::Step(StepWord::Step),
-        }
-    }
+    pub speed: Speed,
 }

@@ -24,20 +24,10 @@ pub(crate) struct ControlServer {
 }
 
 impl ControlServer {
-    /// Adds the control interface to a simulation.
-    pub(crate) fn new(speed: Speed, simulation: &mut Simulation) -> Self {
+    /// Adds the control interface to a simulation. The judge is that of a campaign's cell, if there is one.
+    pub(crate) fn new(speed: Speed, judge: Option<Judge>, simulation: &mut Simulation) -> Self {
         simulation.send_as(CONTROL);
-        let factor = match speed {
-            Speed::Factor(factor) => factor,
-            Speed::Step => 1.0,
-        };
-        let events = Events::new(factor, simulation);
-        Self { speed, events, pending: Vec::new(), queue: VecDeque::new(), judge: None }
-    }
-
-    /// Adds the judge of a campaign's cell.
-    pub(crate) fn judge(&mut self, judge: Option<Judge>) {
-        self.judge = judge;
+        Self { speed, events: Events::new(speed.factor()), pending: Vec::new(), queue: VecDeque::new(), judge }
     }
 
     /// Returns whether a cell of a campaign is judged.
@@ -48,11 +38,11 @@ impl ControlServer {
     /// Executes a message at the current instant of the world. The answer to a disconnected client is dropped.
     pub(crate) fn execute(&mut self, message: Message, simulation: &mut Simulation) {
         match message {
-            Message::Execute(Command::Advance(_), answer) if self.speed != Speed::Step => {
+            Message::Execute(Command::Advance(_), answer) if self.speed != Speed::STEP => {
                 let reason = "time advances automatically; this call needs --speed step".to_owned();
                 drop(answer.send(Err(Refusal::Conflict(reason))));
             }
-            Message::Execute(command, answer) if self.speed == Speed::Step && command.takes_time() => {
+            Message::Execute(command, answer) if self.speed == Speed::STEP && command.takes_time() => {
                 if let Some(result) = self.judge.as_ref().and_then(Judge::result) {
                     let reason = format!("the cell is decided: {}; time has stopped", result.verdict);
                     return drop(answer.send(Err(Refusal::Conflict(reason))));
@@ -68,7 +58,7 @@ impl ControlServer {
             Message::Faults(answer) => drop(answer.send(Ok(simulation.faults().collect()))),
             Message::Time(answer) => {
                 let now_us = simulation.now().as_micros();
-                drop(answer.send(Ok(Time { now_us, speed: self.speed.into() })));
+                drop(answer.send(Ok(Time { now_us, speed: self.speed })));
             }
             Message::Cell(answer) => drop(answer.send(self.cell())),
             Message::Trace(limit, answer) => drop(answer.send(Ok(simulation.history().last(limit)))),

@@ -1,22 +1,17 @@
 //! The client connections, limited in number: a new connection replaces the one that has been idle longest.
 
-use std::io;
 use std::net::SocketAddr;
-use std::pin::Pin;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Poll, ready};
 use std::time::Instant;
 
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::{Notify, Semaphore, SemaphorePermit};
 
 #[derive(Debug)]
 pub(super) struct Connection {
     local: SocketAddr,
-    created: Instant,
-    /// The last traffic in either direction, in milliseconds since `created`.
-    last: AtomicU64,
+    /// The time of the last traffic in either direction.
+    last: Mutex<Instant>,
     /// The number of pending requests to the world.
     pending_calls: AtomicUsize,
     dismissed: Notify,
@@ -49,15 +44,15 @@ impl Connection {
         self.dismissed.notified().await;
     }
 
-    fn touch(&self) {
-        let millis = u64::try_from(self.created.elapsed().as_millis()).unwrap_or(u64::MAX);
-        self.last.store(millis, Ordering::Relaxed);
+    /// Records traffic.
+    pub(super) fn touch(&self) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
     }
 
     /// Returns the time at which the connection became idle; `None` while a request is pending.
     fn idle_since(&self) -> Option<Instant> {
-        let last = std::time::Duration::from_millis(self.last.load(Ordering::Relaxed));
-        (self.pending_calls.load(Ordering::Relaxed) == 0).then(|| self.created + last)
+        let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        (self.pending_calls.load(Ordering::Relaxed) == 0).then_some(last)
     }
 }
 
@@ -93,8 +88,7 @@ impl Connections {
         }
         let connection = Arc::new(Connection {
             local,
-            created: Instant::now(),
-            last: AtomicU64::new(0),
+            last: Mutex::new(Instant::now()),
             pending_calls: AtomicUsize::new(0),
             dismissed: Notify::new(),
             waits: Arc::clone(&self.waits),
@@ -109,37 +103,6 @@ impl Connections {
 
     fn lock(&self) -> MutexGuard<'_, Vec<Arc<Connection>>> {
         self.all.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// The stream of a connection, which records its traffic.
-#[derive(Debug)]
-pub(super) struct Tracked<S> {
-    pub(super) stream: S,
-    pub(super) connection: Arc<Connection>,
-}
-
-impl<S: AsyncRead + Unpin> AsyncRead for Tracked<S> {
-    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
-        let read = ready!(Pin::new(&mut self.stream).poll_read(cx, buf));
-        self.connection.touch();
-        Poll::Ready(read)
-    }
-}
-
-impl<S: AsyncWrite + Unpin> AsyncWrite for Tracked<S> {
-    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        let written = ready!(Pin::new(&mut self.stream).poll_write(cx, bytes));
-        self.connection.touch();
-        Poll::Ready(written)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(cx)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(cx)
     }
 }
 

@@ -14,5 +14,5 @@ mod guard;
 mod routes;
 mod server;
 
-pub(crate) use server::Server;
 pub use server::serve;
+pub(crate) use server::start;

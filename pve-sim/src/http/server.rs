@@ -13,8 +13,9 @@ use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpListener;
 use tokio::runtime;
+use tokio_util::io::{InspectReader, InspectWriter};
 
-use super::connection::{Connection, Connections, Tracked};
+use super::connection::{Connection, Connections};
 use super::routes::router;
 use crate::inbox::WorldSender;
 
@@ -28,35 +29,17 @@ const HEAD_TIMEOUT: Duration = Duration::from_secs(60);
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
                       {\"error\":\"too many connections are waiting for responses; try again later\"}";
 
-/// A control interface at an address.
-#[derive(Debug)]
-pub(crate) struct Server {
-    listener: std::net::TcpListener,
-}
-
-impl Server {
-    /// Binds the address; port 0 selects a free one.
-    pub(crate) fn bind(address: SocketAddr) -> io::Result<Self> {
-        let listener = std::net::TcpListener::bind(address)?;
-        listener.set_nonblocking(true)?;
-        Ok(Self { listener })
-    }
-
-    pub(crate) fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
-    }
-
-    /// Serves at most `places` connections until the process ends. A separate thread keeps HTTP traffic from delaying
-    /// bus clients.
-    pub(crate) fn start(self, world: WorldSender, places: usize) -> io::Result<()> {
-        let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
-        let listener = {
-            let _runtime = runtime.enter();
-            TcpListener::from_std(self.listener)?
-        };
-        let run = move || runtime.block_on(accept(listener, router(world), places));
-        thread::Builder::new().name("control".to_owned()).spawn(run).map(drop)
-    }
+/// Serves at most `places` connections until the process ends. A separate thread keeps HTTP traffic from delaying bus
+/// clients.
+pub(crate) fn start(listener: std::net::TcpListener, world: WorldSender, places: usize) -> io::Result<()> {
+    listener.set_nonblocking(true)?;
+    let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
+    let listener = {
+        let _runtime = runtime.enter();
+        TcpListener::from_std(listener)?
+    };
+    let run = move || runtime.block_on(accept(listener, router(world), places));
+    thread::Builder::new().name("control".to_owned()).spawn(run).map(drop)
 }
 
 async fn accept(listener: TcpListener, router: Router, places: usize) {
@@ -93,7 +76,8 @@ pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAdd
 
 async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin, router: Router, connection: Arc<Connection>) {
     let service = TowerToHyperService::new(router.layer(Extension(Arc::clone(&connection))));
-    let stream = TokioIo::new(Tracked { stream, connection });
+    let touch = |_: &[u8]| connection.touch();
+    let stream = TokioIo::new(InspectReader::new(InspectWriter::new(stream, touch), touch));
     // An error ends only this connection.
     let _ = http1::Builder::new()
         .timer(TokioTimer::new())

@@ -113,7 +113,8 @@ pub struct WorldSender {
 pub struct Inbox {
     /// Messages in the order of their arrival.
     pub messages: Receiver<Arrival>,
-    ending: Arc<AtomicBool>,
+    /// Whether the simulator is shutting down.
+    pub(crate) ending: Arc<AtomicBool>,
 }
 
 /// A message with its arrival time.
@@ -154,13 +155,5 @@ impl WorldSender {
     pub fn end(&self) {
         self.ending.store(true, Ordering::Release);
         self.tell(ToWorld::End);
-    }
-}
-
-impl Inbox {
-    /// Returns whether the simulator is shutting down.
-    #[must_use]
-    pub fn is_ending(&self) -> bool {
-        self.ending.load(Ordering::Acquire)
     }
 }

@@ -10,7 +10,7 @@ use std::fmt::Write;
 
 use protocol_core::device::plant::{Product, Values, WORDS, Word};
 use protocol_core::device::view::View;
-use protocol_core::device::{Device, Kind};
+use protocol_core::device::{Device, Inputs};
 use serde::Serialize;
 
 use super::fault_words;
@@ -86,7 +86,7 @@ pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String
         all => (None, all),
     };
     let changed = named.or(if let [only] = devices { Some(only) } else { None });
-    let own = changed.into_iter().flat_map(|device| product(device.setup.kind).words());
+    let own = changed.into_iter().flat_map(|device| Product::from(&Inputs::healthy(device.setup.kind).product).words());
     let found: Vec<&str> = match *words {
         [] => {
             let names = devices.iter().filter(|_| named.is_none()).map(|device| device.name.as_str());
@@ -102,13 +102,6 @@ pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String
         _ => Vec::new(),
     };
     found.into_iter().map(str::to_owned).collect()
-}
-
-const fn product(kind: Kind) -> Product {
-    match kind {
-        Kind::Pve(_) => Product::Valve,
-        Kind::Hat(_) => Product::Encoder,
-    }
 }
 
 /// Returns whether `word` is a plant word rather than a device name: if it stands alone, or if `rest` is a single valid
@@ -238,7 +231,7 @@ fn names(world: &World) -> String {
 mod tests {
     use protocol_core::actuator::{Position, SpoolFault};
     use protocol_core::controller::BitRate;
-    use protocol_core::device::{Inputs, pve};
+    use protocol_core::device::{Kind, pve};
     use protocol_core::encoder::Shaft;
     use protocol_core::time::{Duration, after};
 

@@ -12,7 +12,7 @@ type Way<T> = Receiver<Result<T, Refusal>>;
 impl Rig {
     fn with_desk(speed: f64) -> Self {
         let mut rig = Self::new(speed);
-        rig.driver.control = Some(ControlServer::new(Speed::Factor(speed), &mut rig.driver.simulation));
+        rig.driver.control = Some(ControlServer::new(Speed::Factor(speed), None, &mut rig.driver.simulation));
         rig
     }
 

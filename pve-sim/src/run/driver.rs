@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::time::{Instant, NEVER, after};
-use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
 
 use super::clients::Clients;
 use super::console;
@@ -39,8 +39,6 @@ pub struct Driver<O> {
     trace: Trace,
     /// The messages that have not taken effect yet, oldest first.
     arrivals: VecDeque<Arrival>,
-    /// The end of the start-up, when all devices have power.
-    open: Instant,
     /// The wall time of the last flush in [`wait`](Self::wait).
     last_flush: WallInstant,
 }
@@ -57,21 +55,16 @@ impl<O: Platform> Driver<O> {
         trace: Trace,
     ) -> Self {
         let now = platform.now();
-        let (factor, is_stepped) = match speed {
-            Speed::Factor(factor) => (factor, false),
-            Speed::Step => (1.0, true),
-        };
         Self {
             simulation,
             clients,
             control,
             platform,
-            time: Timekeeper::start(factor, now),
-            is_stepped,
+            time: Timekeeper::start(speed.factor(), now),
+            is_stepped: speed == Speed::STEP,
             start,
             trace,
             arrivals: VecDeque::new(),
-            open: Instant::MAX,
             last_flush: now,
         }
     }
@@ -89,7 +82,7 @@ impl<O: Platform> Driver<O> {
         stderr: impl Write + Send + 'static,
     ) -> io::Result<Self> {
         let clients = Clients::new(simulation.world_mut(), false);
-        let printer = Printer::start(stdout, stderr, watch::Sender::new(false))?;
+        let printer = Printer::start(stdout, stderr, CancellationToken::new())?;
         let trace = Trace::new("pve0", printer, None, None);
         let start = Timestamp::from_micros(0);
         let mut driver = Self::new(simulation, clients, None, platform, Speed::Factor(speed), start, trace);
@@ -97,12 +90,12 @@ impl<O: Platform> Driver<O> {
         Ok(driver)
     }
 
-    /// Adds a control interface. `speed` must be the driver's speed, or [`Speed::Step`], with which only calls advance
+    /// Adds a control interface. `speed` must be the driver's speed, or [`Speed::STEP`], with which only calls advance
     /// time.
     #[must_use]
     pub fn controlled(mut self, speed: Speed) -> Self {
-        self.is_stepped = speed == Speed::Step;
-        self.control = Some(ControlServer::new(speed, &mut self.simulation));
+        self.is_stepped = speed == Speed::STEP;
+        self.control = Some(ControlServer::new(speed, None, &mut self.simulation));
         self
     }
 
@@ -151,11 +144,11 @@ impl<O: Platform> Driver<O> {
             world.power(first, true);
         }
         self.simulation.power_up(SUPPLY_JITTER);
-        self.open = after(self.simulation.now(), SUPPLY_JITTER);
+        let start_up_end = after(self.simulation.now(), SUPPLY_JITTER);
         self.trace.fit(&self.simulation);
         // Runs immediately, so that clients do not wait at a slow speed; the pace starts afterwards. Stepped time stays
         // at 0.
-        while !self.is_stepped && !self.advance_to(self.open) {}
+        while !self.is_stepped && !self.advance_to(start_up_end) {}
     }
 
     /// Executes the joins of gateways that have already arrived. Must be called before the first device is powered, so

@@ -15,7 +15,7 @@ use rustyline::{
     Cmd, ColorMode, CompletionType, ConditionalEventHandler, Config, Context, Event, EventContext, EventHandler,
     Helper, KeyCode, KeyEvent, Modifiers, RepeatCount,
 };
-use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
 
 use super::screen::{self, Screen};
 use super::stdin::{self, Lines};
@@ -53,7 +53,7 @@ impl Typing {
     }
 
     /// Starts the thread that reads lines; Ctrl-C in the editor ends the run. The thread is never joined.
-    pub(super) fn listen(&self, world: WorldSender, devices: &[NamedDevice], end: watch::Sender<bool>) {
+    pub(super) fn listen(&self, world: WorldSender, devices: &[NamedDevice], stop: CancellationToken) {
         let (screen, modes, devices) = (self.screen.clone(), Arc::clone(&self.modes), Arc::from(devices));
         let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
             let typed = edit(&screen, &modes, &world, &devices);
@@ -63,7 +63,7 @@ impl Typing {
                 system::interrupt();
             }
             if matches!(typed, Typed::Interrupt | Typed::Signal) {
-                end.send_replace(true);
+                stop.cancel();
             }
         });
     }
@@ -75,7 +75,7 @@ impl Drop for Typing {
         restore(&self.modes);
         if has_line {
             // Moves the cursor off the line being typed.
-            screen::print(b"\n");
+            let _ = screen::print(b"\n");
         }
     }
 }

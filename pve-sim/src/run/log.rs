@@ -22,7 +22,7 @@ impl Log {
     /// Refuses a file that a log must not replace; changes nothing. Call this before any file is created.
     ///
     /// # Errors
-    /// [`RunError::File`] for anything but a regular file, for files in the folder of the state files, for a state file
+    /// [`RunError`] for anything but a regular file, for files in the folder of the state files, for a state file
     /// under another name, for the log of another run, and for a non-empty file unless it may be overwritten.
     pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
         Self::check_place(log, state)?;
@@ -57,7 +57,7 @@ impl Log {
     /// exist.
     ///
     /// # Errors
-    /// [`RunError::File`] when the file cannot be opened, or as [`check`](Self::check), whose checks are repeated
+    /// [`RunError`] when the file cannot be opened, or as [`check`](Self::check), whose checks are repeated
     /// because links and folders may have appeared since.
     pub(super) fn create(
         log: &LogOptions,
@@ -65,7 +65,7 @@ impl Log {
         bus: &str,
         start: Timestamp,
     ) -> Result<Self, RunError> {
-        let failed = |error| RunError::File(log.path.clone(), error);
+        let failed = |error| RunError::file(&log.path, error);
         // Truncated only after the second check.
         let mut options = OpenOptions::new();
         let file = open_exclusively(options.write(true).create(true).truncate(false), &log.path).map_err(failed)?;
@@ -91,7 +91,7 @@ impl Log {
 const IN_USE: &str = "another pve-sim is writing to this log";
 
 fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
-    Err(RunError::File(log.path.clone(), io::Error::other(reason)))
+    Err(RunError::file(&log.path, reason))
 }
 
 fn complaint(path: &Path, error: &io::Error) -> String {

@@ -42,77 +42,84 @@ mod trace;
 
 pub use driver::Driver;
 pub use options::{ColorChoice, LogOptions, RunOptions};
+pub(crate) use options::{DEFAULT_HTTP, DEFAULT_SEED, seed};
 pub use platform::Platform;
 pub use stdin::Lines;
 pub(crate) use system::Signals;
 
+use std::fmt::Display;
 use std::io;
-use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use tokio::runtime;
-use tokio::sync::{Semaphore, oneshot, watch};
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
 
 use crate::control::ControlServer;
 use crate::gateway::{BusUrl, Gateway, WAITING, joinable};
 use crate::http;
 use crate::inbox::WorldSender;
-use crate::state_file::StateFileError;
 use clients::Clients;
 use editor::Typing;
 use end::End;
 use hal_sim::campaign::Judge;
 use hal_sim::log::Timestamp;
+use hal_sim::memory::MemoryFileError;
 use hal_sim::simulation::Simulation;
 use log::Log;
-use platform::System;
 use printer::Printer;
 use trace::Trace;
 
 /// The reason why the simulator could not start, in one line.
 #[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// A bus cannot be opened: its address is in use or not of this machine, or its interface does not exist. The last
-    /// field is the address of the control interface, if that address is also in use.
-    #[error("{0}: {1}{hint}", hint = also_in_use(*.2))]
-    Bind(BusUrl, #[source] io::Error, Option<SocketAddr>),
-    /// The address of the control interface is in use or not of this machine.
-    #[error("--http {0}: {1}{remedy}", remedy = http_remedy(.1))]
-    Http(SocketAddr, #[source] io::Error),
-    /// A file or folder that cannot be opened, or that a log must not replace.
-    #[error("{file}: {1}", file = .0.display())]
-    File(PathBuf, #[source] io::Error),
-    /// A state file that cannot be used.
-    #[error(transparent)]
-    StateFile(#[from] StateFileError),
-    /// The system has no threads, signals or events left.
-    #[error("system error: {0}")]
-    System(#[from] io::Error),
-}
+#[error("{0}")]
+pub struct RunError(String);
 
-/// Returns the remedy if the port of the control interface is in use.
-fn http_remedy(error: &io::Error) -> &'static str {
-    match error.kind() {
-        io::ErrorKind::AddrInUse => {
-            "; is another pve-sim running? --http 127.0.0.1:0 selects a free port, --no-http disables the control interface"
-        }
-        _ => "",
+impl RunError {
+    /// Creates the error of a file or folder that cannot be opened, or that a log must not replace.
+    fn file(path: &Path, reason: impl Display) -> Self {
+        Self(format!("{}: {reason}", path.display()))
     }
 }
 
-/// Returns the remedy for an address of the control interface that is also in use; empty for `None`.
-fn also_in_use(http: Option<SocketAddr>) -> String {
-    http.map_or_else(String::new, |address| {
-        format!("; {address} is also in use: --http 127.0.0.1:0 selects a free port")
+/// The system has no threads, signals or events left.
+impl From<io::Error> for RunError {
+    fn from(error: io::Error) -> Self {
+        Self(format!("system error: {error}"))
+    }
+}
+
+/// A state file cannot be used.
+impl From<MemoryFileError> for RunError {
+    fn from(error: MemoryFileError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// Binds the address of the control interface; port 0 selects a free one. The error has a remedy if the port is in use.
+fn bind(address: SocketAddr) -> Result<TcpListener, RunError> {
+    TcpListener::bind(address).map_err(|error| {
+        let remedy = match error.kind() {
+            io::ErrorKind::AddrInUse => {
+                "; is another pve-sim running? --http 127.0.0.1:0 selects a free port, --no-http disables the control interface"
+            }
+            _ => "",
+        };
+        RunError(format!("--http {address}: {error}{remedy}"))
     })
 }
 
-/// Returns whether the address of the control interface is already in use.
-fn is_in_use(address: SocketAddr) -> bool {
-    http::Server::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse)
+/// Returns the remedy for an address of the control interface that is in use as well as a bus; empty if it is free.
+fn also_in_use(http: Option<SocketAddr>) -> String {
+    let is_in_use =
+        |address: &SocketAddr| TcpListener::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse);
+    http.filter(is_in_use).map_or_else(String::new, |address| {
+        format!("; {address} is also in use: --http 127.0.0.1:0 selects a free port")
+    })
 }
 
 /// The maximum number of clients on all buses.
@@ -129,31 +136,22 @@ const DESCRIPTORS: usize = 32;
 /// all devices. Returns whether everything was stored, and the log and stdout are complete; otherwise stderr has the
 /// reasons.
 ///
-/// # Errors
-/// [`RunError`] when the run cannot start; nothing has been printed on stdout.
-pub fn run(options: &RunOptions) -> Result<bool, RunError> {
-    run_of(options, None)
-}
-
-/// Runs a cell of a campaign as [`run`] does. `simulation` contains the unpowered devices; `judge` injects the fault.
+/// For a cell of a campaign, the simulation contains the unpowered devices, and the judge injects the fault.
 ///
 /// # Errors
-/// [`RunError`], as [`run`].
-pub fn judge(options: &RunOptions, simulation: Simulation, judge: Judge) -> Result<bool, RunError> {
-    run_of(options, Some((simulation, judge)))
-}
-
-fn run_of(options: &RunOptions, cell: Option<(Simulation, Judge)>) -> Result<bool, RunError> {
+/// [`RunError`] when the run cannot start; nothing has been printed on stdout.
+pub fn run(options: &RunOptions, cell: Option<(Simulation, Judge)>) -> Result<bool, RunError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
     let result = runtime.block_on(async {
         let mut end = End::install()?;
-        let reader_gone = end.closed_sender();
         let running = tokio::select! {
-            running = start(options, cell, reader_gone) => running?,
+            running = start(options, cell, end.stop.clone()) => running?,
             // No device has run, so no record is pending.
             () = end.wait() => return Ok(true),
         };
-        Ok(running.until(&mut end).await)
+        end.wait().await;
+        running.world_sender.end();
+        Ok(running.world.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     });
     // A pending name look-up must not delay the exit.
     runtime.shutdown_background();
@@ -164,8 +162,6 @@ fn run_of(options: &RunOptions, cell: Option<(Simulation, Judge)>) -> Result<boo
 struct Running {
     world_sender: WorldSender,
     world: JoinHandle<bool>,
-    /// Resolves when the world's thread ends.
-    ended: oneshot::Receiver<()>,
     /// Restores the terminal on drop.
     _typing: Option<Typing>,
 }
@@ -173,21 +169,16 @@ struct Running {
 async fn start(
     options: &RunOptions,
     cell: Option<(Simulation, Judge)>,
-    reader_gone: watch::Sender<bool>,
+    stop: CancellationToken,
 ) -> Result<Running, RunError> {
     let mut gateways = Vec::new();
     for url in &options.buses {
         let opened = url.open(options.beacon, options.allow_remote).await;
-        let http = || options.http.filter(|address| is_in_use(*address));
-        gateways.push(opened.map_err(|error| RunError::Bind(url.clone(), error, http()))?);
+        let error = |error| RunError(format!("{url}: {error}{}", also_in_use(options.http())));
+        gateways.push(opened.map_err(error)?);
     }
-    let mut control = None;
-    if let Some(address) = options.http {
-        let bind = |error| RunError::Http(address, error);
-        let server = http::Server::bind(address).map_err(bind)?;
-        control = Some((server.address().map_err(bind)?, server));
-    }
-    let http = control.as_ref().map(|(address, _)| *address);
+    let listener = options.http().map(bind).transpose()?;
+    let http = listener.as_ref().map(TcpListener::local_addr).transpose()?;
     // The log is checked after the ports are bound, because a second simulator that finds a port in use must not touch
     // the files of the first. The check comes before any file is created.
     if let Some(log) = &options.log {
@@ -197,7 +188,9 @@ async fn start(
         Some((simulation, judge)) => (simulation, Vec::new(), Some(judge)),
         None => {
             let options = options.clone();
-            let (simulation, warnings) = run_blocking(move || setup::simulation(&options)).await?;
+            // On a separate thread, so that a signal can end the wait. The process exits without joining that thread.
+            let created = tokio::task::spawn_blocking(move || setup::simulation(&options));
+            let (simulation, warnings) = created.await.map_err(io::Error::from)??;
             (simulation, warnings, None)
         }
     };
@@ -209,8 +202,8 @@ async fn start(
     let log = log.map(|log| Log::create(log, options.state.as_deref(), bus, start)).transpose()?;
     let typing = Typing::new();
     let printer = match &typing {
-        Some(typing) => Printer::start(typing.screen(), typing.screen(), reader_gone.clone())?,
-        None => Printer::start(io::stdout(), io::stderr(), reader_gone.clone())?,
+        Some(typing) => Printer::start(typing.screen(), typing.screen(), stop.clone())?,
+        None => Printer::start(io::stdout(), io::stderr(), stop.clone())?,
     };
     announce(&printer, &gateways, http, warnings);
     let (world_sender, inbox) = WorldSender::new();
@@ -219,42 +212,25 @@ async fn start(
     for gateway in gateways {
         gateway.start(world_sender.clone(), Arc::clone(&places));
     }
-    if let Some((_, server)) = control {
-        server.start(world_sender.clone(), connections)?;
+    if let Some(listener) = listener {
+        http::start(listener, world_sender.clone(), connections)?;
     }
     match &typing {
-        Some(typing) => typing.listen(world_sender.clone(), &options.devices, reader_gone),
+        Some(typing) => typing.listen(world_sender.clone(), &options.devices, stop.clone()),
         None => stdin::listen(world_sender.clone()),
     }
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, printer, log, layout);
     let clients = Clients::new(simulation.world_mut(), options.error_frames);
-    let mut control = http.map(|_| ControlServer::new(options.speed, &mut simulation));
-    if let Some(control) = &mut control {
-        control.judge(judge);
-    }
-    let driver = Driver::new(simulation, clients, control, System::new(inbox), options.speed, start, trace);
-    let (alive, ended) = oneshot::channel::<()>();
+    let control = http.map(|_| ControlServer::new(options.speed, judge, &mut simulation));
+    let driver = Driver::new(simulation, clients, control, inbox, options.speed, start, trace);
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
-        let _alive = alive;
+        // A run without its world ends.
+        let _stop = stop.drop_guard();
         system::disable_timer_slack();
         driver.run()
     })?;
-    Ok(Running { world_sender, world, ended, _typing: typing })
-}
-
-impl Running {
-    /// Waits for the end of the run or of the world's thread, ends the world, and waits until all records are stored.
-    /// Returns whether everything was stored and all output is complete.
-    async fn until(self, end: &mut End) -> bool {
-        tokio::select! {
-            () = end.wait() => {}
-            // The sender is never used: the receiver resolves when the thread ends.
-            _ = self.ended => {}
-        }
-        self.world_sender.end();
-        self.world.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    }
+    Ok(Running { world_sender, world, _typing: typing })
 }
 
 /// Returns the maximum numbers of bus clients and of control connections. Both are limited so that enough file
@@ -263,17 +239,8 @@ fn places(options: &RunOptions) -> (usize, usize) {
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len() * (1 + WAITING);
     let limit = system::max_open_files().and_then(|limit| usize::try_from(limit).ok());
     let left = limit.map_or(usize::MAX, |limit| limit.saturating_sub(taken));
-    let clients = if options.http.is_some() { left / 2 } else { left }.clamp(1, CLIENTS);
+    let clients = if options.no_http { left } else { left / 2 }.clamp(1, CLIENTS);
     (clients, left.saturating_sub(clients).clamp(1, HTTP_CLIENTS))
-}
-
-/// Runs blocking work on a separate thread, so that a signal can end the wait. The process exits without joining that
-/// thread.
-async fn run_blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
-    match tokio::task::spawn_blocking(work).await {
-        Ok(done) => done,
-        Err(panic) => std::panic::resume_unwind(panic.into_panic()),
-    }
 }
 
 /// Prints the warnings of the start on stderr, the ready line on stdout and the hints on stderr. The warnings come

@@ -1,6 +1,6 @@
 //! The platform of the driver: the wall clock and the messages of clients.
 
-use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant as WallInstant};
 
 use crate::inbox::{Arrival, Inbox};
@@ -24,48 +24,28 @@ pub trait Platform {
 /// The duration of the spin before an event while a client listens: the usual wake-up delay of a thread.
 pub(super) const SPIN: Duration = Duration::from_micros(50);
 
-/// The wall clock of the system, and the inbox of the world.
-#[derive(Debug)]
-pub(super) struct System {
-    inbox: Inbox,
-    /// Whether all senders of messages have ended.
-    is_disconnected: bool,
-}
-
-impl System {
-    pub(super) const fn new(inbox: Inbox) -> Self {
-        Self { inbox, is_disconnected: false }
-    }
-}
-
-impl Platform for System {
+/// The wall clock of the system, and the inbox of the world. The run has a sender of messages until the world has
+/// ended, so the channel is never disconnected.
+impl Platform for Inbox {
     fn now(&mut self) -> WallInstant {
         WallInstant::now()
     }
 
     fn is_ending(&self) -> bool {
-        self.is_disconnected || self.inbox.is_ending()
+        self.ending.load(Ordering::Acquire)
     }
 
     fn take(&mut self) -> Option<Arrival> {
-        let taken = self.inbox.messages.try_recv();
-        self.is_disconnected |= matches!(taken, Err(TryRecvError::Disconnected));
-        taken.ok()
+        self.messages.try_recv().ok()
     }
 
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival> {
-        let Some(until) = until else {
-            let waited = self.inbox.messages.recv();
-            self.is_disconnected |= waited.is_err();
-            return waited.ok();
-        };
+        let Some(until) = until else { return self.messages.recv().ok() };
         let sleep = until.saturating_duration_since(WallInstant::now() + spin);
-        if !sleep.is_zero() {
-            match self.inbox.messages.recv_timeout(sleep) {
-                Ok(arrival) => return Some(arrival),
-                Err(RecvTimeoutError::Disconnected) => self.is_disconnected = true,
-                Err(RecvTimeoutError::Timeout) => {}
-            }
+        if !sleep.is_zero()
+            && let Ok(arrival) = self.messages.recv_timeout(sleep)
+        {
+            return Some(arrival);
         }
         while WallInstant::now() < until && !self.is_ending() {
             if let Some(arrival) = self.take() {

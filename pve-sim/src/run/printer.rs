@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, chan
 use std::thread;
 use std::time::Duration;
 
-use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
 
 /// The maximum number of pending texts; beyond it, trace lines are dropped.
 const QUEUE: usize = 4096;
@@ -35,17 +35,17 @@ pub(super) struct Printer {
 }
 
 impl Printer {
-    /// Starts the thread. `reader_gone` is set when stdout is closed.
+    /// Starts the thread. Cancels `stop` when stdout is closed.
     pub(super) fn start(
         stdout: impl Write + Send + 'static,
         stderr: impl Write + Send + 'static,
-        reader_gone: watch::Sender<bool>,
+        stop: CancellationToken,
     ) -> io::Result<Self> {
         let (queue, texts) = sync_channel(QUEUE);
         let (alive, ended) = channel();
         let lost = Arc::new(AtomicU64::new(0));
         let is_cut = Arc::new(AtomicBool::new(false));
-        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone(), is_cut: is_cut.clone(), reader_gone };
+        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone(), is_cut: is_cut.clone(), stop };
         thread::Builder::new().name("printer".to_owned()).spawn(move || {
             writer.run(&texts);
             drop(alive);
@@ -88,7 +88,7 @@ struct Writer<O, E> {
     lost: Arc<AtomicU64>,
     /// True if a write to stdout has failed, other than for a reader that has gone.
     is_cut: Arc<AtomicBool>,
-    reader_gone: watch::Sender<bool>,
+    stop: CancellationToken,
 }
 
 impl<O: Write, E: Write> Writer<O, E> {
@@ -126,7 +126,7 @@ impl<O: Write, E: Write> Writer<O, E> {
                 Ok(()) => {}
                 Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
                     self.stdout = None;
-                    self.reader_gone.send_replace(true);
+                    self.stop.cancel();
                 }
                 Err(error) => {
                     self.stdout = None;
@@ -185,22 +185,22 @@ mod tests {
         let (stdout, closed) = sync_channel(1);
         drop(closed);
         let (stderr, said) = channel();
-        let (closed_sender, gone) = watch::channel(false);
-        let printer = Printer::start(Pipe(stdout), Collect(stderr), closed_sender).unwrap();
-        assert!(!*gone.borrow());
+        let stop = CancellationToken::new();
+        let printer = Printer::start(Pipe(stdout), Collect(stderr), stop.clone()).unwrap();
+        assert!(!stop.is_cancelled());
         printer.trace("one\n".to_owned());
         printer.trace("two\n".to_owned());
         printer.warn("still here".to_owned());
         printer.finish();
         assert_eq!(text(&said), "pve-sim: still here\n");
-        assert!(*gone.borrow());
+        assert!(stop.is_cancelled());
     }
 
     #[test]
     fn a_stdout_that_nobody_reads_loses_lines_and_says_so() {
         let (stdout, pipe) = sync_channel(0);
         let (stderr, said) = channel();
-        let printer = Printer::start(Pipe(stdout), Collect(stderr), watch::Sender::new(false)).unwrap();
+        let printer = Printer::start(Pipe(stdout), Collect(stderr), CancellationToken::new()).unwrap();
         // One batch waits for the reader, the queue fills up, and the rest finds no space.
         let lines = 4 * QUEUE;
         for _ in 0..lines {

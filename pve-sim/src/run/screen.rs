@@ -84,7 +84,8 @@ impl Screen {
     /// Takes the terminal back from the editor.
     pub(super) fn end_line(&self) {
         let mut state = self.state();
-        print(state.waiting.as_bytes());
+        // The printer notices a closed terminal with its next text.
+        let _ = print(state.waiting.as_bytes());
         state.waiting.clear();
         if state.line != Line::Over {
             state.line = Line::None;
@@ -118,7 +119,7 @@ impl Write for Screen {
         let text = std::mem::take(&mut self.text);
         let mut state = self.state();
         if matches!(state.line, Line::None | Line::Over) {
-            return print_to(io::stdout(), &text);
+            return print(&text);
         }
         state.waiting.push_str(&String::from_utf8_lossy(&text));
         drop(state);
@@ -134,12 +135,8 @@ impl Write for Screen {
 }
 
 /// Writes to the terminal.
-pub(super) fn print(text: &[u8]) {
-    // The printer notices a closed terminal with its next text.
-    let _ = print_to(io::stdout(), text);
-}
-
-fn print_to(mut out: impl Write, text: &[u8]) -> io::Result<()> {
-    out.write_all(text)?;
-    out.flush()
+pub(super) fn print(text: &[u8]) -> io::Result<()> {
+    let mut terminal = io::stdout();
+    terminal.write_all(text)?;
+    terminal.flush()
 }

@@ -8,7 +8,7 @@ use protocol_core::time::Instant;
 
 use super::{RunError, RunOptions};
 use crate::gateway::BusUrl;
-use crate::state_file::StateFile;
+use crate::state_file::{Opened, StateFile};
 use hal_sim::devices::{self, NamedDevice};
 use hal_sim::memory::Memory;
 use hal_sim::simulation::Simulation;
@@ -16,13 +16,8 @@ use hal_sim::simulation::Simulation;
 /// Creates the simulation specified by the options. Also returns the warnings about memories and bit rates, each in one
 /// line.
 pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String>), RunError> {
-    let mut warnings = Vec::new();
-    let mut memories = Vec::new();
-    for memory in memories_of(options)? {
-        let mut memory = memory?;
-        warnings.extend(memory.take_warnings());
-        memories.push(memory);
-    }
+    let mut memories = memories_of(options)?;
+    let mut warnings: Vec<String> = memories.iter_mut().flat_map(Memory::take_warnings).collect();
     let mut devices = options.devices.clone();
     let bit_rate = options.bit_rate.or_else(|| first_rate(devices.first()?, memories.first()?));
     let mut simulation = Simulation::new(devices::share_bit_rate(&mut devices, bit_rate), options.seed);
@@ -48,18 +43,12 @@ fn first_rate(device: &NamedDevice, memory: &Memory) -> Option<BitRate> {
 
 /// Opens the memories of the devices, in order. All state files are locked before the first is created or renamed, so
 /// that a file in use or of another kind leaves all files unchanged.
-fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memory, RunError>>, RunError> {
-    let mut files = Vec::new();
-    if let Some(dir) = &options.state {
-        fs::create_dir_all(dir).map_err(|error| RunError::File(dir.clone(), error))?;
-        for device in &options.devices {
-            files.push(StateFile::open(dir, &device.name, device.setup.kind.number().into())?);
-        }
-    }
-    let mut files = files.into_iter();
-    let memory = move |_| match files.next() {
-        Some(file) => Ok(file.memory()?),
-        None => Ok(Memory::in_ram()),
+fn memories_of(options: &RunOptions) -> Result<Vec<Memory>, RunError> {
+    let Some(dir) = &options.state else {
+        return Ok(options.devices.iter().map(|_| Memory::in_ram()).collect());
     };
-    Ok(options.devices.iter().map(memory))
+    fs::create_dir_all(dir).map_err(|error| RunError::file(dir, error))?;
+    let open = |device: &NamedDevice| StateFile::open(dir, &device.name, device.setup.kind.number().into());
+    let files: Vec<Opened> = options.devices.iter().map(open).collect::<Result<_, _>>()?;
+    files.into_iter().map(|file| Ok(file.memory()?)).collect()
 }

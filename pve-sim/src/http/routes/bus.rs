@@ -18,7 +18,7 @@ pub(super) async fn show(control: Control) -> Result<Json<BusState>, Failure> {
 #[utoipa::path(
     patch, path = "/bus", operation_id = "changeBus", tag = "bus",
     request_body = BusChange,
-    responses((status = 200, body = BusState), (status = 400, body = Error))
+    responses((status = 200, body = BusState))
 )]
 pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> Result<Json<Reply>, Failure> {
     control.execute(Command::BitRate(change.bit_rate()?)).await
@@ -28,7 +28,7 @@ pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> R
 #[utoipa::path(
     post, path = "/bus/disturb", operation_id = "disturbBus", tag = "bus",
     request_body = Disturb,
-    responses((status = 200, body = BusState), (status = 400, body = Error))
+    responses((status = 200, body = BusState))
 )]
 pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> Result<Json<Reply>, Failure> {
     control.execute(Command::Disturb(disturb.disturbance()?)).await
@@ -49,7 +49,6 @@ pub(super) async fn faults(control: Control) -> Result<Json<Vec<FaultRecord>>, F
     request_body = FaultRequest,
     responses(
         (status = 200, body = FaultRecord),
-        (status = 400, body = Error),
         (status = 409, body = Error, description = "A fault of this name is active, 64 faults are active, or the bus may have real devices"),
     )
 )]

@@ -51,7 +51,6 @@ pub(super) async fn change_plant(
     request_body = PowerChange,
     responses(
         (status = 200, body = DeviceState, description = "The state after the change"),
-        (status = 400, body = Error),
         (status = 404, body = Error),
         (status = 409, body = Error, description = "Reset of a device without power")
     )

@@ -49,7 +49,6 @@ pub(super) struct WhichFrames {
     request_body = FrameToSend,
     responses(
         (status = 200, body = Sent),
-        (status = 400, body = Error),
         (status = 409, body = Error, description = "Not sent within 1 s of virtual time, and withdrawn")
     )
 )]
@@ -67,7 +66,7 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
 #[utoipa::path(
     delete, path = "/bus/frames", operation_id = "stopFrames", tag = "bus",
     params(WhichFrames),
-    responses((status = 200, body = Stopped), (status = 400, body = Error))
+    responses((status = 200, body = Stopped))
 )]
 pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> Result<Json<Reply>, Failure> {
     let id = match which.id.map(Identifier::Text) {

@@ -31,7 +31,6 @@ pub(super) async fn show(control: Control) -> Result<Json<Time>, Failure> {
     request_body = Advance,
     responses(
         (status = 200, body = Time),
-        (status = 400, body = Error),
         (status = 409, body = Error, description = "Time advances automatically without --speed step")
     )
 )]
@@ -42,5 +41,5 @@ pub(super) async fn advance(
     let span = Duration::from_millis(advance_ms.into());
     let Json(reply) = control.execute(Command::Advance(span)).await?;
     let Reply::Advanced(Advanced { now_us }) = reply else { unreachable!("an advance is answered with the time") };
-    Ok(Json(Time { now_us, speed: Speed::Step.into() }))
+    Ok(Json(Time { now_us, speed: Speed::STEP }))
 }

@@ -6,7 +6,7 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::Control;
 use crate::control::Message;
-use crate::http::error::{Error, Failure, Query};
+use crate::http::error::{Failure, Query};
 use hal_sim::simulation::{KEPT, TraceRecord};
 
 /// The default number of entries.
@@ -27,7 +27,7 @@ pub(super) struct Part {
 #[utoipa::path(
     get, path = "/trace", operation_id = "showTrace", tag = "trace",
     params(Part),
-    responses((status = 200, body = Vec<TraceRecord>), (status = 400, body = Error))
+    responses((status = 200, body = Vec<TraceRecord>))
 )]
 pub(super) async fn show(control: Control, Query(part): Query<Part>) -> Result<Json<Vec<TraceRecord>>, Failure> {
     let limit = part.limit.map_or(LIMIT, |limit| usize::try_from(limit).unwrap_or(KEPT)).min(KEPT);
