@@ -380,6 +380,12 @@ fn refusals_name_the_member_and_what_is_accepted() {
         ),
         ("PATCH", "/devices/valve/plant", "[]", "the body [] is not valid; accepted: an object"),
         ("PATCH", "/devices/valve/plant", r#"{"bus_off": true, "bus_off": true}"#, "duplicate member bus_off"),
+        (
+            "POST",
+            "/wait",
+            r#"{"device": "valve", "state": {"nmt": null, "nmt": "stopped"}, "within_ms": 0}"#,
+            "duplicate member nmt",
+        ),
         ("PATCH", "/bus", r#"{"bit_rate": 251000}"#, "bit_rate 251000 is not valid; accepted: "),
         (
             "POST",
