@@ -37,8 +37,8 @@ impl fmt::Display for Timestamp {
     }
 }
 
-/// Parses the output of [`Display`](fmt::Display). Digits beyond microseconds are ignored. Refuses
-/// any other text, and a time above 584,000 years.
+/// Parses the output of [`Display`](fmt::Display). Digits beyond microseconds are ignored. Refuses any other text, and a
+/// time above 584,000 years.
 impl FromStr for Timestamp {
     type Err = Reason;
 

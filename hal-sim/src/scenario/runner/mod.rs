@@ -229,7 +229,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         }
     }
 
-    /// Processes new events and collects completed commands.
+    /// Processes new events, due commands and due waits.
     fn look(&mut self) {
         while let Some(happened) = self.target.simulation_mut().take_event() {
             self.watch.event(&happened);
