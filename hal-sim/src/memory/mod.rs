@@ -103,15 +103,9 @@ impl Memory {
     /// Returns the image that a device would read at its start, without changing the memory.
     #[must_use]
     pub fn peek_image(&self) -> Image {
-        let mut flash = self.flash.clone();
-        flash.restore_power();
-        let found = if self.spoilt { Err(Unreadable) } else { read(&mut flash) };
-        let is_damaged = self.damaged || found.is_err();
-        let mut image = found.unwrap_or_else(|Unreadable| Image::empty());
-        if is_damaged {
-            image.set_damaged();
-        }
-        image
+        let mut copy = self.clone();
+        copy.flash.restore_power();
+        copy.read_image()
     }
 
     /// Writes a record.
