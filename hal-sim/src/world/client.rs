@@ -44,24 +44,16 @@ impl embedded_can::nb::Can for Client {
     type Error = WorldGone;
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, WorldGone> {
-        let mut queues = lock(&self.0);
-        if queues.world_gone {
+        if is_alone(&self.0) {
             return Err(nb::Error::Other(WorldGone));
         }
-        queues.sent.push_back(*frame);
+        lock(&self.0).sent.push_back(*frame);
         Ok(None)
     }
 
     fn receive(&mut self) -> nb::Result<Frame, WorldGone> {
-        let mut queues = lock(&self.0);
-        let none = if queues.world_gone { nb::Error::Other(WorldGone) } else { nb::Error::WouldBlock };
-        queues.received.pop_front().ok_or(none)
-    }
-}
-
-impl Drop for Client {
-    fn drop(&mut self) {
-        lock(&self.0).client_gone = true;
+        let none = if is_alone(&self.0) { nb::Error::Other(WorldGone) } else { nb::Error::WouldBlock };
+        lock(&self.0).received.pop_front().ok_or(none)
     }
 }
 
@@ -70,12 +62,15 @@ impl Drop for Client {
 struct Queues {
     sent: VecDeque<Frame>,
     received: VecDeque<Frame>,
-    client_gone: bool,
-    world_gone: bool,
 }
 
 /// The queues, shared by the client and its world.
 type Shared = Arc<Mutex<Queues>>;
+
+/// Returns whether the other owner of the queues was dropped.
+fn is_alone(queues: &Shared) -> bool {
+    Arc::strong_count(queues) == 1
+}
 
 fn lock(queues: &Shared) -> MutexGuard<'_, Queues> {
     queues.lock().unwrap_or_else(PoisonError::into_inner)
@@ -93,13 +88,7 @@ pub(super) struct Connection {
 impl Clone for Connection {
     fn clone(&self) -> Self {
         let queues = Arc::new(Mutex::new(lock(&self.queues).clone()));
-        Self { port: self.port, queues, untaken: true }
-    }
-}
-
-impl Drop for Connection {
-    fn drop(&mut self) {
-        lock(&self.queues).world_gone = true;
+        Self { port: self.port, queues, untaken: !self.is_client_gone() }
     }
 }
 
@@ -116,25 +105,22 @@ impl World {
     /// Takes the named client of a cloned world, with the frames that were not yet transferred when the world was
     /// cloned, and the frames received since then. Returns `None` if the client is unknown or already taken.
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
-        let is_it = |connection: &&mut Connection| {
-            let is_there = connection.untaken && !lock(&connection.queues).client_gone;
-            is_there && self.bus.port(connection.port.0).name() == name
-        };
+        let is_it =
+            |connection: &&mut Connection| connection.untaken && self.bus.port(connection.port.0).name() == name;
         self.clients.iter_mut().find(is_it).map(Connection::take)
     }
 
     /// Transfers sent frames to the bus and removes dropped clients.
     pub(super) fn take_from_clients(&mut self) {
         let mut clients = std::mem::take(&mut self.clients);
-        clients.retain(|Connection { port, queues, .. }| {
-            let mut queues = lock(queues);
-            for frame in queues.sent.drain(..) {
-                self.send(*port, frame);
+        clients.retain(|connection| {
+            for frame in lock(&connection.queues).sent.drain(..) {
+                self.send(connection.port, frame);
             }
-            if queues.client_gone {
-                self.remove_client_port(*port);
+            if connection.is_client_gone() {
+                self.remove_client_port(connection.port);
             }
-            !queues.client_gone
+            !connection.is_client_gone()
         });
         self.clients = clients;
     }
@@ -148,6 +134,10 @@ impl World {
 }
 
 impl Connection {
+    fn is_client_gone(&self) -> bool {
+        !self.untaken && is_alone(&self.queues)
+    }
+
     fn take(&mut self) -> Client {
         self.untaken = false;
         Client(Arc::clone(&self.queues))
