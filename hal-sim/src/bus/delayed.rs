@@ -2,9 +2,9 @@
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
-use protocol_core::time::{Instant, NEVER, after};
+use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::faults::{FaultId, Handed};
+use super::fault::FaultId;
 use super::transmit::Transmit;
 
 /// The maximum number of delayed frames from a device or gateway. The application must keep further frames.
@@ -20,42 +20,66 @@ const MAX_ANSWERS: usize = 32;
 #[derive(Clone, Debug, Default)]
 pub(super) struct DelayedFrames(Vec<Delayed>);
 
+/// A frame on the way from the application to its controller.
 #[derive(Clone, Copy, Debug)]
-struct Delayed {
-    handed: Handed,
-    wait: Wait,
+pub(super) struct Delayed {
+    pub(super) frame: Frame,
+    /// The earliest time of the handover, and the start of a wait for the sender's next frame.
+    pub(super) due: Instant,
+    pub(super) wait: Wait,
+    /// True if later frames with the same identifier may overtake this frame.
+    pub(super) is_overtaken: bool,
+    /// True if the frame is a copy made by a fault.
+    pub(super) is_copy: bool,
+    /// True if the slow application itself delays the frame.
+    pub(super) is_own: bool,
     /// True if this frame must be sent before the frame with which it was swapped.
-    is_next: bool,
+    pub(super) is_next: bool,
+}
+
+/// The condition for the handover of a delayed frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wait {
+    /// The time [`Delayed::due`].
+    Time,
+    /// A free mailbox in the controller.
+    Room,
+    /// The sender's next frame, or this time after [`Delayed::due`] at the latest. The fault swaps the two frames.
+    Next(Duration, FaultId),
+    /// The transmission of the frame with which this frame was swapped.
+    Sent,
 }
 
 impl Delayed {
-    const fn new(handed: Handed, wait: Wait) -> Self {
-        Self { handed, wait, is_next: false }
+    /// Creates the handover of an unaffected frame.
+    pub(super) const fn new(frame: Frame, due: Instant) -> Self {
+        Self { frame, due, wait: Wait::Time, is_overtaken: false, is_copy: false, is_own: false, is_next: false }
+    }
+
+    /// Delays the handover further.
+    pub(super) fn delay(&mut self, late: Duration) {
+        self.due = after(self.due, late);
+    }
+
+    /// Returns the time of the handover; `None` for a frame that waits for a free mailbox or behind a swapped frame.
+    fn handover(&self) -> Option<Instant> {
+        match self.wait {
+            Wait::Time => Some(self.due),
+            Wait::Next(within, _) => Some(after(self.due, within)),
+            Wait::Room | Wait::Sent => None,
+        }
     }
 
     /// Returns whether a fault delays the frame. The application considers such a frame sent. All other frames are slow
     /// answers, or wait for a free mailbox.
     fn is_sent(&self) -> bool {
-        !self.handed.is_own && self.wait != Wait::Room
+        !self.is_own && self.wait != Wait::Room
     }
 
     /// Returns whether later frames with the same identifier as `frame` must not overtake this frame.
     fn precedes(&self, frame: &Frame) -> bool {
-        self.handed.frame.key() == frame.key() && !self.handed.is_overtaken
+        self.frame.key() == frame.key() && !self.is_overtaken
     }
-}
-
-/// The condition for the handover of a delayed frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Wait {
-    /// A point in time.
-    Until(Instant),
-    /// A free mailbox in the controller.
-    Room,
-    /// The sender's next frame, or this time at the latest. The fault swaps the two frames.
-    Next(Instant, FaultId),
-    /// The transmission of the frame with which this frame was swapped.
-    Sent,
 }
 
 impl DelayedFrames {
@@ -70,18 +94,18 @@ impl DelayedFrames {
 
     /// Returns whether the maximum number of frames is delayed; copies do not count.
     pub(super) fn is_full(&self) -> bool {
-        self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.handed.is_copy).count() >= MAX
+        self.0.len() >= MAX && self.0.iter().filter(|delayed| !delayed.is_copy).count() >= MAX
     }
 
     /// Returns whether the maximum number of answers from a slow application is pending.
     pub(super) fn is_full_of_answers(&self) -> bool {
-        self.0.len() >= MAX_ANSWERS && self.0.iter().filter(|delayed| delayed.handed.is_own).count() >= MAX_ANSWERS
+        self.0.iter().filter(|delayed| delayed.is_own).count() >= MAX_ANSWERS
     }
 
     /// Returns whether the application has no pending frame here: no slow answer, and no frame that waits for a free
     /// mailbox. Frames delayed by a fault do not count, because the application considers them sent.
     pub(super) fn is_idle(&self) -> bool {
-        self.0.iter().all(|delayed| delayed.handed.is_copy || delayed.is_sent())
+        self.0.iter().all(|delayed| delayed.is_copy || delayed.is_sent())
     }
 
     /// Takes the frames that a fault delays, and drops all other frames.
@@ -97,13 +121,13 @@ impl DelayedFrames {
     /// mailbox. All other delayed frames are dropped only by [`Filter::ALL`].
     pub(super) fn abort(&mut self, which: Filter) {
         let is_all = which == Filter::ALL;
-        self.0.retain(|delayed| !which.passes(&delayed.handed.frame) || !(is_all || delayed.wait == Wait::Room));
+        self.0.retain(|delayed| !which.passes(&delayed.frame) || !(is_all || delayed.wait == Wait::Room));
     }
 
     /// Returns whether a new frame must queue behind a delayed frame.
     pub(super) fn holds_back(&self, frame: &Frame) -> bool {
         self.0.iter().any(|delayed| match delayed.wait {
-            Wait::Until(_) | Wait::Room => delayed.precedes(frame),
+            Wait::Time | Wait::Room => delayed.precedes(frame),
             Wait::Next(..) => false,
             Wait::Sent => true,
         })
@@ -111,25 +135,21 @@ impl DelayedFrames {
 
     /// Delays a frame. Its handover follows the handover of earlier frames with the same identifier, unless these
     /// frames may be overtaken.
-    pub(super) fn add(&mut self, handed: Handed, now: Instant) {
-        if handed.is_copy && self.0.len() >= MAX_COPIES {
+    pub(super) fn add(&mut self, mut delayed: Delayed) {
+        if delayed.is_copy && self.0.len() >= MAX_COPIES {
             return;
         }
-        let due = after(now, handed.late);
-        let last = self.0.iter().filter_map(|delayed| match delayed.wait {
-            Wait::Until(due) if delayed.precedes(&handed.frame) => Some(due),
-            _ => None,
-        });
-        let wait = match handed.swaps {
-            Some((within, fault)) => Wait::Next(after(due, within), fault),
-            None => Wait::Until(last.max().map_or(due, |last| last.max(due))),
-        };
-        self.0.push(Delayed::new(handed, wait));
+        if delayed.wait == Wait::Time {
+            let precedes = |earlier: &&Delayed| earlier.wait == Wait::Time && earlier.precedes(&delayed.frame);
+            let last = self.0.iter().filter(precedes).map(|earlier| earlier.due).max();
+            delayed.due = last.map_or(delayed.due, |last| last.max(delayed.due));
+        }
+        self.0.push(delayed);
     }
 
     /// Queues a frame for a free mailbox.
-    pub(super) fn queue(&mut self, frame: &Frame) {
-        self.0.push(Delayed::new(Handed::at_once(frame), Wait::Room));
+    pub(super) fn queue(&mut self, frame: Frame, now: Instant) {
+        self.0.push(Delayed { wait: Wait::Room, ..Delayed::new(frame, now) });
     }
 
     /// Returns the index of the frame to be swapped with the sender's next frame, and the fault that swaps the frames.
@@ -155,22 +175,19 @@ impl DelayedFrames {
     pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get(place).copied() {
-            let is_due = match delayed.wait {
-                Wait::Until(due) | Wait::Next(due, _) => due <= now,
-                Wait::Room => true,
-                Wait::Sent => transmit.is_empty() && !self.0[..place].iter().any(|earlier| earlier.is_next),
-            };
-            if !is_due && delayed.wait == Wait::Sent {
+            if delayed.wait == Wait::Sent
+                && (!transmit.is_empty() || self.0[..place].iter().any(|earlier| earlier.is_next))
+            {
                 // A swapped frame blocks all later frames.
                 break;
             }
-            if !is_due {
+            if delayed.handover().is_some_and(|handover| handover > now) {
                 place += 1;
-            } else if let Ok(overtaken) = transmit.put(delayed.handed.frame) {
+            } else if let Ok(overtaken) = transmit.put(delayed.frame) {
                 has_released = true;
                 self.0.remove(place);
                 if let Some(frame) = overtaken {
-                    self.0.insert(0, Delayed::new(Handed::at_once(&frame), Wait::Room));
+                    self.0.insert(0, Delayed { wait: Wait::Room, ..Delayed::new(frame, now) });
                     place += 1;
                 }
             } else {
@@ -183,12 +200,8 @@ impl DelayedFrames {
 
     /// Returns the time of the next handover. Frames that wait for a free mailbox or behind a swapped frame are not
     /// considered.
-    pub(super) fn next_due(&self) -> Instant {
-        let dues =
-            self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent).filter_map(|delayed| match delayed.wait {
-                Wait::Until(due) | Wait::Next(due, _) => Some(due),
-                Wait::Room | Wait::Sent => None,
-            });
-        dues.min().unwrap_or(NEVER)
+    pub(super) fn next_handover(&self) -> Instant {
+        let movable = self.0.iter().take_while(|delayed| delayed.wait != Wait::Sent);
+        movable.filter_map(Delayed::handover).min().unwrap_or(NEVER)
     }
 }

@@ -20,6 +20,10 @@ const LONGEST_TIME: Duration = Duration::from_secs(24 * 60 * 60);
 /// The mask of all 29 identifier bits.
 const LONGEST: u32 = 0x1FFF_FFFF;
 
+/// The number of a fault, unique on its bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct FaultId(pub(super) u64);
+
 /// A communication fault on a bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
@@ -179,17 +183,10 @@ pub enum FaultError {
         /// The names on the bus.
         known: String,
     },
-    /// A [`FaultKind::Lose`] names a client that uses no received frames.
-    #[error("'{name}' receives no frames; receivers: {known}")]
-    NoReceiver {
-        /// The name of the client.
-        name: Arc<str>,
-        /// The names of the receivers on the bus.
-        known: String,
-    },
-    /// A parameter is out of range or contradicts another parameter.
+    /// A parameter is out of range or contradicts another parameter, or a [`FaultKind::Lose`] names a client that uses
+    /// no received frames.
     #[error("{0}")]
-    Invalid(&'static str),
+    Invalid(String),
 }
 
 impl Fault {
@@ -213,7 +210,7 @@ impl Fault {
     /// # Errors
     /// [`FaultError::Invalid`] if a parameter is out of range or contradicts another parameter.
     pub fn check(&self) -> Result<(), FaultError> {
-        let refuse = |reason| Err(FaultError::Invalid(reason));
+        let refuse = |reason: &str| Err(FaultError::Invalid(reason.to_owned()));
         if self.probability > ALWAYS {
             return refuse("the probability must not exceed 1");
         }

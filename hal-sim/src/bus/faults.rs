@@ -5,7 +5,8 @@ use std::sync::Arc;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
-use super::fault::{ALWAYS, Delay, Fault, FaultEffect, FaultError, FaultKind, MAX_FAULTS};
+use super::delayed::{Delayed, Wait};
+use super::fault::{ALWAYS, Delay, Fault, FaultEffect, FaultError, FaultId, FaultKind, MAX_FAULTS};
 use super::{Event, EventKind};
 
 /// The faults of a bus, in the order in which they were added. Each fault acts on the result of the previous faults.
@@ -41,10 +42,6 @@ impl Default for Faults {
     }
 }
 
-/// The number of a fault, unique on its bus.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct FaultId(u64);
-
 /// A fault and its progress.
 #[derive(Clone, Debug)]
 struct Active {
@@ -52,8 +49,8 @@ struct Active {
     fault: Fault,
     begins: Instant,
     ends: Instant,
-    /// The number of frames that the fault can still affect; `u32::MAX` is unlimited.
-    left: u32,
+    /// The number of frames that the fault can still affect; `None` is unlimited.
+    left: Option<u32>,
     struck: u64,
     random: fastrand::Rng,
     /// The time of the next frame to insert; [`NEVER`] for other kinds of faults.
@@ -71,66 +68,12 @@ pub struct FaultState {
     pub is_over: bool,
 }
 
-/// A frame on the way from the application to its controller.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Handed {
-    pub(super) frame: Frame,
-    /// The delay before the handover to the controller.
-    pub(super) late: Duration,
-    /// True if later frames with the same identifier may overtake this frame.
-    pub(super) is_overtaken: bool,
-    /// The maximum wait for the sender's next frame, and the fault that swaps; `None` unless this frame is to be
-    /// swapped.
-    pub(super) swaps: Option<(Duration, FaultId)>,
-    /// True if the frame is a copy made by a fault.
-    pub(super) is_copy: bool,
-    /// True if the slow application itself delays the frame.
-    pub(super) is_own: bool,
-}
-
-impl Handed {
-    /// Creates the immediate handover of an unaffected frame.
-    pub(super) const fn at_once(frame: &Frame) -> Self {
-        Self {
-            frame: *frame,
-            late: Duration::from_ticks(0),
-            is_overtaken: false,
-            swaps: None,
-            is_copy: false,
-            is_own: false,
-        }
-    }
-}
-
-/// The frames that replace one sent frame, and the events of the faults that affected it.
-#[derive(Debug, Default)]
-pub(super) struct Struck {
-    pub(super) frames: Vec<Handed>,
-    pub(super) events: Vec<Event>,
-}
-
-impl Struck {
-    /// Creates the result for a frame that no fault affects.
-    pub(super) fn unaffected(frame: &Frame) -> Self {
-        Self { frames: vec![Handed::at_once(frame)], events: Vec::new() }
-    }
-
-    /// Adds the answer delay of a slow application to all frames.
-    pub(super) fn delayed(mut self, late: Duration) -> Self {
-        for handed in &mut self.frames {
-            handed.late += late;
-            handed.is_own = true;
-        }
-        self
-    }
-}
-
 impl Faults {
     /// Adds a fault. Replaces an expired fault with the same name, or the first expired fault if the list is full.
     pub(super) fn add(&mut self, fault: Fault, now: Instant) -> Result<(), FaultError> {
         fault.check()?;
         if fault.name.is_empty() {
-            return Err(FaultError::Invalid("a fault needs a name"));
+            return Err(FaultError::Invalid("a fault needs a name".to_owned()));
         }
         if let Some(known) = self.list.iter().position(|active| active.fault.name == fault.name) {
             if !self.list[known].is_over(now) {
@@ -149,7 +92,7 @@ impl Faults {
             id,
             begins,
             ends: fault.lasts.map_or(NEVER, |lasts| after(begins, lasts)),
-            left: fault.count.unwrap_or(if is_once { 1 } else { u32::MAX }),
+            left: fault.count.or(is_once.then_some(1)),
             struck: 0,
             random: fastrand::Rng::with_seed(fault.seed),
             next: if matches!(fault.kind, FaultKind::Insert { .. }) { begins } else { NEVER },
@@ -201,8 +144,8 @@ impl Faults {
         self.next_insertion = self.list.iter().map(|active| active.next).min().unwrap_or(NEVER);
     }
 
-    /// Applies the faults between the sending application and its controller. Returns the resulting frames and fault
-    /// events; `None` if no fault has an effect. `held` returns the number of frames that a fault holds back for a
+    /// Applies the faults between the sending application and its controller. Returns the resulting frames and the
+    /// events of the faults that have an effect. `held` returns the number of frames that a fault holds back for a
     /// swap. `held` is `None` if the sender already has such a frame.
     pub(super) fn at_sender(
         &mut self,
@@ -210,23 +153,24 @@ impl Faults {
         frame: &Frame,
         held: Option<impl Fn(FaultId) -> usize>,
         now: Instant,
-    ) -> Option<Struck> {
-        let mut struck = Struck::default();
-        let mut frames = vec![Handed::at_once(frame)];
+    ) -> (Vec<Delayed>, Vec<Event>) {
+        let (mut frames, mut events) = (vec![Delayed::new(*frame, now)], Vec::new());
         for active in &mut self.list {
             let is_swap = matches!(active.fault.kind, FaultKind::Swap { .. });
-            let can_swap = || held.as_ref().is_some_and(|held| held(active.id) < active.left as usize);
+            let can_swap = || {
+                let held = held.as_ref().map(|held| held(active.id));
+                held.is_some_and(|held| active.left.is_none_or(|left| held < left as usize))
+            };
             if active.fault.kind.acts_at_sender() && (!is_swap || can_swap()) && active.strikes(sender, frame, now) {
                 let effect = active.act(&mut frames, now);
                 if is_swap || effect.is_none() {
                     // A swap counts when the frames are exchanged.
                     active.miss();
                 }
-                struck.events.extend(effect.map(|effect| active.event(sender, frame, now, effect)));
+                events.extend(effect.map(|effect| active.event(sender, frame, now, effect)));
             }
         }
-        struck.frames = frames;
-        Some(struck).filter(|struck| !struck.events.is_empty())
+        (frames, events)
     }
 
     /// Counts a frame that was exchanged with the next frame of its sender.
@@ -304,7 +248,7 @@ impl Faults {
 impl Active {
     fn is_over(&self, now: Instant) -> bool {
         let is_inserted = matches!(self.fault.kind, FaultKind::Insert { .. }) && self.next == NEVER;
-        self.left == 0 || self.ends <= now || is_inserted
+        self.left == Some(0) || self.ends <= now || is_inserted
     }
 
     /// Decides whether the fault affects a frame, at random if the probability is below 1. Counts an affected frame.
@@ -319,31 +263,23 @@ impl Active {
 
     /// Counts an affected frame.
     fn count(&mut self) {
-        if self.is_limited() {
-            self.left = self.left.saturating_sub(1);
-        }
+        self.left = self.left.map(|left| left.saturating_sub(1));
         self.struck += 1;
     }
 
     /// Reverses the count of a frame.
     fn miss(&mut self) {
         self.struck -= 1;
-        if self.is_limited() {
-            self.left += 1;
-        }
-    }
-
-    const fn is_limited(&self) -> bool {
-        self.fault.count.is_some() || matches!(self.fault.kind, FaultKind::Insert { every: None, .. })
+        self.left = self.left.map(|left| left + 1);
     }
 
     /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` if the frames are
     /// unchanged, or the fault does not act between the sending application and its controller.
-    fn act(&mut self, frames: &mut Vec<Handed>, now: Instant) -> Option<FaultEffect> {
+    fn act(&mut self, frames: &mut Vec<Delayed>, now: Instant) -> Option<FaultEffect> {
         Some(match &self.fault.kind {
             FaultKind::Corrupt(corruption) => {
                 let before = frames[0].frame;
-                frames.iter_mut().for_each(|handed| handed.frame = corruption.apply(&handed.frame));
+                frames.iter_mut().for_each(|delayed| delayed.frame = corruption.apply(&delayed.frame));
                 if frames[0].frame == before {
                     return None;
                 }
@@ -361,27 +297,21 @@ impl Active {
                 if late == Duration::from_ticks(0) {
                     return None;
                 }
-                for handed in frames.iter_mut() {
-                    handed.late += late;
-                    handed.is_overtaken |= *overtake;
+                for delayed in frames.iter_mut() {
+                    delayed.delay(late);
+                    delayed.is_overtaken |= *overtake;
                 }
                 FaultEffect::Delayed(late)
             }
-            FaultKind::Repeat { times, after } => {
-                let first = frames[0];
-                let copy = |number: u32| Handed {
-                    late: first.late + *after * number,
-                    is_overtaken: true,
-                    swaps: None,
-                    is_copy: true,
-                    ..first
-                };
+            FaultKind::Repeat { times, after: interval } => {
+                let first = Delayed { wait: Wait::Time, is_overtaken: true, is_copy: true, ..frames[0] };
+                let copy = |number: u32| Delayed { due: after(first.due, *interval * number), ..first };
                 frames.extend((1..=*times).map(copy));
                 FaultEffect::Repeated(*times)
             }
-            FaultKind::Swap { .. } if frames[0].swaps.is_some() => return None,
+            FaultKind::Swap { .. } if frames[0].wait != Wait::Time => return None,
             FaultKind::Swap { within } => {
-                frames[0].swaps = Some((*within, self.id));
+                frames[0].wait = Wait::Next(*within, self.id);
                 FaultEffect::Swapped
             }
             FaultKind::Lose { .. } | FaultKind::Insert { .. } | FaultKind::Destroy | FaultKind::Omit { .. } => {

@@ -7,7 +7,8 @@ use protocol_core::controller::{Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
-use super::faults::{FaultId, Handed, Struck};
+use super::delayed::Delayed;
+use super::fault::FaultId;
 use super::port::{Port, SlowAnswers};
 use super::{Bus, PortId};
 
@@ -88,8 +89,7 @@ impl Bus {
         let port = &mut self.ports[id.0];
         let waits = port.delayed.holds_back(frame);
         let is_full = port.is_device() && port.delayed.is_full();
-        let has_room = waits || port.transmit.takes(frame);
-        if is_full || !(has_room || port.queues) {
+        if is_full || !(waits || port.queues || port.transmit.takes(frame)) {
             port.used = true;
             return Err(nb::Error::WouldBlock);
         }
@@ -98,59 +98,58 @@ impl Bus {
             self.note_dropped(id, 1, now);
             return Ok(None);
         }
+        let swapped = port.delayed.swapped();
         // Faults were already applied to a frame that the controller returned.
         let is_returned = port.returned.iter().position(|returned| returned == frame);
-        let swapped = port.delayed.swapped();
         let struck = match is_returned {
             Some(place) => {
                 port.returned.remove(place);
-                None
+                Vec::new()
             }
-            None => {
-                let (faults, ports, delaying) = (&mut self.faults, &self.ports, &self.delaying);
-                let held = |fault: FaultId| {
-                    let swaps = delaying.iter().filter_map(|id| ports[id.0].delayed.swapped());
-                    swaps.filter(|(_, swaps)| *swaps == fault).count()
-                };
-                let held = swapped.is_none().then_some(held);
-                let struck = faults.at_sender(&ports[id.0].name, frame, held, now);
-                let port = &mut self.ports[id.0];
-                match port.answers.as_mut().and_then(|answers| answers.delay(frame)) {
-                    Some(late) => Some(struck.unwrap_or_else(|| Struck::unaffected(frame)).delayed(late)),
-                    None => struck,
-                }
-            }
+            None => self.strike_at_sender(id, frame, now),
         };
         let port = &mut self.ports[id.0];
         let next = port.delayed.len();
-        let taken = match struck {
-            None if !has_room => {
-                port.delayed.queue(frame);
-                Ok(None)
-            }
-            None if !waits => {
-                let taken = port.transmit(frame);
-                if let Ok(Some(returned)) = taken {
-                    port.returned.push(returned);
-                }
-                taken
-            }
-            None => {
-                port.delayed.add(Handed::at_once(frame), now);
-                Ok(None)
-            }
-            Some(struck) => {
-                self.journal.note(|| struck.events);
-                struck.frames.into_iter().for_each(|handed| port.delayed.add(handed, now));
-                Ok(None)
-            }
-        };
+        let mut displaced = None;
+        if !struck.is_empty() {
+            struck.into_iter().for_each(|delayed| port.delayed.add(delayed));
+        } else if waits {
+            port.delayed.add(Delayed::new(*frame, now));
+        } else if let Ok(returned) = port.transmit(frame) {
+            port.returned.extend(returned);
+            displaced = returned;
+        } else {
+            port.delayed.queue(*frame, now);
+        }
         if let Some((swapped, fault)) = swapped {
             port.delayed.follow(swapped, next);
             self.faults.count_swap(fault);
         }
         self.release(id, now);
-        taken
+        Ok(displaced)
+    }
+
+    /// Applies the faults and the answer delay to a frame from the application. Returns the resulting frames; none if
+    /// the frame is unaffected.
+    fn strike_at_sender(&mut self, id: PortId, frame: &Frame, now: Instant) -> Vec<Delayed> {
+        let (ports, delaying) = (&self.ports, &self.delaying);
+        let held = |fault: FaultId| {
+            let swaps = delaying.iter().filter_map(|id| ports[id.0].delayed.swapped());
+            swaps.filter(|(_, swaps)| *swaps == fault).count()
+        };
+        let held = ports[id.0].delayed.swapped().is_none().then_some(held);
+        let (mut frames, events) = self.faults.at_sender(&ports[id.0].name, frame, held, now);
+        let late = self.ports[id.0].answers.as_mut().and_then(|answers| answers.delay(frame));
+        if let Some(late) = late {
+            for delayed in &mut frames {
+                delayed.delay(late);
+                delayed.is_own = true;
+            }
+        } else if events.is_empty() {
+            frames.clear();
+        }
+        self.journal.note(|| events);
+        frames
     }
 
     /// Sets the answer delay of a device; `None` removes the delay.
@@ -186,7 +185,7 @@ impl Bus {
     /// Hands over all delayed frames that are due by `now`.
     pub(super) fn release_due(&mut self, now: Instant) {
         for id in self.delaying.clone() {
-            if self.ports[id.0].delayed.next_due() <= now {
+            if self.ports[id.0].delayed.next_handover() <= now {
                 self.release(id, now);
                 self.refresh(id, now);
             }
@@ -202,6 +201,6 @@ impl Bus {
 
     /// Returns the time of the next scheduled handover.
     pub(super) fn next_release(&self) -> Instant {
-        self.delaying.iter().map(|id| self.ports[id.0].delayed.next_due()).min().unwrap_or(NEVER)
+        self.delaying.iter().map(|id| self.ports[id.0].delayed.next_handover()).min().unwrap_or(NEVER)
     }
 }

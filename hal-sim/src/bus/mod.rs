@@ -266,11 +266,13 @@ impl Bus {
         if let FaultKind::Lose { receivers: named } = &fault.kind
             && let Some(name) = named.iter().find(|name| !receivers.contains(&&***name))
         {
-            return Err(FaultError::NoReceiver { name: Arc::clone(name), known: receivers.join(", ") });
+            let known = receivers.join(", ");
+            return Err(FaultError::Invalid(format!("'{name}' receives no frames; receivers: {known}")));
         }
         if matches!(fault.kind, FaultKind::Insert { .. }) && known.contains(&&*fault.name) && !own.contains(&fault.name)
         {
-            return Err(FaultError::Invalid("the name of an insert fault must not be the name of a device or client"));
+            let reason = "the name of an insert fault must not be the name of a device or client";
+            return Err(FaultError::Invalid(reason.to_owned()));
         }
         self.faults.add(fault, now)?;
         self.schedule_faults();

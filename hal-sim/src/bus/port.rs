@@ -205,12 +205,14 @@ impl Port {
     }
 
     /// Returns whether the controller has no pending frame. Frames delayed in front of the controller do not count.
-    pub(crate) fn is_controller_empty(&self) -> bool {
+    #[must_use]
+    pub fn is_controller_empty(&self) -> bool {
         self.transmit.is_empty()
     }
 
     /// Returns whether a further frame from the application can be delayed.
-    pub(crate) fn can_delay(&self) -> bool {
+    #[must_use]
+    pub fn can_delay(&self) -> bool {
         !self.delayed.is_full()
     }
 

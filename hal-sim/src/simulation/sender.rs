@@ -141,7 +141,9 @@ impl Sender {
     /// Completes the command whose frame is in the controller if the frame was sent or is delayed by a fault. Returns
     /// whether the frame has left the controller.
     fn complete(&mut self, world: &World, completed: &mut Completed) -> bool {
-        let Some(sent) = self.sending.take_if(|_| world.is_controller_empty(self.port)) else { return false };
+        let Some(sent) = self.sending.take_if(|_| world.client_port(self.port).is_controller_empty()) else {
+            return false;
+        };
         if let Some(ticket) = sent.ticket {
             completed.push((ticket, Ok(Reply::Sent(Sent { t_us: world.now().as_micros() }))));
         }
@@ -163,7 +165,7 @@ impl Sender {
 
     /// Hands the most urgent frame to the controller; among equally urgent frames, the oldest.
     fn load(&mut self, world: &mut World) {
-        if self.sending.is_some() || !world.can_delay(self.port) {
+        if self.sending.is_some() || !world.client_port(self.port).can_delay() {
             return;
         }
         let urgency = |(place, outgoing): &(usize, &Outgoing)| (outgoing.frame.arbitration(), *place);

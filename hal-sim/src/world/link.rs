@@ -9,7 +9,6 @@ use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::node::{Node, Power};
 use super::{NodeId, World, rough};
 
 /// The parameters of a link between a valve and a sensor's shaft.
@@ -164,10 +163,7 @@ impl World {
                 && shaft.angle_cdeg != angle_cdeg
             {
                 shaft.angle_cdeg = angle_cdeg;
-                let Node { power, inputs, rough, .. } = node;
-                if let Power::On(device) = power {
-                    device.sense(&rough.sensed(inputs, self.now), self.now);
-                }
+                node.sense(self.now);
             }
         }
     }
@@ -182,7 +178,7 @@ impl World {
     /// Returns a sensor's inputs with the angle from its link, which must be up to date. Without a link, returns the
     /// inputs unchanged.
     pub(super) fn as_linked(&self, sensor: NodeId, mut inputs: Inputs) -> Inputs {
-        if let Some(coupling) = self.couplings.iter().find(|coupling| coupling.sensor == sensor)
+        if let Some(coupling) = self.coupling_of(sensor)
             && let Some(shaft) = inputs.shaft_mut()
         {
             let measuring_error = shaft.measuring_error;
@@ -194,10 +190,7 @@ impl World {
     /// Returns the valve of a running device; `None` if the device has no valve, is off, or still starts. The valve
     /// of a device that does not run counts as neutral (A), its state after the start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
-        match &self.nodes[node.0].power {
-            Power::On(device) => device.valve(),
-            _ => None,
-        }
+        self.on(node)?.valve()
     }
 }
 

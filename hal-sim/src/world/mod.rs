@@ -319,18 +319,6 @@ impl World {
         self.bus.drop_waiting(port.0, self.now);
     }
 
-    /// Returns whether a client's controller has no pending frame. Frames delayed by faults do not count.
-    #[must_use]
-    pub fn is_controller_empty(&self, port: ClientPortId) -> bool {
-        self.bus.port(port.0).is_controller_empty()
-    }
-
-    /// Returns whether faults can delay a further frame from a client.
-    #[must_use]
-    pub fn can_delay(&self, port: ClientPortId) -> bool {
-        self.bus.port(port.0).can_delay()
-    }
-
     /// Returns whether a client's frame is on the wire.
     #[must_use]
     pub fn is_sending(&self, port: ClientPortId) -> bool {

@@ -108,6 +108,13 @@ impl Write {
 }
 
 impl Node {
+    /// Makes a running device sense its inputs.
+    pub(super) fn sense(&mut self, now: Instant) {
+        if let Power::On(device) = &mut self.power {
+            device.sense(&self.rough.sensed(&self.inputs, now), now);
+        }
+    }
+
     /// Returns the next time at which the device must be served, excluding bus events.
     pub(super) fn due(&self) -> Instant {
         match &self.power {

@@ -95,12 +95,9 @@ impl World {
         if forced {
             self.bus.force_bus_off(port, true, now);
         }
-        let mode = self.bus.port(port).mode();
-        let Node { power, inputs, rough, .. } = &mut self.nodes[id.0];
-        inputs.bus = mode;
-        if let Power::On(device) = power {
-            device.sense(&rough.sensed(inputs, now), now);
-        }
+        let node = &mut self.nodes[id.0];
+        node.inputs.bus = self.bus.port(port).mode();
+        node.sense(now);
         self.service(id);
     }
 

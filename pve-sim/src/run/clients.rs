@@ -215,11 +215,11 @@ impl Clients {
             // Copies that have not been sent exceeded the world's limit of delayed frames.
             self.sent.clear();
         }
-        while world.is_controller_empty(self.port) {
+        while world.client_port(self.port).is_controller_empty() {
             if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
                 client.to_client.refund(1);
             }
-            if !world.can_delay(self.port) || !self.load(world) {
+            if !world.client_port(self.port).can_delay() || !self.load(world) {
                 return;
             }
         }
