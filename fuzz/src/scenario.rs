@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 
 use hal_sim::scenario::{ReadError, Scenario};
-use pve_sim::batch::{self, BatchError, Options};
+use pve_sim::batch::{self, Options};
+use pve_sim::output::CommandError;
 use toml::{Table, Value};
 
 use crate::room::{self, assert_one_line};
@@ -33,11 +34,10 @@ pub fn scenario(bytes: &[u8]) {
         },
         _ => {
             let mut out = Vec::new();
-            let Err(BatchError::Unreadable(lines)) = batch::run(&options, &mut out) else {
+            let Err(CommandError::Refused(line)) = batch::run(&options, &mut out) else {
                 panic!("a scenario that cannot be read was run")
             };
-            let [line] = lines.as_slice() else { panic!("not one line: {lines:?}") };
-            assert_one_line(line);
+            assert_one_line(&line);
             assert!(out.is_empty(), "a refused scenario prints something");
             if let Ok((text, Err(ReadError { line: number, reason }))) = &read {
                 let number = number.unwrap_or(1);

@@ -20,7 +20,8 @@
 //! campaign/  the rows of a campaign on all cores, their results and reports
 //! use_case   the built-in scenarios
 //! state_file the memory of a device in a file
-//! output     stdout of the commands
+//! cores      tasks on several threads, with their results in order
+//! output     stdout and the errors of the commands
 //! ```
 //!
 //! This library exists for the tests of the program; other Rust programs should use [`hal_sim`].
@@ -38,6 +39,7 @@ pub mod batch;
 pub mod campaign;
 pub mod cli;
 pub mod control;
+mod cores;
 pub mod gateway;
 pub mod http;
 pub mod inbox;

@@ -10,10 +10,10 @@ use std::time::Duration;
 use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::replay::{ReplayOptions, replay};
 use hal_sim::text::in_one_line;
-use pve_sim::batch::{self, BatchError};
-use pve_sim::campaign::{self, CampaignError};
+use pve_sim::batch;
+use pve_sim::campaign;
 use pve_sim::cli::{self, Request, SetArgs, StatusArgs};
-use pve_sim::output::{Output, outlive_file_size_limit};
+use pve_sim::output::{CommandError, Output, outlive_file_size_limit};
 use pve_sim::remote;
 use pve_sim::run::{self, RunError};
 
@@ -31,16 +31,11 @@ fn main() -> ExitCode {
         Ok(Request::Run(options)) => ended(run::run(&options, None)),
         Ok(Request::JudgedRun(options, cell)) => match campaign::judged(&cell, options.speed) {
             Ok(cell) => ended(run::run(&options, Some(cell))),
-            Err(CampaignError::Refused(line)) => fail(USAGE, &line),
-            Err(error) => fail(FAILURE, &error),
+            Err(error) => failed(&error),
         },
-        Ok(Request::UseCases(cases)) => run_scenarios(|out| batch::play(&cases, out)),
-        Ok(Request::Scenarios(options)) => run_scenarios(|out| batch::run(&options, out)),
-        Ok(Request::Campaign(options)) => run_campaign(|out| campaign::run(&options, out)),
-        Ok(Request::Cell(options)) => run_campaign(|out| campaign::run_cell(&options, out)),
-        Ok(Request::Explore(options)) => run_campaign(|out| campaign::explore(&options, out)),
-        Ok(Request::Cells(plan, seed)) => run_campaign(|out| campaign::list(&plan, seed, out)),
-        Ok(Request::Merge(options)) => run_campaign(|out| Ok(campaign::merge(&options, out)?)),
+        Ok(Request::UseCases(cases)) => execute(|out| batch::play(&cases, out)),
+        Ok(Request::Scenarios(options)) => execute(|out| batch::run(&options, out)),
+        Ok(Request::Campaign(options)) => execute(|out| campaign::run(&options, out)),
         Ok(Request::Decode(options)) => explain(&options),
         Ok(Request::Replay(options)) => compare(&options),
         Ok(Request::Set(SetArgs { http, device, words })) => match remote::set(http, &device, &words) {
@@ -87,21 +82,20 @@ fn end(stdout: Output<impl Write>, success: bool) -> ExitCode {
     }
 }
 
-fn run_scenarios(run: impl FnOnce(&mut dyn Write) -> Result<bool, BatchError>) -> ExitCode {
+/// Executes a command, and returns its exit code.
+fn execute(command: impl FnOnce(&mut dyn Write) -> Result<bool, CommandError>) -> ExitCode {
     let mut stdout = stdout();
-    match run(&mut stdout) {
+    match command(&mut stdout) {
         Ok(success) => end(stdout, success),
-        Err(BatchError::Unreadable(lines)) => fail(USAGE, &lines.join("\npve-sim: ")),
-        Err(error) => fail(FAILURE, &error),
+        Err(error) => failed(&error),
     }
 }
 
-fn run_campaign(run: impl FnOnce(&mut dyn Write) -> Result<bool, CampaignError>) -> ExitCode {
-    let mut stdout = stdout();
-    match run(&mut stdout) {
-        Ok(success) => end(stdout, success),
-        Err(CampaignError::Refused(line)) => fail(USAGE, &line),
-        Err(error) => fail(FAILURE, &error),
+/// Reports the error of a command, and returns the exit code.
+fn failed(error: &CommandError) -> ExitCode {
+    match error {
+        CommandError::Refused(lines) => fail(USAGE, &lines.replace('\n', "\npve-sim: ")),
+        CommandError::Failed(reason) => fail(FAILURE, reason),
     }
 }
 

@@ -1,6 +1,31 @@
-//! The output of commands. A write error is reported at the end of the command.
+//! The output of commands, and their errors. A write error of stdout is reported at the end of the command.
 
+use std::fmt::Display;
 use std::io::{self, Write};
+use std::path::Path;
+
+/// The reason why a command did not run to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum CommandError {
+    /// Wrong usage, such as a file that cannot be read; one line for each file.
+    #[error("{0}")]
+    Refused(String),
+    /// Any other failure.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl CommandError {
+    /// Returns the failure of a file.
+    pub(crate) fn of(path: &Path, reason: impl Display) -> Self {
+        Self::Failed(format!("{}: {reason}", path.display()))
+    }
+
+    /// Returns the failure to write the file of an option.
+    pub(crate) fn unwritten(option: &str, path: &Path, error: &io::Error) -> Self {
+        Self::Failed(format!("{option} {}: {error}", path.display()))
+    }
+}
 
 /// The output of a command. After an error, further writes are dropped, and [`finish`](Self::finish) reports the error.
 #[derive(Debug)]

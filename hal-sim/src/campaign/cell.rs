@@ -1,7 +1,6 @@
 //! Cells of a campaign and their results.
 
 use protocol_core::time::Instant;
-use serde::{Deserialize, Serialize};
 
 use super::verdict::Verdict;
 
@@ -15,8 +14,7 @@ pub struct Cell {
 }
 
 /// The result of a cell.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CellResult {
     /// The number of a grid cell, counted through all rows from 0; `None` for an instant that is not on the grid.
     pub number: Option<u64>,
@@ -54,11 +52,9 @@ impl CellResult {
         Cell { row: self.row, at: Instant::from_micros(self.at_us) }
     }
 
-    /// Returns a key that orders cells by severity: by verdict, then by reaction time. A missing reaction is the worst,
-    /// except with the verdict [`NoEffect`](Verdict::NoEffect).
+    /// Returns a key that orders cells by [severity](Verdict::severity).
     #[must_use]
     pub fn severity(&self) -> (Verdict, bool, u64) {
-        let reaction = self.reaction_us();
-        (self.verdict, reaction.is_none() && self.verdict != Verdict::NoEffect, reaction.unwrap_or(0))
+        self.verdict.severity(self.reaction_us())
     }
 }

@@ -22,13 +22,14 @@ pub trait Controller {
     fn poll(&mut self, can: &mut Client, now: Instant) -> Instant;
 }
 
-/// The master for controllers that can be cloned: cells are forked.
+/// The master for controllers in Rust.
 #[derive(Clone, Copy, Debug)]
-pub struct Cloned<F>(pub(super) F);
-
-/// The master for controllers that cannot be cloned: each cell runs from the start.
-#[derive(Clone, Copy, Debug)]
-pub struct Fresh<F>(pub(super) F);
+pub struct InRust<C, F> {
+    /// Creates a controller.
+    pub(super) make: F,
+    /// Returns a clone of a controller; `None` if the controller cannot be cloned.
+    pub(super) fork: fn(&C) -> Option<C>,
+}
 
 /// A simulation with a controller.
 pub struct Controlled<C> {
@@ -86,28 +87,17 @@ impl<C: Controller> Subject for Controlled<C> {
     }
 }
 
-impl<C: Controller + Clone, F: Fn() -> C> Master for Cloned<F> {
+impl<C: Controller, F: Fn() -> C> Master for InRust<C, F> {
     type Target = Controlled<C>;
 
     fn start(&self, simulation: Simulation) -> Controlled<C> {
-        Controlled::new(simulation, (self.0)())
+        Controlled::new(simulation, (self.make)())
     }
 
     fn fork(&self, target: &Controlled<C>) -> Option<Controlled<C>> {
+        let controller = Some((self.fork)(target.controller.as_ref()?)?);
         let mut simulation = target.simulation.clone();
         let client = simulation.world_mut().take_client(CONTROLLER)?;
-        Some(Controlled { simulation, client, controller: target.controller.clone(), ..*target })
-    }
-}
-
-impl<C: Controller, F: Fn() -> C> Master for Fresh<F> {
-    type Target = Controlled<C>;
-
-    fn start(&self, simulation: Simulation) -> Controlled<C> {
-        Controlled::new(simulation, (self.0)())
-    }
-
-    fn fork(&self, _: &Controlled<C>) -> Option<Controlled<C>> {
-        None
+        Some(Controlled { simulation, client, controller, ..*target })
     }
 }

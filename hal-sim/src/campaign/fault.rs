@@ -1,18 +1,15 @@
 //! The faults of a plan: one for each combination of an entry's values.
 
-use std::fmt::Write as _;
-
 use protocol_core::device::Kind;
 use protocol_core::frame::Frame;
 use protocol_core::time::Duration;
 use toml::{Table, Value};
 
-use crate::bus::Fault;
 use crate::devices::NamedDevice;
 use crate::scenario::file::table;
 use crate::scenario::trial::{device, power, within};
 use crate::simulation::{Command, Refusal, Simulation};
-use crate::state::{FaultRequest, Invalid, PlantChange, Power, digits};
+use crate::state::{FaultRequest, Invalid, Power, digits};
 
 /// A fault of a plan.
 #[derive(Clone, Debug)]
@@ -23,18 +20,10 @@ pub(super) struct PlanFault {
     pub(super) reference: Option<String>,
     /// The keys of the fault in the plan, with `device` added and without `reference`.
     pub(super) entry: Table,
-    pub(super) act: Act,
-}
-
-/// The action that injects a fault.
-#[derive(Clone, Debug)]
-pub(super) enum Act {
-    /// A plant change of the named device.
-    Plant(String, PlantChange),
-    /// A power change of the named device. The power returns after the duration, if any.
-    Power(String, Power, Option<Duration>),
-    /// A communication fault.
-    Message(Fault),
+    /// The command that injects the fault: a plant change, a power change or a communication fault.
+    pub(super) command: Command,
+    /// The time after which the power returns, if any.
+    pub(super) off_for: Option<Duration>,
 }
 
 /// The device faults of a valve: causes of all monitors except time guarding (SPEC 3), and lever, power and processor.
@@ -55,23 +44,14 @@ const ALL_OF_PVE: [&str; 13] = [
     "power = { reset = \"watchdog\" }",
 ];
 
-/// Returns the number of combinations of an entry's values.
-pub(super) fn count(entry: &Table) -> u64 {
-    let of = |(key, value): (&String, &Value)| match value {
-        Value::Table(table) => count(table),
-        Value::Array(items) if !is_one_value(key, items) => items.len() as u64,
-        _ => 1,
-    };
-    entry.iter().map(of).fold(1, u64::saturating_mul)
-}
-
-/// Returns a key that needs a value but has an empty list.
-pub(super) fn without_value(entry: &Table) -> Option<&str> {
-    entry.iter().find_map(|(key, value)| match value {
-        Value::Table(table) => without_value(table),
-        Value::Array(items) if items.is_empty() && !is_one_value(key, items) => Some(key),
-        _ => None,
-    })
+/// Returns the lists of values in an entry: their keys and lengths.
+pub(super) fn lists(entry: &Table) -> Vec<(&str, u64)> {
+    let lists = entry.iter().flat_map(|(key, value)| match value {
+        Value::Table(table) => lists(table),
+        Value::Array(items) if !is_one_value(key, items) => vec![(key.as_str(), items.len() as u64)],
+        _ => Vec::new(),
+    });
+    lists.collect()
 }
 
 /// Returns one table for each combination of an entry's values. The last key varies fastest.
@@ -155,8 +135,8 @@ pub(super) fn communication(frame: &Frame) -> impl Iterator<Item = PlanFault> {
         errors.map(move |(error, text)| (error, text.replace("ID", &id).replace("MASK", &mask).replace("DATA", &data)));
     errors.filter_map(|(error, text)| {
         let entry: Table = toml::from_str(&text).ok()?;
-        let (text, act) = message(entry.clone()).ok()?;
-        Some(PlanFault { text, reference: Some(format!("IEC 61784-3: {error}")), entry, act })
+        let (text, command) = message(entry.clone()).ok()?;
+        Some(PlanFault { text, reference: Some(format!("IEC 61784-3: {error}")), entry, command, off_for: None })
     })
 }
 
@@ -173,7 +153,8 @@ impl PlanFault {
         let mut keys = entry.clone();
         let name = entry.remove("device");
         let is_message = FaultRequest::kinds().any(|kind| entry.contains_key(kind));
-        let (text, act) = match (entry.remove("plant"), entry.remove("power")) {
+        let mut off_for = None;
+        let (text, command) = match (entry.remove("plant"), entry.remove("power")) {
             (None, None) if name.is_some() => {
                 return Err("device is only valid together with plant or power".to_owned());
             }
@@ -184,43 +165,43 @@ impl PlanFault {
             }
             (None, Some(Value::Table(change))) if !is_message => {
                 let device = device(devices, name.as_ref().and_then(Value::as_str), true)?;
-                switch(&device.name, change, entry).map_err(within("power"))?
+                let (text, command, lasts) = switch(&device.name, change, entry).map_err(within("power"))?;
+                off_for = lasts;
+                (text, command)
             }
             _ => {
                 let kinds = FaultRequest::kinds().collect::<Vec<_>>().join(", ");
                 return Err(format!("a fault needs exactly one of plant, power, {kinds}"));
             }
         };
-        if let Act::Plant(device, _) | Act::Power(device, ..) = &act {
+        if let Command::Plant(device, _) | Command::Power(device, _) = &command {
             keys.insert("device".to_owned(), device.clone().into());
         }
-        let fault = Self { text, reference, entry: keys, act };
-        let mut trial = trial.clone();
-        match trial.execute(fault.command()) {
+        match trial.clone().execute(command.clone()) {
             // A device without power cannot be reset.
-            Err(Refusal::Conflict(_)) if matches!(fault.act, Act::Power(..)) => Ok(fault),
-            Err(refusal) => Err(refusal.to_string()),
-            Ok(_) => Ok(fault),
+            Err(Refusal::Conflict(_)) if matches!(command, Command::Power(..)) => {}
+            Err(refusal) => return Err(refusal.to_string()),
+            Ok(_) => {}
         }
+        Ok(Self { text, reference, entry: keys, command, off_for })
     }
 
-    /// Returns the command that injects the fault.
-    pub(super) fn command(&self) -> Command {
-        match &self.act {
-            Act::Plant(device, change) => Command::Plant(device.clone(), change.clone()),
-            Act::Power(device, power, _) => Command::Power(device.clone(), *power),
-            Act::Message(fault) => Command::Fault(fault.clone()),
+    /// Returns the device of a plant or power change.
+    pub(super) fn device(&self) -> Option<&str> {
+        match &self.command {
+            Command::Plant(device, _) | Command::Power(device, _) => Some(device),
+            _ => None,
         }
     }
 }
 
-fn message(entry: Table) -> Result<(String, Act), String> {
+fn message(entry: Table) -> Result<(String, Command), String> {
     let request: FaultRequest = entry.try_into().map_err(|error: toml::de::Error| error.message().to_owned())?;
     let fault = request.fault().map_err(|Invalid(reason)| reason)?;
-    Ok((fault.to_string(), Act::Message(fault)))
+    Ok((fault.to_string(), Command::Fault(fault)))
 }
 
-fn plant(device: &str, mut change: Table, rest: Table) -> Result<(String, Act), String> {
+fn plant(device: &str, mut change: Table, rest: Table) -> Result<(String, Command), String> {
     if change.is_empty() {
         return Err("empty change; give at least one key, as in { supply_mv = 8000 }".to_owned());
     }
@@ -228,15 +209,12 @@ fn plant(device: &str, mut change: Table, rest: Table) -> Result<(String, Act), 
         return Err("for_ms is given twice; give it once, inside or beside plant".to_owned());
     }
     change.extend(only_duration(rest)?);
-    let text = change.iter().fold(format!("{device}:"), |mut text, (key, value)| {
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{} {key} = {value}", if text.ends_with(':') { "" } else { "," });
-        text
-    });
-    Ok((text, Act::Plant(device.to_owned(), table(change)?)))
+    let keys: Vec<String> = change.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    let text = format!("{device}: {}", keys.join(", "));
+    Ok((text, Command::Plant(device.to_owned(), table(change)?)))
 }
 
-fn switch(device: &str, change: Table, rest: Table) -> Result<(String, Act), String> {
+fn switch(device: &str, change: Table, rest: Table) -> Result<(String, Command, Option<Duration>), String> {
     let power = power(table(change)?)?;
     let lasts = match only_duration(rest)?.remove("for_ms") {
         Some(Value::Integer(_)) if power != Power::Off => {
@@ -251,7 +229,7 @@ fn switch(device: &str, change: Table, rest: Table) -> Result<(String, Act), Str
         Power::Watchdog => "watchdog reset",
     };
     let span = lasts.map_or_else(String::new, |lasts| format!(" for {} ms", lasts.as_millis()));
-    Ok((format!("{device}: {word}{span}"), Act::Power(device.to_owned(), power, lasts)))
+    Ok((format!("{device}: {word}{span}"), Command::Power(device.to_owned(), power), lasts))
 }
 
 /// Refuses any key except `for_ms`.

@@ -1,5 +1,6 @@
 //! The file format of a plan: keys and values, not yet checked for consistency.
 
+use std::num::NonZeroU32;
 use std::sync::LazyLock;
 
 use serde::Deserialize;
@@ -24,7 +25,6 @@ pub(super) struct PlanFile {
     /// the steps run only without a fault.
     pub(super) scenario: String,
     /// The seeds of the runs; 1 by default.
-    #[serde(default)]
     pub(super) seeds: Option<Vec<u64>>,
     /// The faults: ready sets and tables. A list as a value gives one fault for each item.
     #[schema(value_type = Vec<FaultEntry>)]
@@ -32,20 +32,15 @@ pub(super) struct PlanFile {
     /// The instants of the faults.
     pub(super) instants: Instants,
     /// The proof that the controller has detected the fault.
-    #[serde(default)]
     pub(super) detected: Option<Detected>,
     /// The safe state.
-    #[serde(default)]
     pub(super) safe: Option<Safe>,
     /// The observation time after the fault, in milliseconds; three times the larger `within_ms` by default.
-    #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) observe_ms: Option<u32>,
     /// The controller program and its arguments, in which "{bus}" stands for the URL of the bus, and "{speed}" for `speed`. The program runs in the folder of the plan.
-    #[serde(default)]
     pub(super) controller: Option<Vec<String>>,
     /// The speed of virtual time relative to wall time; 1 by default. Only valid together with `controller`.
-    #[serde(default)]
     pub(super) speed: Option<f64>,
 }
 
@@ -98,11 +93,9 @@ pub(super) struct Instants {
     #[schema(minimum = 0, maximum = 86400000)]
     pub(super) to_ms: u32,
     /// The interval between consecutive instants, in milliseconds.
-    #[serde(default)]
-    #[schema(minimum = 1, maximum = 86400000)]
-    pub(super) step_ms: Option<u32>,
+    #[schema(value_type = Option<u32>, minimum = 1, maximum = 86400000)]
+    pub(super) step_ms: Option<NonZeroU32>,
     /// Instants at the ends of frames, instead of `step_ms`.
-    #[serde(default)]
     pub(super) at: Option<At>,
 }
 
@@ -119,17 +112,13 @@ pub(super) enum At {
 #[serde(deny_unknown_fields)]
 pub(super) struct Detected {
     /// A frame of any sender, several frames in order, or a state of a device.
-    #[serde(default)]
     pub(super) expect: Option<Expected>,
     /// The identifier of a frame, as in "220". The absence of this frame for `for_ms` is the proof.
-    #[serde(default)]
     pub(super) stops: Option<Identifier>,
     /// The time without the frame, in milliseconds; required with `stops`.
-    #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) for_ms: Option<u32>,
     /// The name of the device for a state; required with several devices on the bus.
-    #[serde(default)]
     pub(super) device: Option<String>,
     /// The limit for the detection, in milliseconds after the fault.
     #[schema(minimum = 0, maximum = 86400000)]
@@ -144,11 +133,9 @@ pub(super) struct Safe {
     #[schema(value_type = StateCondition)]
     pub(super) expect: toml::Table,
     /// The name of the device; required with several devices on the bus.
-    #[serde(default)]
     pub(super) device: Option<String>,
     /// The time for which the state must hold without interruption, in milliseconds; by default until the end of the
     /// observation.
-    #[serde(default)]
     #[schema(minimum = 1, maximum = 86400000)]
     pub(super) for_ms: Option<u32>,
     /// The limit for the start of the safe state, in milliseconds after the fault.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use protocol_core::device::View;
-use protocol_core::frame::{Frame, Id};
-use protocol_core::time::{Duration, Instant, after, since};
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::master::{Master, Subject};
 use super::oracles::{SAMPLE, next_sample};
@@ -19,36 +19,11 @@ use crate::world::NodeId;
 /// The largest difference between positions that count as equal: 2 % of a valve's stroke or of a shaft's turn.
 const TOLERANCE: i32 = 328;
 
-/// The reason why a campaign cannot run.
+/// The reason why a campaign cannot run: the run without a fault fails, proves a detection, or lacks frames that the plan
+/// needs; or the plan has too many cells.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CampaignError {
-    /// The scenario fails without a fault.
-    #[error("the scenario fails without a fault (seed {seed}):\n{failures}")]
-    Fails {
-        /// The seed of the run.
-        seed: u64,
-        /// The report of the failures.
-        failures: String,
-    },
-    /// The proof of detection holds without a fault.
-    #[error("detected: the proof holds without a fault, at {} ms (seed {seed}), and so proves nothing", at_us / 1000)]
-    Detected {
-        /// The seed of the run.
-        seed: u64,
-        /// The instant, in microseconds of virtual time.
-        at_us: u64,
-    },
-    /// The controller ended before the end of the run.
-    #[error("the controller ended early in the run without a fault (seed {seed})")]
-    Hung {
-        /// The seed of the run.
-        seed: u64,
-    },
-    /// The plan needs frames that the golden run lacks, or has too many cells.
-    #[error("{0}")]
-    Plan(String),
-}
+#[error("{0}")]
+pub struct CampaignError(pub(super) String);
 
 #[derive(Debug)]
 pub(super) struct Golden {
@@ -58,8 +33,9 @@ pub(super) struct Golden {
     samples: Vec<Sample>,
     /// The instants of the faults.
     pub(super) instants: Vec<Instant>,
-    /// The identifiers sent within the observation time after every fault instant, each with its last frame.
-    pub(super) identifiers: BTreeMap<(bool, u32), Frame>,
+    /// The last frame with each identifier that is sent within the observation time after every fault instant, by
+    /// [`Frame::key`].
+    pub(super) identifiers: BTreeMap<u32, Frame>,
 }
 
 /// The part of a device's state that is compared with the golden run.
@@ -96,8 +72,8 @@ impl Golden {
     pub(super) fn run<M: Master>(plan: &Plan, master: &M, seed: u64) -> Result<Self, CampaignError> {
         let mut rig = Rig::new(plan, master, seed, false);
         let devices: Vec<NodeId> = rig.target.simulation().devices().iter().map(|(node, _)| *node).collect();
-        let from = after(Instant::from_ticks(0), Duration::from_millis(plan.grid.from_ms.into()));
-        let to = after(Instant::from_ticks(0), Duration::from_millis(plan.grid.to_ms.into()));
+        let from = after(Instant::from_ticks(0), Duration::from_millis(plan.instants.from_ms.into()));
+        let to = after(Instant::from_ticks(0), Duration::from_millis(plan.instants.to_ms.into()));
         let end = after(to, plan.observe + SAMPLE);
         let mut frames = Frames { from, to, ends: Vec::new(), identifiers: BTreeMap::new() };
         let mut samples = Vec::new();
@@ -116,28 +92,34 @@ impl Golden {
                     break;
                 }
             }
-            samples.extend(devices.iter().map(|node| Sample::of(rig.target.simulation().world().peek(*node).as_ref())));
+            let world = rig.target.simulation().world();
+            samples.extend(devices.iter().map(|node| Sample::of(world.peek(*node).as_ref())));
             if let Some(detected) = rig.oracles.detected() {
-                return Err(CampaignError::Detected { seed, at_us: after(from, detected).as_micros() });
+                let at_ms = after(from, detected).as_millis();
+                return Err(CampaignError(format!(
+                    "detected: the proof holds without a fault, at {at_ms} ms (seed {seed}), and so proves nothing"
+                )));
             }
             now = next_sample(now);
         }
         let (is_alive, unknown) = (rig.target.is_alive(), rig.oracles.unknown());
-        let outcome = rig.finish();
+        rig.run.advance(&mut rig.target, NEVER, &mut ());
+        let outcome = rig.run.outcome(rig.target.simulation());
         if !is_alive {
-            return Err(CampaignError::Hung { seed });
+            return Err(CampaignError(format!("the controller ended early in the run without a fault (seed {seed})")));
         }
         if !outcome.is_success() {
-            let failures = outcome.failures(plan.scenario());
-            return Err(CampaignError::Fails { seed, failures: failures.trim_end().to_owned() });
+            let failures = outcome.failures(&plan.path);
+            let reason = format!("the scenario fails without a fault (seed {seed}):\n{}", failures.trim_end());
+            return Err(CampaignError(reason));
         }
         if let Some(id) = unknown {
             let reason = format!("detected: no frame {} comes without a fault, so its end proves nothing", digits(id));
-            return Err(CampaignError::Plan(reason));
+            return Err(CampaignError(reason));
         }
         let (instants, identifiers) = frames.finish(plan, end);
         if instants.is_empty() {
-            return Err(CampaignError::Plan("instants: no frame ends between from_ms and to_ms".to_owned()));
+            return Err(CampaignError("instants: no frame ends between from_ms and to_ms".to_owned()));
         }
         Ok(Self { seed, devices, samples, instants, identifiers })
     }
@@ -155,30 +137,37 @@ impl Golden {
     /// Returns whether the bits of each device, as in [`states`](Self::states), are those in `before` or those of any
     /// sample of the golden run between two instants.
     pub(super) fn is_among(&self, before: &[u32], (from, to): (Instant, Instant), simulation: &Simulation) -> bool {
-        let number = |at: Instant| (at.as_ticks() / SAMPLE.as_ticks()) as usize;
-        let count = self.devices.len().max(1);
-        let golden = self.samples.chunks(count).take(number(to) + 1).skip(number(from));
+        let golden = self.between(number(from), number(to));
         self.states(simulation).iter().zip(before).enumerate().all(|(place, (state, before))| {
-            let mut golden = golden.clone().filter_map(|sample| sample.get(place));
-            state == before || golden.any(|sample| sample.state & LASTING == *state)
+            state == before || golden.clone().any(|samples| samples[place].state & LASTING == *state)
         })
     }
 
     /// Returns whether each device matches the golden run at the current sample instant. A change may come up to one
     /// sample early or late, because an additional frame on the bus delays other frames.
     pub(super) fn is_as(&self, simulation: &Simulation) -> bool {
-        let number = (simulation.now().as_ticks() / SAMPLE.as_ticks()) as usize;
-        let (count, all) = (self.devices.len(), self.samples.len() / self.devices.len().max(1));
+        let now = number(simulation.now());
+        let golden = self.between(now.saturating_sub(1), now + 1);
         self.devices.iter().enumerate().all(|(place, node)| {
             let found = Sample::of(simulation.world().peek(*node).as_ref());
-            let near = number.saturating_sub(1)..(number + 2).min(all);
-            let near = near.filter_map(|number| self.samples.get(number * count + place));
+            let mut near = golden.clone().map(|samples| samples[place]);
             let positions = near.clone().map(|sample| i32::from(sample.position));
             let (min, max) = positions.fold((i32::MAX, i32::MIN), |(min, max), it| (min.min(it), max.max(it)));
             let is_near = (min - TOLERANCE..=max + TOLERANCE).contains(&i32::from(found.position));
-            is_near && near.into_iter().any(|sample| sample.state == found.state)
+            is_near && near.any(|sample| sample.state == found.state)
         })
     }
+
+    /// Returns the states of all devices at the samples with the numbers from `first` to `last`.
+    fn between(&self, first: usize, last: usize) -> impl Iterator<Item = &[Sample]> + Clone {
+        let samples = self.samples.chunks(self.devices.len());
+        samples.take(last + 1).skip(first)
+    }
+}
+
+/// Returns the number of the last sample up to an instant.
+fn number(at: Instant) -> usize {
+    (at.as_ticks() / SAMPLE.as_ticks()) as usize
 }
 
 /// The frames of a golden run.
@@ -187,7 +176,7 @@ struct Frames {
     to: Instant,
     /// The ends of the frames from the first to the last fault instant.
     ends: Vec<Instant>,
-    identifiers: BTreeMap<(bool, u32), Seen>,
+    identifiers: BTreeMap<u32, Seen>,
 }
 
 /// The frames with one identifier.
@@ -205,12 +194,8 @@ impl Watch for Frames {
             self.ends.push(at);
         }
         if at > self.from && !frame.is_remote() {
-            let key = match frame.id() {
-                Id::Standard(id) => (false, id.as_raw().into()),
-                Id::Extended(id) => (true, id.as_raw()),
-            };
             let first = Seen { frame: *frame, last: self.from, gap: Duration::from_ticks(0) };
-            let seen = self.identifiers.entry(key).or_insert(first);
+            let seen = self.identifiers.entry(frame.key()).or_insert(first);
             seen.gap = seen.gap.max(since(at, seen.last));
             (seen.frame, seen.last) = (*frame, at);
         }
@@ -218,8 +203,8 @@ impl Watch for Frames {
 }
 
 impl Frames {
-    fn finish(self, plan: &Plan, end: Instant) -> (Vec<Instant>, BTreeMap<(bool, u32), Frame>) {
-        let grid = plan.grid;
+    fn finish(self, plan: &Plan, end: Instant) -> (Vec<Instant>, BTreeMap<u32, Frame>) {
+        let grid = plan.instants;
         let instants = match grid.step_ms {
             None => self.ends,
             Some(step) => {

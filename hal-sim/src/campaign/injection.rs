@@ -1,73 +1,63 @@
 //! The injection of a fault into a run.
 
+use std::sync::Arc;
+
 use protocol_core::time::{Instant, NEVER, after};
 
-use super::fault::{Act, PlanFault};
+use super::fault::PlanFault;
 use super::master::Subject;
 use crate::simulation::{Command, Executed, Reply, Simulation};
 use crate::state::{PlantState, Power};
+use crate::world::NodeId;
 
 /// An injected fault, and whether it has changed anything.
+#[derive(Debug)]
 pub(super) struct Injection<'a> {
     fault: &'a PlanFault,
+    /// The device of a plant or power fault.
+    device: Option<NodeId>,
     /// The name of the communication fault.
-    name: Option<String>,
-    /// The plant before the change, without the angle of a shaft.
+    pub(super) name: Option<Arc<str>>,
+    /// The plant before a plant fault, without the angle of a shaft.
     plant: Option<PlantState>,
     has_changed: bool,
-    /// The instant at which the power returns.
-    power_on: Instant,
+    /// The instant at which [`poll`](Self::poll) must switch the power on; [`NEVER`] if no switch is pending.
+    pub(super) due: Instant,
 }
 
 impl<'a> Injection<'a> {
     pub(super) fn begin(fault: &'a PlanFault, target: &mut impl Subject) -> Self {
-        let mut injection = Self { fault, name: None, plant: None, has_changed: false, power_on: NEVER };
-        let now = target.simulation().now();
-        let before = injection.plant(target.simulation());
-        let was_powered = injection.is_powered(target.simulation());
-        let Ok(Executed::Done(reply)) = target.execute(fault.command()) else { return injection };
-        match (&fault.act, reply) {
-            (Act::Message(_), Reply::Fault(record)) => injection.name = Some(record.name),
-            (Act::Plant(..), _) => {
-                injection.has_changed = injection.plant(target.simulation()) != before;
-                injection.plant = before.map(|plant| plant.at_rest());
-            }
-            (Act::Power(_, power, lasts), _) => {
-                let is_powered = injection.is_powered(target.simulation());
-                injection.has_changed = *power == Power::Watchdog || was_powered != is_powered;
-                injection.power_on = lasts.map_or(NEVER, |lasts| after(now, lasts));
-            }
-            _ => {}
+        let simulation = target.simulation();
+        let now = simulation.now();
+        let device = fault.device().and_then(|device| simulation.find(device).ok()).map(|(node, _)| node);
+        let mut injection = Self { fault, device, name: None, plant: None, has_changed: false, due: NEVER };
+        let is_powered = |simulation: &Simulation| device.map(|node| simulation.world().is_powered(node));
+        let before = (injection.plant(simulation), is_powered(simulation));
+        let Ok(Executed::Done(reply)) = target.execute(fault.command.clone()) else { return injection };
+        if let Reply::Fault(record) = reply {
+            injection.name = Some(record.name.into());
+        }
+        let simulation = target.simulation();
+        injection.due = fault.off_for.map_or(NEVER, |time| after(now, time));
+        injection.has_changed = before != (injection.plant(simulation), is_powered(simulation))
+            || matches!(fault.command, Command::Power(_, Power::Watchdog));
+        if let Command::Plant(..) = fault.command {
+            injection.plant = before.0.map(|plant| plant.at_rest());
         }
         injection
     }
 
     fn plant(&self, simulation: &Simulation) -> Option<PlantState> {
-        let Act::Plant(device, _) = &self.fault.act else { return None };
-        simulation.find(device).ok().map(|(node, _)| PlantState::of(node, simulation.world()))
-    }
-
-    fn is_powered(&self, simulation: &Simulation) -> Option<bool> {
-        let Act::Power(device, ..) = &self.fault.act else { return None };
-        simulation.find(device).ok().map(|(node, _)| simulation.world().is_powered(node))
-    }
-
-    pub(super) fn name(&self) -> Option<std::sync::Arc<str>> {
-        self.name.as_deref().map(Into::into)
-    }
-
-    /// Returns the instant at which [`poll`](Self::poll) must switch the power on; [`NEVER`] if no switch is pending.
-    pub(super) const fn due(&self) -> Instant {
-        self.power_on
+        self.device.map(|node| PlantState::of(node, simulation.world()))
     }
 
     pub(super) fn poll(&mut self, now: Instant, target: &mut impl Subject) {
-        if self.power_on <= now
-            && let Act::Power(device, ..) = &self.fault.act
+        if self.due <= now
+            && let Some(device) = self.fault.device()
         {
-            self.power_on = NEVER;
+            self.due = NEVER;
             // The device of a checked plan exists.
-            let _ = target.execute(Command::Power(device.clone(), Power::On));
+            let _ = target.execute(Command::Power(device.to_owned(), Power::On));
         }
         // A profile may change the plant only after the injection.
         if !self.has_changed && self.plant.is_some() {
@@ -79,7 +69,7 @@ impl<'a> Injection<'a> {
     /// the power changed.
     pub(super) fn struck(&self, simulation: &Simulation) -> u64 {
         match &self.name {
-            Some(name) => simulation.faults().find(|record| record.name == *name).map_or(0, |record| record.struck),
+            Some(name) => simulation.faults().find(|record| *record.name == **name).map_or(0, |record| record.struck),
             None => self.has_changed.into(),
         }
     }

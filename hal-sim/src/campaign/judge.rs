@@ -1,14 +1,14 @@
 //! The judge of a cell whose controller is outside this library: a program, or a client of the control interface.
 
+use std::ops::ControlFlow;
+
 use protocol_core::time::{Instant, NEVER, after};
 
 use super::cell::{Cell, CellResult};
 use super::golden::Golden;
-use super::injection::Injection;
-use super::oracles::{Oracles, next_sample};
-use super::plan::Plan;
-use super::run::Campaign;
-use super::verdict::Observed;
+use super::observe::Observation;
+use super::oracles::Oracles;
+use super::run::{Campaign, Row};
 use crate::scenario::runner::Watch as _;
 use crate::simulation::{Happened, Simulation};
 
@@ -17,59 +17,45 @@ use crate::simulation::{Happened, Simulation};
 ///
 /// After each advance of the simulation, call [`event`](Self::event) for each event, then [`poll`](Self::poll). No
 /// advance may pass [`due`](Self::due).
+#[derive(Debug)]
 pub struct Judge {
     campaign: &'static Campaign<'static>,
+    row: &'static Row,
+    golden: &'static Golden,
     cell: Cell,
     is_exact: bool,
     oracles: Oracles<'static>,
-    injection: Option<Injection<'static>>,
+    observation: Observation<'static>,
     /// The states of the devices just before the fault.
-    before: Vec<u32>,
-    /// The instant of the last sample.
-    sampled: Instant,
+    before: Option<Vec<u32>>,
     due: Instant,
     result: Option<CellResult>,
 }
 
-impl std::fmt::Debug for Judge {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Judge").field("cell", &self.cell).field("result", &self.result).finish_non_exhaustive()
-    }
-}
-
-impl Plan {
-    /// Creates the simulation of the scenario, with unpowered devices.
-    #[must_use]
-    pub fn simulation(&self, seed: u64) -> Simulation {
-        self.scenario.simulation(seed)
-    }
-}
-
 impl Judge {
-    /// Creates the judge of a cell; `None` for an unknown row.
+    /// Creates the judge of a cell, and the simulation of the scenario, with unpowered devices; `None` for an unknown
+    /// row.
     ///
     /// An *exact* controller acts at the same instants in each run. With an exact controller, the devices are compared
     /// with the golden run at each sample. Otherwise power, NMT state, device state machine and active faults must have
     /// their values just before the fault, or any of their values in the golden run during the observation.
     #[must_use]
-    pub fn new(
-        campaign: &'static Campaign<'static>,
-        cell: Cell,
-        is_exact: bool,
-        simulation: &Simulation,
-    ) -> Option<Self> {
-        campaign.place(cell)?;
-        Some(Self {
+    pub fn new(campaign: &'static Campaign<'static>, cell: Cell, is_exact: bool) -> Option<(Simulation, Self)> {
+        let (row, golden) = campaign.place(cell)?;
+        let simulation = campaign.plan().scenario.simulation(row.seed);
+        let judge = Self {
             campaign,
+            row,
+            golden,
             cell,
             is_exact,
-            oracles: Oracles::new(campaign.plan(), simulation),
-            injection: None,
-            before: Vec::new(),
-            sampled: cell.at,
+            oracles: Oracles::new(campaign.plan(), &simulation),
+            observation: Observation::new(campaign.plan(), vec![(cell.at, Some(&row.fault))]),
+            before: None,
             due: cell.at,
             result: None,
-        })
+        };
+        Some((simulation, judge))
     }
 
     /// Observes a bus event.
@@ -103,48 +89,26 @@ impl Judge {
         if self.result.is_some() || is_early {
             return;
         }
-        let Some((row, golden)) = self.campaign.place(self.cell) else { return };
-        if self.injection.is_none() {
-            self.before = golden.states(simulation);
-            let injection = Injection::begin(&row.fault, simulation);
-            self.oracles.begin(injection.name(), simulation);
-            self.injection = Some(injection);
-        }
-        let end = self.end();
-        let Some(injection) = &mut self.injection else { return };
-        injection.poll(now, simulation);
-        let is_sample = now >= next_sample(self.sampled);
-        if is_sample {
-            self.sampled = now;
-        }
-        if !self.oracles.has_effect() && self.differs(golden, is_sample, simulation) {
+        self.before.get_or_insert_with(|| self.golden.states(simulation));
+        self.observation.inject(simulation, &mut self.oracles);
+        let is_sample = self.observation.poll(simulation);
+        if !self.oracles.has_effect() && self.differs(is_sample, simulation) {
             self.oracles.note_effect(now);
         }
         self.oracles.look(simulation);
-        let Some(injection) = &self.injection else { return };
-        let struck = injection.struck(simulation);
-        if (self.oracles.are_decided() && self.oracles.has_effect() && struck > 0) || now >= end {
-            let observed = Observed {
-                was_injected: struck > 0,
-                // The caller watches the controller.
-                is_alive: true,
-                had_effect: self.oracles.has_effect(),
-                detected: self.oracles.detected(),
-                safe: self.oracles.safe(now),
-            };
-            self.due = NEVER;
-            self.result = Some(self.campaign.result(self.cell, row, golden, &observed, struck));
-        } else {
-            let limit = next_sample(self.sampled).min(end).min(injection.due());
-            self.due = self.oracles.due(simulation, limit);
-        }
+        self.due = match self.observation.next(simulation, &self.oracles) {
+            ControlFlow::Break(observed) => {
+                self.result = Some(self.campaign.result(self.cell, self.row, self.golden, &observed));
+                NEVER
+            }
+            ControlFlow::Continue(due) => due,
+        };
     }
 
-    fn differs(&self, golden: &Golden, is_sample: bool, simulation: &Simulation) -> bool {
-        if self.is_exact {
-            is_sample && !golden.is_as(simulation)
-        } else {
-            !golden.is_among(&self.before, (self.cell.at, self.end()), simulation)
+    fn differs(&self, is_sample: bool, simulation: &Simulation) -> bool {
+        match &self.before {
+            Some(before) if !self.is_exact => !self.golden.is_among(before, (self.cell.at, self.end()), simulation),
+            _ => is_sample && !self.golden.is_as(simulation),
         }
     }
 }

@@ -6,14 +6,12 @@ use crate::simulation::Simulation;
 /// A simulation with its controller.
 pub trait Subject: Target {
     /// Returns whether the controller is alive.
-    fn is_alive(&self) -> bool;
-}
-
-impl Subject for Simulation {
     fn is_alive(&self) -> bool {
         true
     }
 }
+
+impl Subject for Simulation {}
 
 /// A kind of controller: starts and clones the controllers of a campaign.
 pub trait Master {

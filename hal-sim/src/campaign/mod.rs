@@ -40,7 +40,7 @@ mod plan_tests;
 mod tests;
 
 pub use cell::{Cell, CellResult};
-pub use controller::{CONTROLLER, Cloned, Controlled, Controller, Fresh};
+pub use controller::{CONTROLLER, Controlled, Controller, InRust};
 pub use explore::{Explorer, Find, Pair, Tried};
 pub use file::schema;
 pub use golden::CampaignError;

@@ -11,14 +11,6 @@ use crate::scenario::step::Wanted;
 use crate::scenario::trial::{device, wanted, within};
 use crate::state::{Invalid, Pattern};
 
-/// An oracle with its limit.
-#[derive(Debug)]
-pub(super) struct Oracle<T> {
-    pub(super) what: T,
-    /// The longest accepted time from the fault.
-    pub(super) within: Duration,
-}
-
 /// The proof that the controller has detected the fault.
 #[derive(Debug)]
 pub(super) enum Proof {
@@ -42,11 +34,11 @@ pub(super) struct SafeState {
 const FORMS: &str = "give expect = \"000#02..\", expect = { dsm = \"fault-hold\" }, or stops = \"220\" with for_ms";
 
 impl Detected {
-    /// Checks `detected` against the devices on the bus, and returns its oracle.
+    /// Checks `detected` against the devices on the bus. Returns the proof and its limit.
     ///
     /// # Errors
     /// The reason, for the user.
-    pub(super) fn check(self, devices: &[NamedDevice]) -> Result<Oracle<Proof>, String> {
+    pub(super) fn check(self, devices: &[NamedDevice]) -> Result<(Proof, Duration), String> {
         let Self { expect, stops, for_ms, device: name, within_ms } = self;
         let is_state = matches!(expect, Some(Expected::State(_)));
         if name.is_some() && !is_state {
@@ -59,7 +51,7 @@ impl Detected {
             true => Err("expect: empty list; give at least one frame, as in [\"000#02..\"]".to_owned()),
             false => frames.iter().map(|frame| frame.parse().map_err(within("expect"))).collect(),
         };
-        let what = match (expect, stops) {
+        let proof = match (expect, stops) {
             (Some(Expected::Frame(frame)), None) => Proof::Frames(frames(vec![frame])?),
             (Some(Expected::Frames(list)), None) => Proof::Frames(frames(list)?),
             (Some(Expected::State(state)), None) => Proof::State(self::state(devices, name.as_deref(), state)?),
@@ -72,19 +64,19 @@ impl Detected {
             (None, None) => return Err(format!("expect and stops are both missing; {FORMS}")),
             (Some(_), Some(_)) => return Err(format!("expect and stops cannot be combined; {FORMS}")),
         };
-        Ok(Oracle { what, within: millis(within_ms) })
+        Ok((proof, millis(within_ms)))
     }
 }
 
 impl Safe {
-    /// Checks `safe` against the devices on the bus, and returns its oracle.
+    /// Checks `safe` against the devices on the bus. Returns the safe state and its limit.
     ///
     /// # Errors
     /// The reason, for the user.
-    pub(super) fn check(self, devices: &[NamedDevice]) -> Result<Oracle<SafeState>, String> {
+    pub(super) fn check(self, devices: &[NamedDevice]) -> Result<(SafeState, Duration), String> {
         let Self { expect, device: name, for_ms, within_ms } = self;
         let state = state(devices, name.as_deref(), expect)?;
-        Ok(Oracle { what: SafeState { state, span: for_ms.map(millis) }, within: millis(within_ms) })
+        Ok((SafeState { state, span: for_ms.map(millis) }, millis(within_ms)))
     }
 }
 

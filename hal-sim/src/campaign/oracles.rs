@@ -17,7 +17,7 @@ use crate::state::{DeviceState, Pattern};
 use crate::world::NodeId;
 
 /// The oracles of a run. Before the first fault, the oracles track only the frame of [`Proof::Stops`].
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Oracles<'a> {
     proof: Option<Seeker<'a>>,
     safe: Option<Safety<'a>>,
@@ -27,7 +27,7 @@ pub(super) struct Oracles<'a> {
     detected: Option<Instant>,
 }
 
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 struct Injected {
     /// The instant of the first fault.
     first: Instant,
@@ -47,7 +47,7 @@ impl Injected {
     }
 }
 
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 enum Seeker<'a> {
     /// The expected frames, and the number of matched frames.
     Frames(&'a [Pattern], usize),
@@ -56,7 +56,7 @@ enum Seeker<'a> {
     Stops(Id, Duration, Option<Instant>),
 }
 
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 struct Safety<'a> {
     eye: StateEye<'a>,
     span: Option<Duration>,
@@ -67,7 +67,7 @@ struct Safety<'a> {
 }
 
 /// A device-state check that does not affect the run.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 struct StateEye<'a> {
     wanted: &'a Wanted,
     device: (NodeId, Kind),
@@ -123,13 +123,12 @@ impl Safety<'_> {
 
 impl<'a> Oracles<'a> {
     pub(super) fn new(plan: &'a Plan, simulation: &Simulation) -> Self {
-        let proof = plan.detected.as_ref().and_then(|oracle| match &oracle.what {
+        let proof = plan.detected.as_ref().and_then(|proof| match proof {
             Proof::Frames(patterns) => Some(Seeker::Frames(patterns, 0)),
             Proof::State(wanted) => StateEye::new(wanted, simulation).map(Box::new).map(Seeker::State),
             Proof::Stops(id, span) => Some(Seeker::Stops(*id, *span, None)),
         });
-        let safe = plan.safe.as_ref().and_then(|oracle| {
-            let SafeState { state, span } = &oracle.what;
+        let safe = plan.safe.as_ref().and_then(|SafeState { state, span }| {
             let eye = StateEye::new(state, simulation)?;
             Some(Safety { eye, span: *span, since: None, proved: None })
         });

@@ -1,16 +1,14 @@
 //! The checked plan of a campaign.
 
-use std::num::NonZeroU32;
-
 use protocol_core::time::Duration;
 use toml::{Table, Value};
 
 use super::fault::{self, PlanFault};
-use super::file::{self, At, Instants, PlanFile, ReadySet};
-use super::oracle::{Oracle, Proof, SafeState};
+use super::file::{self, Instants, PlanFile, ReadySet};
+use super::oracle::{Proof, SafeState};
 use super::verdict::Limits;
-use crate::scenario::file::{line_at, table};
-use crate::scenario::{OWN, ReadError, Scenario};
+use crate::scenario::file::line_at;
+use crate::scenario::{ReadError, Scenario};
 use crate::state::schema::Place;
 use crate::text::in_one_line;
 
@@ -21,17 +19,18 @@ pub const MAX_CELLS: u64 = 10_000_000;
 #[derive(Debug)]
 pub struct Plan {
     title: String,
-    path: String,
+    pub(super) path: String,
     /// The texts of the plan and of its scenario.
     pub(super) texts: (String, String),
-    controller: Option<Vec<String>>,
-    speed: f64,
+    /// The controller program with its arguments, and the speed of virtual time relative to wall time.
+    controller: Option<(Vec<String>, f64)>,
     pub(super) scenario: Scenario,
     pub(super) seeds: Vec<u64>,
     pub(super) faults: Vec<Entry>,
-    pub(super) grid: Grid,
-    pub(super) detected: Option<Oracle<Proof>>,
-    pub(super) safe: Option<Oracle<SafeState>>,
+    pub(super) instants: Instants,
+    pub(super) detected: Option<Proof>,
+    pub(super) safe: Option<SafeState>,
+    pub(super) limits: Limits,
     pub(super) observe: Duration,
 }
 
@@ -43,18 +42,20 @@ pub(super) enum Entry {
     Communication,
 }
 
-/// The instants of the faults.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Grid {
-    pub(super) from_ms: u32,
-    pub(super) to_ms: u32,
-    /// The interval between consecutive instants; `None` for instants at the ends of frames.
-    pub(super) step_ms: Option<NonZeroU32>,
-}
+impl Instants {
+    fn check(&self) -> Result<(), String> {
+        let Self { from_ms, to_ms, step_ms, at } = self;
+        if from_ms > to_ms {
+            return Err(format!("from_ms {from_ms} is after to_ms {to_ms}"));
+        }
+        if step_ms.is_some() == at.is_some() {
+            return Err("give either step_ms = 10 or at = \"each frame\"".to_owned());
+        }
+        Ok(())
+    }
 
-impl Grid {
     /// Returns the number of instants; `None` for instants at the ends of frames.
-    pub(super) fn len(&self) -> Option<u64> {
+    fn len(&self) -> Option<u64> {
         self.step_ms.map(|step| u64::from((self.to_ms - self.from_ms) / step) + 1)
     }
 }
@@ -106,17 +107,20 @@ impl Plan {
         if !(speed.is_finite() && speed > 0.0) {
             return Err(at("speed")("must be a number above 0, as in 1 or 0.5".to_owned()));
         }
-        let grid = grid(&instants).map_err(at("instants"))?;
+        let controller = controller.map(|words| (words, speed));
+        instants.check().map_err(at("instants"))?;
         let devices = scenario.devices();
         let detected = detected.map(|it| it.check(devices).map_err(at("detected"))).transpose()?;
         let safe = safe.map(|it| it.check(devices).map_err(at("safe"))).transpose()?;
-        let limits = [detected.as_ref().map(|it| it.within), safe.as_ref().map(|it| it.within)];
-        let Some(longest) = limits.into_iter().flatten().max() else {
+        let (detected, detected_within) = detected.unzip();
+        let (safe, safe_within) = safe.unzip();
+        let limits = Limits { detected: detected_within, safe: safe_within };
+        let Some(longest) = limits.detected.max(limits.safe) else {
             let reason =
                 "a plan needs detected, safe, or both, as in safe = { expect = { position = 0 }, within_ms = 1000 }";
             return Err((Vec::new(), reason.to_owned()));
         };
-        let dwell = safe.as_ref().and_then(|it| it.what.span).map_or(longest, |span| longest + span);
+        let dwell = safe.as_ref().and_then(|it| it.span).map_or(longest, |span| longest + span);
         let observe = observe_ms.map_or(longest * 3, |ms| Duration::from_millis(ms.into()));
         if observe < dwell || observe.as_ticks() == 0 {
             let key = if observe_ms.is_some() { "observe_ms" } else { "safe" };
@@ -127,8 +131,8 @@ impl Plan {
             );
             return Err(at(key)(reason));
         }
-        let faults = entries(faults, &scenario, grid.len().unwrap_or(1) * seeds.len() as u64)?;
-        Ok(Self { title, path, texts, controller, speed, scenario, seeds, faults, grid, detected, safe, observe })
+        let faults = entries(faults, &scenario, instants.len().unwrap_or(1) * seeds.len() as u64)?;
+        Ok(Self { title, path, texts, controller, scenario, seeds, faults, instants, detected, safe, limits, observe })
     }
 
     /// Returns the title.
@@ -137,31 +141,17 @@ impl Plan {
         &self.title
     }
 
-    /// Returns the path of the scenario, relative to the plan.
+    /// Returns the controller program with its arguments, and the speed of virtual time relative to wall time; `None` if
+    /// the plan has no program.
     #[must_use]
-    pub fn scenario(&self) -> &str {
-        &self.path
-    }
-
-    /// Returns the controller program and its arguments; `None` if the plan has no program.
-    #[must_use]
-    pub fn controller(&self) -> Option<&[String]> {
-        self.controller.as_deref()
-    }
-
-    /// Returns the speed of virtual time relative to wall time for [`controller`](Self::controller).
-    #[must_use]
-    pub const fn speed(&self) -> f64 {
-        self.speed
+    pub fn controller(&self) -> Option<(&[String], f64)> {
+        self.controller.as_ref().map(|(words, speed)| (words.as_slice(), *speed))
     }
 
     /// Returns the limits of the oracles.
     #[must_use]
-    pub fn limits(&self) -> Limits {
-        Limits {
-            detected: self.detected.as_ref().map(|oracle| oracle.within),
-            safe: self.safe.as_ref().map(|oracle| oracle.within),
-        }
+    pub const fn limits(&self) -> Limits {
+        self.limits
     }
 
     /// Returns the observation time after the fault.
@@ -188,26 +178,12 @@ fn at(key: &'static str) -> impl Fn(String) -> Refused {
     move |reason| (vec![Place::Key(key.to_owned())], format!("{key}: {reason}"))
 }
 
-fn grid(instants: &Instants) -> Result<Grid, String> {
-    let Instants { from_ms, to_ms, step_ms, at } = *instants;
-    if from_ms > to_ms {
-        return Err(format!("from_ms {from_ms} is after to_ms {to_ms}"));
-    }
-    let step_ms = match (step_ms, at) {
-        (Some(step), None) => NonZeroU32::new(step),
-        (None, Some(At::EachFrame)) => None,
-        _ => return Err("give either step_ms = 10 or at = \"each frame\"".to_owned()),
-    };
-    Ok(Grid { from_ms, to_ms, step_ms })
-}
-
 /// Checks the faults of a plan. `cells` is the minimum number of cells of one fault.
 fn entries(faults: Vec<Value>, scenario: &Scenario, cells: u64) -> Result<Vec<Entry>, Refused> {
     if faults.is_empty() {
         return Err(at("faults")("empty list; give at least one fault, as in [\"all-of-pve\"]".to_owned()));
     }
-    let mut trial = scenario.simulation(0);
-    trial.send_as(OWN);
+    let trial = scenario.trial();
     let mut total: u64 = 0;
     let mut entries = Vec::new();
     for (place, entry) in faults.into_iter().enumerate() {
@@ -218,13 +194,14 @@ fn entries(faults: Vec<Value>, scenario: &Scenario, cells: u64) -> Result<Vec<En
         };
         let tables: Vec<Table> = match entry {
             Value::Table(entry) => {
-                if let Some(key) = fault::without_value(&entry) {
+                let lists = fault::lists(&entry);
+                if let Some((key, _)) = lists.iter().find(|(_, length)| *length == 0) {
                     return Err(refuse(format!("{key}: empty list; give at least one value")));
                 }
-                add(fault::count(&entry))?;
+                add(lists.iter().fold(1, |faults, (_, length)| faults.saturating_mul(*length)))?;
                 fault::combinations(&entry)
             }
-            word => match table::<Word>([("word".to_owned(), word)].into_iter().collect()).map_err(refuse)?.word {
+            word => match word.try_into().map_err(|error| refuse(error.to_string()))? {
                 ReadySet::AllOfPve => {
                     let tables = fault::all_of_pve(scenario.devices()).map_err(refuse)?;
                     add(tables.len() as u64)?;
@@ -252,10 +229,4 @@ pub(super) fn refuse_more(cells: u64) -> Result<(), String> {
     Err(format!(
         "the plan has at least {cells} cells, more than {MAX_CELLS}; give fewer faults, values, seeds or instants"
     ))
-}
-
-/// A wrapper that lets [`table`], which deserialises only tables, read the name of a predefined fault set.
-#[derive(serde::Deserialize)]
-struct Word {
-    word: ReadySet,
 }

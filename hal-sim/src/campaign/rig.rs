@@ -1,15 +1,15 @@
 //! A run of a scenario with its target and the oracles of a plan.
 
-use protocol_core::time::{Instant, NEVER};
+use protocol_core::time::Instant;
 
 use super::master::{Master, Subject};
 use super::oracles::Oracles;
 use super::plan::Plan;
-use crate::scenario::Outcome;
 use crate::scenario::runner::{Run, Watch};
 use crate::simulation::{Happened, Simulation};
 
 /// A run with its target and its oracles.
+#[derive(Clone)]
 pub(super) struct Rig<'a, T> {
     pub(super) run: Run<'a>,
     pub(super) target: T,
@@ -33,12 +33,6 @@ impl<'a, T: Subject> Rig<'a, T> {
     /// Advances to an instant with an additional observer.
     pub(super) fn pass(&mut self, until: Instant, also: &mut dyn Watch) {
         self.run.pass(&mut self.target, until, &mut Both(&mut self.oracles, also));
-    }
-
-    /// Runs the scenario to its end.
-    pub(super) fn finish(mut self) -> Outcome {
-        self.run.advance(&mut self.target, NEVER, &mut ());
-        self.run.outcome(self.target.simulation())
     }
 }
 

@@ -4,7 +4,7 @@
 use protocol_core::time::{Duration, Instant};
 
 use super::cell::{Cell, CellResult};
-use super::controller::{Cloned, Controller, Fresh};
+use super::controller::{Controller, InRust};
 use super::fault::{PlanFault, communication};
 use super::golden::{CampaignError, Golden};
 use super::master::{Master, Scripted};
@@ -64,25 +64,26 @@ impl<'a> Campaign<'a> {
     }
 }
 
-impl<'a, C: Controller + Clone, F: Fn() -> C> Campaign<'a, Cloned<F>> {
+impl<'a, C: Controller, F: Fn() -> C> Campaign<'a, InRust<C, F>> {
     /// Creates a campaign after one golden run for each seed. `make` creates a controller, which acts in addition to
     /// the steps of the scenario. Each cell has a clone of this controller.
     ///
     /// # Errors
     /// [`CampaignError`]
-    pub fn with_controller(plan: &'a Plan, make: F) -> Result<Self, CampaignError> {
-        Self::of(plan, Cloned(make))
+    pub fn with_controller(plan: &'a Plan, make: F) -> Result<Self, CampaignError>
+    where
+        C: Clone,
+    {
+        Self::of(plan, InRust { make, fork: |controller| Some(controller.clone()) })
     }
-}
 
-impl<'a, C: Controller, F: Fn() -> C> Campaign<'a, Fresh<F>> {
     /// Creates a campaign as [`with_controller`](Campaign::with_controller) does, for a controller that cannot be
     /// cloned: each cell runs from the start.
     ///
     /// # Errors
     /// [`CampaignError`]
     pub fn with_fresh_controllers(plan: &'a Plan, make: F) -> Result<Self, CampaignError> {
-        Self::of(plan, Fresh(make))
+        Self::of(plan, InRust { make, fork: |_| None })
     }
 }
 
@@ -109,7 +110,7 @@ impl<'a, M: Master> Campaign<'a, M> {
                 first += cells;
             }
         }
-        refuse_more(first).map_err(CampaignError::Plan)?;
+        refuse_more(first).map_err(CampaignError)?;
         Ok(Self { plan, master, goldens, rows, forks: true })
     }
 
@@ -158,15 +159,11 @@ impl<'a, M: Master> Campaign<'a, M> {
         let mut before: Option<CellResult> = None;
         let mut worst: Option<Interval> = None;
         for at in &golden.instants {
-            let rig = self.rig_at(&mut base, row, *at);
-            let Some(result) = rig.and_then(|rig| self.judge(rig, Cell { row, at: *at })) else { continue };
+            let Some(result) = self.forked(&mut base, Cell { row, at: *at }) else { continue };
             each(result.clone());
             if let Some(left) = before.replace(result.clone()) {
-                let mut refined = Vec::new();
-                if left.verdict != result.verdict {
-                    self.bisect(&left, &result, &mut refined);
-                    refined.iter().cloned().for_each(&mut *each);
-                }
+                let refined = self.bisect(&left, &result);
+                refined.iter().cloned().for_each(&mut *each);
                 let known = refined.into_iter().map(|cell| cell.at_us).collect();
                 let interval =
                     Interval { left: left.at_us, right: result.at_us, severity: severity(&left, &result), known };
@@ -183,8 +180,7 @@ impl<'a, M: Master> Campaign<'a, M> {
     /// Runs one cell alone. `None` for an unknown row.
     #[must_use]
     pub fn cell(&self, cell: Cell) -> Option<CellResult> {
-        let rig = self.rig_at(&mut None, cell.row, cell.at)?;
-        self.judge(rig, cell)
+        self.forked(&mut None, cell)
     }
 
     /// Runs one cell, and returns its explained trace with notes at the fault and at the end. `None` for an unknown
@@ -216,42 +212,51 @@ impl<'a, M: Master> Campaign<'a, M> {
         Some(Rig::new(self.plan, &self.master, row.seed, false))
     }
 
-    /// Advances `base` to an instant and returns a fork. Without `base` or forks, returns a new run at that instant.
-    fn rig_at(&self, base: &mut Option<Rig<'a, M::Target>>, row: usize, at: Instant) -> Option<Rig<'a, M::Target>> {
-        if let Some(rig) = base {
-            rig.pass(at, &mut ());
-            if let Some(fork) = rig.fork(&self.master) {
-                return Some(fork);
-            }
-            *base = None;
+    /// Runs a cell in a fork of `base`, which advances to the cell's instant. Without `base` or forks, the cell runs from
+    /// the start.
+    fn forked(&self, base: &mut Option<Rig<'a, M::Target>>, cell: Cell) -> Option<CellResult> {
+        if let Some(base) = base {
+            base.pass(cell.at, &mut ());
         }
-        let mut rig = Rig::new(self.plan, &self.master, self.rows.get(row)?.seed, false);
-        rig.pass(at, &mut ());
-        Some(rig)
+        let fork = base.as_ref().and_then(|base| base.fork(&self.master));
+        let rig = match fork {
+            Some(rig) => rig,
+            None => {
+                *base = None;
+                let mut rig = Rig::new(self.plan, &self.master, self.rows.get(cell.row)?.seed, false);
+                rig.pass(cell.at, &mut ());
+                rig
+            }
+        };
+        self.observe(rig, cell).map(|(_, result)| result)
     }
 
-    /// Locates the change of the verdict between two cells to 1 ms, and adds the cells of the search to `refined`.
-    fn bisect(&self, left: &CellResult, right: &CellResult, refined: &mut Vec<CellResult>) {
-        let (row, fine) = (left.row, FINE.as_micros());
+    /// Locates the change of the verdict between two cells to 1 ms, and returns the cells of the search. Without a
+    /// change, there are none.
+    fn bisect(&self, left: &CellResult, right: &CellResult) -> Vec<CellResult> {
+        let (row, fine, mut refined) = (left.row, FINE.as_micros(), Vec::new());
+        if left.verdict == right.verdict {
+            return refined;
+        }
         let mut base = self.base(row);
         if let Some(base) = &mut base {
             base.pass(Instant::from_micros(left.at_us), &mut ());
         }
-        let (mut left, mut right, first) = (left.clone(), right.clone(), left.verdict);
-        while right.at_us - left.at_us > fine {
+        let (first, mut left, mut right) = (left.verdict, left.at_us, right.at_us);
+        while right - left > fine {
             // A multiple of 1 ms from the left end.
-            let half = ((right.at_us - left.at_us) / fine).div_ceil(2).max(1) * fine;
-            let at = Instant::from_micros(left.at_us + half.min(right.at_us - left.at_us - 1));
+            let half = ((right - left) / fine).div_ceil(2).max(1) * fine;
+            let at_us = left + half.min(right - left - 1);
             let mut fork = base.as_ref().and_then(|base| base.fork(&self.master));
-            let Some(rig) = self.rig_at(&mut fork, row, at) else { return };
-            let Some(result) = self.judge(rig, Cell { row, at }) else { return };
-            refined.push(result.clone());
+            let Some(result) = self.forked(&mut fork, Cell { row, at: Instant::from_micros(at_us) }) else { break };
             if result.verdict == first {
-                left = result;
+                left = at_us;
             } else {
-                right = result;
+                right = at_us;
             }
+            refined.push(result);
         }
+        refined
     }
 
     /// Runs the cells of an interval in steps of 1 ms, except those with a known result.
@@ -259,22 +264,15 @@ impl<'a, M: Master> Campaign<'a, M> {
         let mut base = self.base(row);
         let instants = (interval.left..interval.right).step_by(FINE.as_micros() as usize).skip(1);
         for at_us in instants.filter(|at| !interval.known.contains(at)) {
-            let at = Instant::from_micros(at_us);
-            if let Some(result) = self.rig_at(&mut base, row, at).and_then(|rig| self.judge(rig, Cell { row, at })) {
-                each(result);
-            }
+            self.forked(&mut base, Cell { row, at: Instant::from_micros(at_us) }).into_iter().for_each(&mut *each);
         }
     }
 
-    /// Injects the fault of a cell into a run at the cell's instant, and returns the result.
-    fn judge(&self, rig: Rig<'a, M::Target>, cell: Cell) -> Option<CellResult> {
-        self.observe(rig, cell).map(|(_, result)| result)
-    }
-
+    /// Injects the fault of a cell into a run at the cell's instant. Returns the run and the result.
     fn observe(&self, rig: Rig<'a, M::Target>, cell: Cell) -> Option<(Rig<'a, M::Target>, CellResult)> {
         let (row, golden) = self.place(cell)?;
-        let (rig, observed, struck) = observe(self.plan, golden, rig, &[(cell.at, Some(&row.fault))], &mut ());
-        let result = self.result(cell, row, golden, &observed, struck);
+        let (rig, observed) = observe(self.plan, golden, rig, vec![(cell.at, Some(&row.fault))], &mut ());
+        let result = self.result(cell, row, golden, &observed);
         Some((rig, result))
     }
 
@@ -289,14 +287,7 @@ impl<'a, M: Master> Campaign<'a, M> {
     }
 
     /// Returns the result of a cell from its observations.
-    pub(super) fn result(
-        &self,
-        cell: Cell,
-        row: &Row,
-        golden: &Golden,
-        observed: &Observed,
-        struck: u64,
-    ) -> CellResult {
+    pub(super) fn result(&self, cell: Cell, row: &Row, golden: &Golden, observed: &Observed) -> CellResult {
         let index = golden.instants.binary_search(&cell.at).ok();
         CellResult {
             number: index.map(|index| row.first + index as u64),
@@ -305,10 +296,10 @@ impl<'a, M: Master> Campaign<'a, M> {
             seed: row.seed,
             at_us: cell.at.as_micros(),
             refined: index.is_none(),
-            verdict: Verdict::of(observed, &self.plan.limits()),
+            verdict: Verdict::of(observed, &self.plan.limits),
             detected_us: observed.detected.map(|time| time.as_micros()),
             safe_us: observed.safe.map(|time| time.as_micros()),
-            struck,
+            struck: observed.struck,
         }
     }
 }
@@ -337,7 +328,7 @@ fn errors(goldens: &[Golden]) -> Result<Vec<PlanFault>, CampaignError> {
     let faults: Vec<PlanFault> = common.flat_map(|(_, frame)| communication(frame)).collect();
     if faults.is_empty() {
         let reason = "'communication': no identifier is sent in every observation period; increase observe_ms";
-        return Err(CampaignError::Plan(reason.to_owned()));
+        return Err(CampaignError(reason.to_owned()));
     }
     Ok(faults)
 }

@@ -38,8 +38,9 @@ pub struct Limits {
 /// not met within the observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observed {
-    /// True if every injected fault changed a plant or the power, or affected at least one frame.
-    pub was_injected: bool,
+    /// The number of frames that a communication fault affected; for a plant or power fault, 1 if the plant or the power
+    /// changed. The smallest of these numbers for several faults.
+    pub struck: u64,
     /// True if the controller was alive at the end of the cell.
     pub is_alive: bool,
     /// True if, after the injection, the state of a device differed from the golden run or, with an inexact controller,
@@ -67,8 +68,8 @@ impl Verdict {
     /// Returns the verdict on a cell. A missing oracle counts as fulfilled.
     #[must_use]
     pub fn of(observed: &Observed, limits: &Limits) -> Self {
-        let Observed { was_injected, is_alive, had_effect, detected, safe } = *observed;
-        if !was_injected {
+        let Observed { struck, is_alive, had_effect, detected, safe } = *observed;
+        if struck == 0 {
             return Self::NotInjected;
         }
         if !is_alive {
@@ -89,6 +90,13 @@ impl Verdict {
             ((false, _), (_, true)) => Self::SafeUndetected,
             ((false, _), (_, false)) => Self::Undetected,
         }
+    }
+
+    /// Returns a key that orders cells by severity: by verdict, then by reaction time in microseconds. A missing reaction
+    /// is the worst, except with the verdict [`NoEffect`](Self::NoEffect).
+    #[must_use]
+    pub fn severity(self, reaction_us: Option<u64>) -> (Self, bool, u64) {
+        (self, reaction_us.is_none() && self != Self::NoEffect, reaction_us.unwrap_or(0))
     }
 
     /// Returns whether the verdict is a pass: [`NoEffect`](Self::NoEffect) or [`Safe`](Self::Safe).
@@ -128,8 +136,7 @@ mod tests {
 
     fn verdict(detected: Option<u64>, safe: Option<u64>, limits: Limits) -> Verdict {
         let ms = |time: Option<u64>| time.map(Duration::from_millis);
-        let observed =
-            Observed { was_injected: true, is_alive: true, had_effect: true, detected: ms(detected), safe: ms(safe) };
+        let observed = Observed { struck: 1, is_alive: true, had_effect: true, detected: ms(detected), safe: ms(safe) };
         Verdict::of(&observed, &limits)
     }
 
@@ -158,9 +165,9 @@ mod tests {
 
     #[test]
     fn a_fault_that_did_not_act_never_passes() {
-        let nothing = Observed { was_injected: false, is_alive: true, had_effect: false, detected: None, safe: None };
+        let nothing = Observed { struck: 0, is_alive: true, had_effect: false, detected: None, safe: None };
         assert_eq!(Verdict::of(&nothing, &LIMITS), Verdict::NotInjected);
-        let injected = Observed { was_injected: true, ..nothing };
+        let injected = Observed { struck: 1, ..nothing };
         assert_eq!(Verdict::of(&injected, &LIMITS), Verdict::NoEffect);
         assert_eq!(Verdict::of(&Observed { is_alive: false, ..injected }, &LIMITS), Verdict::Hung);
         let detected = Observed { detected: Some(Duration::from_millis(1)), ..injected };

@@ -83,9 +83,7 @@ impl Scenario {
         let mut scenario =
             Self { title, devices, entries, links, bit_rate, strict, reactions: Vec::new(), steps: Vec::new() };
         // The trial run refuses steps that cannot be executed.
-        let mut simulation = scenario.simulation(0);
-        simulation.send_as(OWN);
-        let mut trial = Trial::new(simulation, scenario.devices.clone(), strict);
+        let mut trial = Trial::new(scenario.trial(), scenario.devices.clone(), strict);
         let places: Vec<usize> = reactions.iter().map(|reaction| reaction.span().start).collect();
         for (reaction, place) in reactions.into_iter().zip(&places) {
             scenario.reactions.push(trial.reaction(reaction.into_inner()).map_err(at(*place))?);
@@ -118,6 +116,13 @@ impl Scenario {
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.bit_rate
+    }
+
+    /// Creates a simulation with the unpowered devices and the sender of the steps.
+    pub(crate) fn trial(&self) -> Simulation {
+        let mut simulation = self.simulation(0);
+        simulation.send_as(OWN);
+        simulation
     }
 
     /// Creates a simulation with the unpowered devices.

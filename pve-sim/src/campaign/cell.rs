@@ -2,22 +2,21 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
-use hal_sim::campaign::{Campaign, Cell as Place, Judge};
+use hal_sim::campaign::{Campaign, Judge};
 use hal_sim::simulation::Simulation;
-use protocol_core::time::Instant;
-use serde::Serialize;
+use serde_json::json;
 
-use super::CampaignError;
+use super::options::Which;
 use super::plan::{Prepared, prepare};
+use super::reports::reaction;
 use super::results::Cell;
 use super::run::until_signal;
-use super::sink::reaction;
 use crate::control::Speed;
+use crate::output::CommandError;
 
-/// The options of `campaign --cell`.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A cell of a plan.
+#[derive(Clone, Debug)]
 pub struct CellOptions {
     /// The plan.
     pub plan: PathBuf,
@@ -27,54 +26,23 @@ pub struct CellOptions {
     pub which: Which,
 }
 
-/// A cell on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Which {
-    /// A cell of the grid by its number, as in `17`.
-    Number(u64),
-    /// A row and an instant in microseconds, as in `3@1234000`.
-    At(usize, u64),
-}
-
-impl Which {
-    /// Returns the cell; `None` if the campaign has no such cell.
-    pub(super) fn of(self, campaign: &Campaign<'_>) -> Option<Place> {
-        match self {
-            Self::Number(number) => campaign.numbered(number),
-            Self::At(row, at_us) => campaign.at(row, Instant::from_micros(at_us)),
-        }
-    }
-}
-
-impl FromStr for Which {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let which = match text.split_once('@') {
-            None => text.parse().ok().map(Self::Number),
-            Some((row, at)) => row.parse().ok().zip(at.parse().ok()).map(|(row, at)| Self::At(row, at)),
-        };
-        which.ok_or_else(|| "must be the number of a cell, as in 17, or ROW@MICROSECONDS, as in 3@1234000".to_owned())
-    }
-}
-
 /// Runs a cell, and writes its trace and verdict to `out`. Returns whether the cell passed. Errors of `out` are
 /// ignored.
 ///
 /// # Errors
-/// [`CampaignError`]
-pub fn run_cell(options: &CellOptions, out: &mut dyn Write) -> Result<bool, CampaignError> {
+/// [`CommandError`]
+pub(super) fn run_cell(options: &CellOptions, out: &mut dyn Write) -> Result<bool, CommandError> {
     let Prepared { campaign, manifest, live, .. } = prepare(&options.plan, options.seed, true)?;
     let place = options.which.of(&campaign).ok_or_else(|| unknown(&campaign))?;
     let row = &campaign.rows()[place.row];
     let (cell, trace) = match (live, options.which) {
         (Some(live), Which::Number(number)) => {
             let ended = until_signal(move || live.run(number, place.at.as_micros()));
-            let ran = ended.ok_or_else(|| CampaignError::Program("interrupted".to_owned()))?;
-            ran.map_err(|error| CampaignError::Program(error.to_string()))?
+            let ran = ended.ok_or_else(|| CommandError::Failed("interrupted".to_owned()))?;
+            ran.map_err(|error| CommandError::Failed(error.to_string()))?
         }
         (Some(_), Which::At(..)) => {
-            return Err(CampaignError::Refused(
+            return Err(CommandError::Refused(
                 "--cell: a plan with a controller accepts only the number of a cell, as in 17, not ROW@MICROSECONDS"
                     .to_owned(),
             ));
@@ -100,48 +68,35 @@ pub fn run_cell(options: &CellOptions, out: &mut dyn Write) -> Result<bool, Camp
 /// Returns the unpowered devices of a plan and the judge of a cell, for a run whose controller is a client of the bus.
 ///
 /// # Errors
-/// [`CampaignError`]
-pub fn judged(options: &CellOptions, speed: Speed) -> Result<(Simulation, Judge), CampaignError> {
-    let Prepared { campaign, plan, .. } = prepare(&options.plan, options.seed, true)?;
+/// [`CommandError`]
+pub fn judged(options: &CellOptions, speed: Speed) -> Result<(Simulation, Judge), CommandError> {
+    let Prepared { campaign, .. } = prepare(&options.plan, options.seed, true)?;
     let campaign: &'static Campaign<'_> = Box::leak(Box::new(campaign));
     let cell = options.which.of(campaign);
-    let seed = cell.and_then(|cell| campaign.rows().get(cell.row)).map_or(0, |row| row.seed);
-    let simulation = plan.simulation(seed);
-    let judge = cell.and_then(|cell| Judge::new(campaign, cell, speed == Speed::STEP, &simulation));
-    Ok((simulation, judge.ok_or_else(|| unknown(campaign))?))
+    let judged = cell.and_then(|cell| Judge::new(campaign, cell, speed == Speed::STEP));
+    judged.ok_or_else(|| unknown(campaign))
 }
 
-fn unknown(campaign: &Campaign<'_>) -> CampaignError {
+fn unknown(campaign: &Campaign<'_>) -> CommandError {
     let (rows, cells) = (campaign.rows().len(), campaign.cells());
-    CampaignError::Refused(format!(
+    CommandError::Refused(format!(
         "--cell: no such cell; the plan has {rows} rows and {cells} cells, numbered from 0; an instant is one from the \
          first to the last of the plan"
     ))
 }
 
-/// A cell in the output of `--list`.
-#[derive(Serialize)]
-struct Listed<'a> {
-    number: u64,
-    row: usize,
-    fault: &'a str,
-    reference: Option<&'a str>,
-    seed: u64,
-    at_us: u64,
-}
-
 /// Writes the grid cells of a plan to `out`, one JSON value per line. Errors of `out` are ignored.
 ///
 /// # Errors
-/// [`CampaignError`]
-pub fn list(plan: &Path, seed: Option<u64>, out: &mut dyn Write) -> Result<bool, CampaignError> {
+/// [`CommandError`]
+pub(super) fn list(plan: &Path, seed: Option<u64>, out: &mut dyn Write) -> Result<bool, CommandError> {
     let Prepared { campaign, .. } = prepare(plan, seed, true)?;
     for number in 0..campaign.cells() {
         let Some(cell) = campaign.numbered(number) else { continue };
         let row = &campaign.rows()[cell.row];
-        let (fault, reference, seed) = (row.fault(), row.reference(), row.seed);
-        let listed = Listed { number, row: cell.row, fault, reference, seed, at_us: cell.at.as_micros() };
-        let _ = writeln!(out, "{}", serde_json::to_string(&listed).unwrap_or_default());
+        let (fault, reference, at_us) = (row.fault(), row.reference(), cell.at.as_micros());
+        let listed = json!({ "number": number, "row": cell.row, "fault": fault, "reference": reference, "seed": row.seed, "at_us": at_us });
+        let _ = writeln!(out, "{listed}");
     }
     Ok(true)
 }

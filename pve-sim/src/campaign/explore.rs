@@ -4,71 +4,61 @@ use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, Write};
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use hal_sim::campaign::{Campaign, Explorer, Find, Pair, Tried};
 
-use super::CampaignError;
+use super::options::CampaignOptions;
 use super::plan::{Prepared, prepare};
-use super::results::{ResultsError, quoted};
-use super::run::on_signal;
+use super::results::quoted;
+use super::run::interruption;
+use crate::cores::processors;
+use crate::output::CommandError;
 
 /// The seed of a search without `--seed`.
 const SEED: u64 = 1;
 
-/// The options of `campaign --explore`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ExploreOptions {
-    /// The plan.
-    pub plan: PathBuf,
-    /// The seed of the search; by default 1. The runs have the seeds of the plan.
-    pub seed: Option<u64>,
-    /// The duration of the search in seconds.
-    pub seconds: u32,
-    /// The number of runs at once; by default the number of processors.
-    pub jobs: Option<usize>,
-    /// The folder for the scenarios of the finds.
-    pub finds: PathBuf,
-}
-
 /// Searches for pairs of faults that fail together only, and writes each as a scenario, and the summary to `out`.
-/// Returns whether there is no find. A signal ends the search early. Errors of `out` are ignored.
+/// Returns whether there is no find, and no signal has ended the search. Errors of `out` are ignored.
 ///
 /// # Errors
-/// [`CampaignError`]
-pub fn explore(options: &ExploreOptions, out: &mut dyn Write) -> Result<bool, CampaignError> {
-    let end = Instant::now() + Duration::from_secs(options.seconds.into());
-    if !options.finds.is_dir() {
-        return Err(CampaignError::Refused(format!("--finds {}: no such folder", options.finds.display())));
+/// [`CommandError`]
+pub(super) fn explore(
+    plan: &Path,
+    seconds: u32,
+    options: &CampaignOptions,
+    out: &mut dyn Write,
+) -> Result<bool, CommandError> {
+    let end = Instant::now() + Duration::from_secs(seconds.into());
+    let folder = options.finds.as_deref().unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(CommandError::Refused(format!("--finds {}: no such folder", folder.display())));
     }
-    let Prepared { campaign, live, .. } = prepare(&options.plan, None, true)?;
+    let Prepared { campaign, live, .. } = prepare(plan, None, true)?;
     if live.is_some() {
         let reason = "the controller of the plan is a program, which cannot be forked; use a plan without controller";
-        return Err(CampaignError::Refused(format!("--explore: {reason}")));
+        return Err(CommandError::Refused(format!("--explore: {reason}")));
     }
-    let jobs = options.jobs.unwrap_or_else(|| thread::available_parallelism().map_or(1, usize::from));
-    let was_interrupted = Arc::new(AtomicBool::new(false));
-    let flag = was_interrupted.clone();
-    on_signal(move || flag.store(true, Ordering::Relaxed));
+    let jobs = options.jobs.map_or_else(processors, usize::from);
+    let interrupted = interruption();
     let mut explorer = Explorer::new(&campaign, options.seed.unwrap_or(SEED));
     let mut finds = 0;
-    search(&campaign, &mut explorer, jobs, end, &was_interrupted, &mut |find| {
+    search(&campaign, &mut explorer, jobs, end, &interrupted, &mut |find| {
         finds += 1;
-        tell(find, options, out)
+        tell(find, plan, folder, out);
     })?;
-    let _ = writeln!(out, "{} pairs, {} states reached", explorer.pairs(), explorer.states());
+    let _ = writeln!(out, "{} pairs, {} states reached", explorer.pairs, explorer.states());
     let _ = writeln!(
         out,
         "{} pairs with a fault that fails alone, {} with a fault that did not act",
-        explorer.singles(),
-        explorer.not_injected()
+        explorer.singles, explorer.not_injected
     );
-    let early = if was_interrupted.load(Ordering::Relaxed) { " until the signal" } else { "" };
+    let was_interrupted = interrupted.load(Ordering::Relaxed);
+    let early = if was_interrupted { " until the signal" } else { "" };
     let _ = writeln!(out, "{finds} {}{early}", if finds == 1 { "find" } else { "finds" });
-    Ok(finds == 0)
+    Ok(finds == 0 && !was_interrupted)
 }
 
 /// Searches in whole rounds: at least one, and none after the end or a signal. Hands over each find.
@@ -77,22 +67,22 @@ fn search(
     explorer: &mut Explorer<'_>,
     jobs: usize,
     end: Instant,
-    was_interrupted: &AtomicBool,
-    found: &mut dyn FnMut(&Find) -> Result<(), CampaignError>,
-) -> Result<(), CampaignError> {
-    while !was_interrupted.load(Ordering::Relaxed) {
+    interrupted: &AtomicBool,
+    found: &mut dyn FnMut(&Find),
+) -> Result<(), CommandError> {
+    while !interrupted.load(Ordering::Relaxed) {
         let pairs = explorer.round();
         if pairs.is_empty() {
             let reason = "the plan has no two faults that can act together; give another kind of fault";
-            return Err(CampaignError::Refused(format!("--explore: {reason}")));
+            return Err(CommandError::Refused(format!("--explore: {reason}")));
         }
         let tried = run(campaign, &pairs, jobs);
         for (pair, tried) in pairs.into_iter().zip(tried) {
             // To shrink a find takes time.
-            if was_interrupted.load(Ordering::Relaxed) {
+            if interrupted.load(Ordering::Relaxed) {
                 break;
             }
-            explorer.take(pair, tried).map_or(Ok(()), |find| found(&find))?;
+            explorer.take(pair, tried).iter().for_each(&mut *found);
         }
         if Instant::now() >= end {
             break;
@@ -110,22 +100,19 @@ fn run(campaign: &Campaign<'_>, pairs: &[Pair], jobs: usize) -> Vec<Tried> {
     })
 }
 
-/// Writes the scenario of a find to a new file, and its lines to `out`.
-fn tell(find: &Find, options: &ExploreOptions, out: &mut dyn Write) -> Result<(), CampaignError> {
-    let _ = writeln!(out, "FIND {}: {}", find.verdict, find.faults);
-    let _ = match &find.scenario {
-        Some(text) => {
-            let path = write(text, &options.plan, &options.finds)?;
-            writeln!(out, "       pve-sim scenario {} --seed {}", quoted(&path.to_string_lossy()), find.seed)
-        }
-        None => writeln!(out, "       no scenario reproduces this pair (seed {})", find.seed),
-    }
-    .and_then(|()| out.flush());
-    Ok(())
+/// Writes the scenario of a find to a new file, and the lines of the find to `out`.
+fn tell(find: &Find, plan: &Path, folder: &Path, out: &mut dyn Write) {
+    let scenario = match find.scenario.as_ref().map(|text| write(text, plan, folder)) {
+        Some(Ok(path)) => format!("pve-sim scenario {} --seed {}", quoted(&path.to_string_lossy()), find.seed),
+        Some(Err(error)) => error.to_string(),
+        None => format!("no scenario reproduces this pair (seed {})", find.seed),
+    };
+    let told = writeln!(out, "FIND {}: {}\n       {scenario}", find.verdict, find.faults);
+    let _ = told.and_then(|()| out.flush());
 }
 
 /// Writes a text to the first free file PLAN.find-N.toml of a folder.
-fn write(text: &str, plan: &Path, folder: &Path) -> Result<PathBuf, ResultsError> {
+fn write(text: &str, plan: &Path, folder: &Path) -> Result<PathBuf, CommandError> {
     let stem = plan.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     for number in 1_u64.. {
         let name = format!("{stem}.find-{number}.toml");
@@ -140,11 +127,11 @@ fn write(text: &str, plan: &Path, folder: &Path) -> Result<PathBuf, ResultsError
             Err(error) => {
                 // A part of a scenario is of no use.
                 let _ = std::fs::remove_file(&path);
-                Err(ResultsError::new(&path, error))
+                Err(CommandError::of(&path, error))
             }
         };
     }
-    Err(ResultsError::new(folder, io::Error::from(ErrorKind::AlreadyExists)))
+    Err(CommandError::of(folder, io::Error::from(ErrorKind::AlreadyExists)))
 }
 
 #[cfg(test)]
@@ -159,8 +146,8 @@ mod tests {
         for (signal, pairs) in [(false, 64), (true, 0)] {
             let mut explorer = Explorer::new(&campaign, SEED);
             let (end, signal) = (Instant::now(), AtomicBool::new(signal));
-            search(&campaign, &mut explorer, 2, end, &signal, &mut |_| Ok(())).expect("a search");
-            assert_eq!(explorer.pairs(), pairs);
+            search(&campaign, &mut explorer, 2, end, &signal, &mut |_| ()).expect("a search");
+            assert_eq!(explorer.pairs, pairs);
         }
     }
 

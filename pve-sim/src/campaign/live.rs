@@ -1,18 +1,16 @@
 //! Cells whose controller is a program. Each cell has its own simulator process at the speed of the plan. The program
 //! joins the bus of this simulator, and the control interface returns the verdict.
 
-use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use hal_sim::campaign::Verdict;
 
 use super::process::Group;
-use super::program::Program;
+use super::program::{Program, Said, read, text};
 use super::results::Cell;
 use crate::control::{Judged, JudgedCell};
 
@@ -40,7 +38,7 @@ struct Simulator {
     /// The URLs of the bus and of the control interface.
     bus: String,
     http: String,
-    trace: Arc<Mutex<VecDeque<String>>>,
+    trace: Said,
 }
 
 impl Live {
@@ -52,7 +50,7 @@ impl Live {
 
     /// Runs a cell. Returns its result, and its trace with the output of the program.
     pub(super) fn run(&self, number: u64, at_us: u64) -> io::Result<(Cell, String)> {
-        let mut simulator = Simulator::start(self, number)?;
+        let simulator = Simulator::start(self, number)?;
         let words = &self.controller;
         let name = |error: io::Error| {
             io::Error::new(error.kind(), format!("controller {}: {error}", words.first().map_or("", String::as_str)))
@@ -69,16 +67,14 @@ impl Live {
             }
             let longest = Duration::from_micros(cell.until_us).div_f64(self.speed.max(1e-6)) + PATIENCE;
             if has_ended || began.elapsed() > longest {
-                break Judged { verdict: Verdict::Hung.to_string(), detected_us: None, safe_us: None, struck: 0 };
+                break Judged { verdict: Verdict::Hung, detected_us: None, safe_us: None, struck: 0 };
             }
             thread::sleep(PAUSE);
         };
         let said = program.end();
-        let trace = simulator.end();
         let Judged { verdict, detected_us, safe_us, struck } = judged;
-        let verdict = Verdict::ALL.into_iter().find(|known| known.word() == verdict).unwrap_or(Verdict::Hung);
         let cell = Cell { number: Some(number), at_us, verdict, detected_us, safe_us, struck };
-        Ok((cell, format!("{trace}\n-- output of the controller:\n{said}").trim_end().to_owned()))
+        Ok((cell, format!("{}\n-- output of the controller:\n{said}", text(&simulator.trace)).trim_end().to_owned()))
     }
 }
 
@@ -102,28 +98,13 @@ impl Simulator {
         let (Some(bus), Some(http)) = (word("bus="), word("http=")) else {
             return Err(io::Error::other(format!("cell {number}: the simulator did not start")));
         };
-        let trace = Arc::new(Mutex::new(VecDeque::new()));
-        let kept = trace.clone();
-        thread::spawn(move || {
-            for line in stdout.lines().map_while(Result::ok) {
-                let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
-                kept.push_back(line);
-                if kept.len() > KEPT {
-                    kept.pop_front();
-                }
-            }
-        });
+        let trace = Said::default();
+        read(stdout, &trace, KEPT);
         Ok(Self { _group: group, bus, http, trace })
     }
 
-    fn ask(&mut self) -> io::Result<JudgedCell> {
+    fn ask(&self) -> io::Result<JudgedCell> {
         let answer = ureq::get(format!("{}api/v1/cell", self.http)).call().map_err(io::Error::other)?;
         serde_json::from_reader(answer.into_body().into_reader()).map_err(io::Error::other)
-    }
-
-    /// Ends the simulator; returns the last lines of its trace.
-    fn end(self) -> String {
-        let trace = self.trace.lock().unwrap_or_else(PoisonError::into_inner);
-        trace.iter().cloned().collect::<Vec<_>>().join("\n")
     }
 }

@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::cores::processors;
+
 /// The version of the format of results files.
 pub(super) const FORMAT: u32 = 1;
 
@@ -68,8 +70,7 @@ impl Manifest {
 
 /// Returns the system, the processor architecture and the number of cores of this machine.
 pub(super) fn machine() -> String {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    format!("{} {}, {cores} cores", std::env::consts::OS, std::env::consts::ARCH)
+    format!("{} {}, {} cores", std::env::consts::OS, std::env::consts::ARCH, processors())
 }
 
 /// Returns the hash of a plan and its scenario.

@@ -1,89 +1,88 @@
 //! `campaign merge`: joins the results of shards.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::PathBuf;
 
+use clap::{Args, ValueHint};
+
 use super::manifest::Manifest;
-use super::results::{Reader, ResultsError, Row, Writer};
-use super::sink::{ReportError, Reports, report};
+use super::reports::{Reports, report};
+use super::results::{Reader, Row, Writer};
+use crate::output::CommandError;
 
 /// The maximum number of missing rows in a message.
 const NAMED: usize = 20;
 
-/// The options of `campaign merge`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct MergeOptions {
-    /// The results files.
-    pub files: Vec<PathBuf>,
-    /// The merged results file, if any.
-    pub results: Option<PathBuf>,
+/// The arguments of `campaign merge`.
+#[derive(Args, Clone, Debug)]
+pub(super) struct MergeOptions {
+    /// The results files of the shards
+    #[arg(value_name = "RESULTS", required = true, value_hint = ValueHint::FilePath)]
+    pub(super) files: Vec<PathBuf>,
+
+    /// Write the joined results to FILE
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) results: Option<PathBuf>,
+
     /// The reports.
-    pub reports: Reports,
+    #[command(flatten)]
+    pub(super) reports: Reports,
 }
 
 /// Merges results and reports them. Returns whether no row is missing and each cell passed.
 ///
 /// # Errors
-/// [`ReportError`]
-pub fn merge(options: &MergeOptions, out: &mut dyn Write) -> Result<bool, ReportError> {
-    let mut has = Vec::new();
+/// [`CommandError`]
+pub(super) fn merge(options: &MergeOptions, out: &mut dyn Write) -> Result<bool, CommandError> {
     let mut manifest: Option<Manifest> = None;
     for path in &options.files {
-        let mut reader = Reader::open(path)?;
-        let found = &reader.manifest;
+        let found = Reader::open(path)?.manifest;
         match &mut manifest {
-            None => manifest = Some(found.clone()),
-            Some(first) if !first.is_of_campaign_of(found) => {
+            None => manifest = Some(found),
+            Some(first) if !first.is_of_campaign_of(&found) => {
                 let reason = format!(
                     "these results differ in plan, version, seed or --no-fork from {}",
                     options.files[0].display()
                 );
-                return Err(ResultsError::new(path, reason).into());
+                return Err(CommandError::of(path, reason));
             }
             Some(first) if !first.machine.split("; ").any(|machine| machine == found.machine) => {
                 first.machine = format!("{}; {}", first.machine, found.machine);
             }
             Some(_) => {}
         }
-        has.resize(has.len().max(reader.manifest.rows), false);
-        while let Some(row) = reader.next_row()? {
-            if let Some(has) = has.get_mut(row.head.row) {
-                *has = true;
-            }
-        }
     }
     let Some(manifest) = manifest else { return Ok(false) };
-    let manifest = Manifest { shard: None, missing: missing(&has), ..manifest };
-
-    let mut files = Vec::new();
-    for path in &options.files {
-        let mut reader = Reader::open(path)?;
-        files.push((reader.next_row()?, reader));
+    let rows = || merged(&options.files);
+    let present = rows()?.map(|row| Ok(row?.row)).collect::<Result<_, CommandError>>()?;
+    let manifest = Manifest { shard: None, missing: missing(manifest.rows, &present), ..manifest };
+    if let Some(path) = &options.results {
+        let mut results = Writer::create(path, &manifest)?;
+        rows()?.try_for_each(|row| results.append(&row?))?;
     }
-    let mut results = options.results.as_deref().map(|path| Writer::create(path, &manifest)).transpose()?;
-    let next = || {
-        let row = next(&mut files)?;
-        if let (Some(results), Some(row)) = (&mut results, &row) {
-            results.append(row)?;
-        }
-        Ok(row)
-    };
-    report(&manifest, &options.reports, next, out)
+    report(&manifest, &options.reports, rows, out)
 }
 
-/// Returns the next row by number. A row in several files is returned once.
-fn next(files: &mut [(Option<Row>, Reader)]) -> Result<Option<Row>, ResultsError> {
-    let lowest = files.iter().filter_map(|(row, _)| Some(row.as_ref()?.head.row)).min();
+/// Returns the rows of all files by number. A row in several files comes once.
+fn merged(files: &[PathBuf]) -> Result<impl Iterator<Item = Result<Row, CommandError>>, CommandError> {
+    let mut readers = Vec::new();
+    for path in files {
+        let mut reader = Reader::open(path)?;
+        readers.push((reader.next().transpose()?, reader));
+    }
+    Ok(std::iter::from_fn(move || next(&mut readers).transpose()))
+}
+
+/// Returns the next row of all files by number.
+fn next(files: &mut [(Option<Row>, Reader)]) -> Result<Option<Row>, CommandError> {
+    let Some(lowest) = files.iter().filter_map(|(row, _)| Some(row.as_ref()?.row)).min() else { return Ok(None) };
     let mut found: Option<Row> = None;
-    for (row, reader) in files.iter_mut().filter(|(row, _)| row.as_ref().map(|row| row.head.row) == lowest) {
-        if row.is_none() {
-            continue;
-        }
-        let following = reader.next_row()?;
+    for (row, reader) in files.iter_mut().filter(|(row, _)| row.as_ref().is_some_and(|row| row.row == lowest)) {
+        let following = reader.next().transpose()?;
         let row = std::mem::replace(row, following);
         if found.is_some() && found != row {
-            let number = lowest.unwrap_or(0);
-            return Err(ResultsError::new(reader.path(), format!("row {number} is different in another file")));
+            return Err(CommandError::of(reader.path(), format!("row {lowest} is different in another file")));
         }
         found = row;
     }
@@ -91,9 +90,10 @@ fn next(files: &mut [(Option<Row>, Reader)]) -> Result<Option<Row>, ResultsError
 }
 
 /// Describes the rows missing from all files; `None` if no row is missing.
-fn missing(has: &[bool]) -> Option<String> {
-    let rows: Vec<String> = has.iter().enumerate().filter(|(_, has)| !**has).map(|(row, _)| row.to_string()).collect();
-    let more = if rows.len() > NAMED { format!(" and {} more", rows.len() - NAMED) } else { String::new() };
-    let named = rows.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
-    (!rows.is_empty()).then(|| format!("{} of {} rows, with all their cells: {named}{more}", rows.len(), has.len()))
+fn missing(rows: usize, present: &BTreeSet<usize>) -> Option<String> {
+    let count = rows - present.len();
+    let more = if count > NAMED { format!(" and {} more", count - NAMED) } else { String::new() };
+    let missing = (0..rows).filter(|row| !present.contains(row)).map(|row| row.to_string());
+    let named = missing.take(NAMED).collect::<Vec<_>>().join(", ");
+    (count > 0).then(|| format!("{count} of {rows} rows, with all their cells: {named}{more}"))
 }

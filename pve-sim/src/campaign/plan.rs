@@ -7,24 +7,22 @@ use hal_sim::campaign::{Campaign, Plan};
 use hal_sim::scenario::ReadError;
 use protocol_core::time::Duration;
 
-use super::CampaignError;
 use super::live::Live;
 use super::manifest::{FORMAT, LimitsUs, Manifest, hash, machine};
+use crate::output::CommandError;
 
 /// A campaign that can run, with the manifest of its results.
 pub(super) struct Prepared {
     pub(super) campaign: Campaign<'static>,
     pub(super) manifest: Manifest,
-    /// The plan. It lives as long as the process, because threads that are not joined use it.
-    pub(super) plan: &'static Plan,
     /// The setup of the controller program, if the plan has one.
     pub(super) live: Option<Live>,
 }
 
 /// Reads a plan and runs its scenario without a fault.
-pub(super) fn prepare(path: &Path, seed: Option<u64>, forked: bool) -> Result<Prepared, CampaignError> {
+pub(super) fn prepare(path: &Path, seed: Option<u64>, forked: bool) -> Result<Prepared, CommandError> {
     let name = path.display();
-    let text = fs::read_to_string(path).map_err(|error| CampaignError::Refused(format!("{name}: {error}")))?;
+    let text = fs::read_to_string(path).map_err(|error| CommandError::Refused(format!("{name}: {error}")))?;
     let mut scenario = String::new();
     let read = |file: &str| {
         let text =
@@ -34,7 +32,7 @@ pub(super) fn prepare(path: &Path, seed: Option<u64>, forked: bool) -> Result<Pr
     };
     let plan = Plan::parse(&text, read).map_err(|ReadError { line, reason }| {
         let line = line.map_or_else(String::new, |line| format!("{line}:"));
-        CampaignError::Refused(format!("{name}:{line} {reason}"))
+        CommandError::Refused(format!("{name}:{line} {reason}"))
     })?;
     let plan = seed.into_iter().fold(plan, Plan::with_seed);
     let us = |time: Option<Duration>| time.map(|time| time.as_micros());
@@ -44,15 +42,12 @@ pub(super) fn prepare(path: &Path, seed: Option<u64>, forked: bool) -> Result<Pr
         observe_us: plan.observe().as_micros(),
     };
     let (title, seeds) = (plan.title().to_owned(), plan.seeds().to_vec());
+    // The plan lives as long as the process, because threads that are not joined use it.
     let plan: &'static Plan = Box::leak(Box::new(plan));
-    let campaign = Campaign::new(plan).map_err(|error| CampaignError::Golden(format!("{name}: {error}")))?;
+    let campaign = Campaign::new(plan).map_err(|error| CommandError::Failed(format!("{name}: {error}")))?;
     let campaign = if forked { campaign } else { campaign.without_forks() };
-    let live = plan.controller().map(|words| Live {
-        controller: words.to_vec(),
-        plan: path.to_owned(),
-        seed,
-        speed: plan.speed(),
-    });
+    let live =
+        plan.controller().map(|(words, speed)| Live { controller: words.to_vec(), plan: path.to_owned(), seed, speed });
     let manifest = Manifest {
         format: FORMAT,
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -73,5 +68,5 @@ pub(super) fn prepare(path: &Path, seed: Option<u64>, forked: bool) -> Result<Pr
         machine: machine(),
         missing: None,
     };
-    Ok(Prepared { campaign, manifest, plan, live })
+    Ok(Prepared { campaign, manifest, live })
 }

@@ -15,11 +15,14 @@ const KEPT: usize = 50;
 /// The maximum length of a line of output, in bytes. The rest of a longer line counts as further lines.
 const LINE: u64 = 4096;
 
+/// The last lines that a process has written.
+pub(super) type Said = Arc<Mutex<VecDeque<String>>>;
+
 /// A started controller program.
 #[derive(Debug)]
 pub(super) struct Program {
     group: Group,
-    said: Arc<Mutex<VecDeque<String>>>,
+    said: Said,
     readers: Vec<JoinHandle<()>>,
 }
 
@@ -35,10 +38,10 @@ impl Program {
         let mut command = Command::new(path);
         command.args(words).current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut group = Group::start(&mut command)?;
-        let said = Arc::new(Mutex::new(VecDeque::new()));
+        let said = Said::default();
         let mut readers = Vec::new();
-        readers.extend(group.child().stdout.take().map(|pipe| read(pipe, said.clone())));
-        readers.extend(group.child().stderr.take().map(|pipe| read(pipe, said.clone())));
+        readers.extend(group.child().stdout.take().map(|pipe| read(pipe, &said, KEPT)));
+        readers.extend(group.child().stderr.take().map(|pipe| read(pipe, &said, KEPT)));
         Ok(Self { group, said, readers })
     }
 
@@ -54,20 +57,26 @@ impl Program {
         for reader in self.readers.drain(..).filter(JoinHandle::is_finished) {
             let _ = reader.join();
         }
-        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
-        said.iter().cloned().collect::<Vec<_>>().join("\n")
+        text(&self.said)
     }
 }
 
-/// Reads a pipe on a new thread, so that the pipe never fills up. Keeps the last lines.
-fn read(pipe: impl Read + Send + 'static, said: Arc<Mutex<VecDeque<String>>>) -> JoinHandle<()> {
+/// Returns the lines as one text.
+pub(super) fn text(said: &Said) -> String {
+    let said = said.lock().unwrap_or_else(PoisonError::into_inner);
+    said.iter().cloned().collect::<Vec<_>>().join("\n")
+}
+
+/// Reads a pipe on a new thread, so that the pipe never fills up. Keeps the last `kept` lines.
+pub(super) fn read(pipe: impl Read + Send + 'static, said: &Said, kept: usize) -> JoinHandle<()> {
+    let said = said.clone();
     thread::spawn(move || {
         let (mut pipe, mut line) = (BufReader::new(pipe), Vec::new());
         while matches!((&mut pipe).take(LINE).read_until(b'\n', &mut line), Ok(1..)) {
             let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
             said.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
             line.clear();
-            if said.len() > KEPT {
+            if said.len() > kept {
                 said.pop_front();
             }
         }

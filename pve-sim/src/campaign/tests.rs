@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use hal_sim::campaign::Verdict;
 
 use super::manifest::{FORMAT, LimitsUs, Manifest};
-use super::results::{Cell, Row, RowHead, Writer};
-use super::sink::{Reports, report};
-use super::{MergeOptions, merge};
+use super::merge::{MergeOptions, merge};
+use super::reports::{Reports, report};
+use super::results::{Cell, Row, Writer};
 
 fn manifest(rows: usize) -> Manifest {
     Manifest {
@@ -41,9 +41,8 @@ fn row(row: usize, cells: usize) -> Row {
     };
     let trace = "     0.268 ms  <-  720: 00   valve: boot-up\n".repeat(200);
     let fault = format!("lose 220, count {row}");
-    let head =
-        RowHead { row, fault, reference: Some("a, \"b\"".to_owned()), seed: 1, cells: cells + 1, worst: cells, trace };
-    Row { head, cells: (0..=cells).map(cell).collect() }
+    let reference = Some("a, \"b\"".to_owned());
+    Row { row, fault, reference, seed: 1, worst: cells, trace, cells: (0..=cells).map(cell).collect() }
 }
 
 fn written(path: &Path, manifest: &Manifest, rows: &[Row]) -> String {
@@ -62,7 +61,7 @@ fn folder() -> (tempfile::TempDir, impl Fn(&str) -> PathBuf) {
 fn a_torn_file_goes_on_behind_its_last_complete_row() {
     let (_folder, path) = folder();
     let short = |mut row: Row| {
-        row.head.trace.truncate(45);
+        row.trace.truncate(45);
         row
     };
     let (manifest, rows) = (manifest(3), [row(0, 2), row(1, 2), row(2, 2)].map(short));
@@ -104,7 +103,7 @@ fn other_files_are_not_replaced_and_other_results_not_resumed() {
     fs::write(path("results"), fs::read_to_string(path("results")).expect("text").replace("struck", "struk"))
         .expect("a file");
     let error = Writer::resume(&path("results"), &ours).expect_err("a damaged line").to_string();
-    assert!(error.contains("results: line 3: "), "{error}");
+    assert!(error.contains("results: line 2: "), "{error}");
 }
 
 #[test]
@@ -114,8 +113,8 @@ fn shards_merge_to_the_whole_and_missing_rows_are_named() {
     let whole = written(&path("whole"), &manifest(10), &rows);
     let mut files = Vec::new();
     for part in 1..=4 {
-        let shard: super::Shard = format!("{part}/4").parse().expect("a shard");
-        let own: Vec<Row> = rows.iter().filter(|row| shard.has(row.head.row)).cloned().collect();
+        let shard: super::manifest::Shard = format!("{part}/4").parse().expect("a shard");
+        let own: Vec<Row> = rows.iter().filter(|row| shard.has(row.row)).cloned().collect();
         files.push(path(&format!("part {part}")));
         written(&files[part - 1], &Manifest { shard: Some(shard), ..manifest(10) }, &own);
     }
@@ -140,7 +139,7 @@ fn shards_merge_to_the_whole_and_missing_rows_are_named() {
     assert!(
         refused.expect_err("another plan").contains("these results differ in plan, version, seed or --no-fork from ")
     );
-    written(&files[1], &manifest(10), &[Row { head: RowHead { seed: 2, ..rows[4].head.clone() }, ..rows[4].clone() }]);
+    written(&files[1], &manifest(10), &[Row { seed: 2, ..rows[4].clone() }]);
     let (refused, _) = merged(&files);
     assert!(refused.expect_err("another row").contains("row 4 is different in another file"));
 }
@@ -165,14 +164,21 @@ fn rows_that_do_not_belong_to_a_file_are_refused() {
     }
 }
 
+/// Whoever turns the worst verdict of a row into a better one forgets the index of the worst cell.
+#[test]
+fn a_better_verdict_than_that_of_the_worst_cell_is_refused() {
+    let (_folder, path) = folder();
+    let text = written(&path("results"), &manifest(1), &[row(0, 2)]);
+    fs::write(path("results"), text.replace("\"late\"", "\"no-effect\"")).expect("a file");
+    let options = MergeOptions { files: vec![path("results")], results: None, reports: Reports::default() };
+    let error = merge(&options, &mut Vec::new()).expect_err("an edited verdict").to_string();
+    assert!(error.contains("results: line 2: cell 2 is not the worst cell of row 0"), "{error}");
+}
+
 #[test]
 fn a_missing_row_fails_in_each_report() {
     let (_folder, path) = folder();
-    written(
-        &path("part"),
-        &manifest(2),
-        &[Row { cells: row(0, 2).cells[..2].to_vec(), head: RowHead { cells: 2, worst: 0, ..row(0, 2).head } }],
-    );
+    written(&path("part"), &manifest(2), &[Row { cells: row(0, 2).cells[..2].to_vec(), worst: 0, ..row(0, 2) }]);
     let file = |name: &str| Some(path(name));
     let reports = Reports { html: None, csv: None, json: file("json"), junit: file("junit") };
     let mut told = Vec::new();
@@ -193,8 +199,7 @@ fn reports(rows: &[Row]) -> [String; 4] {
     let (_folder, path) = folder();
     let file = |name: &str| Some(path(name));
     let reports = Reports { html: file("html"), csv: file("csv"), json: file("json"), junit: file("junit") };
-    let mut left = rows.iter().cloned();
-    let passed = report(&manifest(rows.len()), &reports, || Ok(left.next()), &mut Vec::new());
+    let passed = report(&manifest(rows.len()), &reports, || Ok(rows.iter().cloned().map(Ok)), &mut Vec::new());
     assert_eq!(passed.map_err(|error| error.to_string()), Ok(false));
     ["html", "csv", "json", "junit"].map(|name| fs::read_to_string(path(name)).expect("text"))
 }

@@ -1,6 +1,5 @@
 //! The command line of `pve-sim`: parsing, and error messages in one line.
 
-mod campaign;
 mod options;
 mod recordings;
 mod remote;
@@ -11,16 +10,14 @@ pub use self::remote::{SetArgs, StatusArgs};
 pub use options::RunArgs;
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 
 use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
-use self::campaign::CampaignArgs;
 use self::recordings::{DecodeArgs, ReplayArgs};
 use crate::batch::Options;
-use crate::campaign::{CellOptions, ExploreOptions, MergeOptions, RunOptions as CampaignOptions};
+use crate::campaign::{CampaignOptions, CellOptions};
 use crate::run::RunOptions;
 use crate::use_case::{self, UseCase};
 use hal_sim::Kind;
@@ -41,16 +38,8 @@ pub enum Request {
     UseCases(Vec<UseCase>),
     /// Run these scenarios.
     Scenarios(Options),
-    /// Run a campaign.
-    Campaign(CampaignOptions),
-    /// Run one cell of a campaign.
-    Cell(CellOptions),
-    /// Search for pairs of faults that fail together only.
-    Explore(ExploreOptions),
-    /// List the cells of a plan; a seed replaces the seeds of the plan.
-    Cells(PathBuf, Option<u64>),
-    /// Join the results of a campaign's shards.
-    Merge(MergeOptions),
+    /// Run a campaign or a part of it, search for pairs of faults, or join results.
+    Campaign(Box<CampaignOptions>),
     /// Explain a recording.
     Decode(DecodeOptions),
     /// Replay a recording.
@@ -130,7 +119,7 @@ enum Command {
     Scenario(ScenarioArgs),
     /// Injects each fault of a plan at each instant of a scenario, in virtual time, and judges the reaction of the
     /// controller; exit 1 if a limit is broken; exit 2, without running anything, if the plan cannot be read
-    Campaign(Box<CampaignArgs>),
+    Campaign(Box<CampaignOptions>),
     /// Explains each line of a recording, as the trace does; exit 1 if a line cannot be parsed
     Decode(DecodeArgs),
     /// Replays a recording against simulated devices in virtual time: compares their frames with the recording, and
@@ -224,7 +213,7 @@ fn read(args: impl Iterator<Item = OsString>) -> Result<Request, UsageError> {
         Some(Command::UseCase { which: Some(which) }) => Request::UseCases(which.0),
         Some(Command::UseCase { which: None }) => Request::Print(titles()),
         Some(Command::Scenario(args)) => args.try_into()?,
-        Some(Command::Campaign(args)) => (*args).try_into()?,
+        Some(Command::Campaign(options)) => Request::Campaign(options),
         Some(Command::Decode(args)) => Request::Decode(args.try_into()?),
         Some(Command::Replay(args)) => Request::Replay(args.try_into()?),
         Some(Command::Set(args)) => Request::Set(args.check()?),

@@ -11,6 +11,7 @@ pub(crate) use server::ControlServer;
 
 use std::fmt;
 
+use hal_sim::campaign::Verdict;
 use hal_sim::simulation::{BusState, Command, Excerpt, Refusal, Reply};
 use hal_sim::state::{DeviceState, FaultRecord};
 use serde::{Deserialize, Serialize};
@@ -102,7 +103,8 @@ pub struct JudgedCell {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Judged {
     /// The verdict, as in docs/campaigns.md.
-    pub verdict: String,
+    #[schema(value_type = String)]
+    pub verdict: Verdict,
     /// The time from the fault to its detection.
     pub detected_us: Option<u64>,
     /// The time from the fault to the safe state.

@@ -80,7 +80,7 @@ impl ControlServer {
             return Err(Refusal::Conflict("no cell of a campaign is judged; start with --plan and --cell".to_owned()));
         };
         let result = judge.result().map(|result| Judged {
-            verdict: result.verdict.to_string(),
+            verdict: result.verdict,
             detected_us: result.detected_us,
             safe_us: result.safe_us,
             struck: result.struck,

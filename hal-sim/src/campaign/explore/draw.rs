@@ -8,7 +8,6 @@ use super::pair::{Pair, Timed};
 use crate::campaign::fault::PlanFault;
 use crate::campaign::plan::Plan;
 use crate::campaign::run::Campaign;
-use crate::scenario::OWN;
 use crate::simulation::Simulation;
 
 /// The maximum number of draws for one pair.
@@ -30,7 +29,7 @@ impl<'a> Source<'a> {
         let rows = campaign.rows().iter().filter(|row| row.golden == 0);
         let goldens = u32::try_from(campaign.goldens.len()).unwrap_or(u32::MAX);
         let faults = rows.map(|row| row.fault.clone()).collect();
-        Self { plan, faults, goldens, rng: Rng::with_seed(seed), trial: trial(plan) }
+        Self { plan, faults, goldens, rng: Rng::with_seed(seed), trial: plan.scenario.trial() }
     }
 
     /// Draws a pair, mostly a variation of a pair in `corpus`. `None` if [`ATTEMPTS`] draws give no pair of faults that
@@ -53,7 +52,7 @@ impl<'a> Source<'a> {
             2 => self.rng.u32(0..=200),
             _ => self.rng.u32(0..=longest),
         };
-        let later = at_ms.saturating_add(gap).min(self.plan.grid.to_ms);
+        let later = at_ms.saturating_add(gap).min(self.plan.instants.to_ms);
         let golden = self.rng.u32(0..self.goldens) as usize;
         Pair { golden, faults: [at_ms, later].map(|at_ms| Timed { fault: self.fault(), at_ms }) }
     }
@@ -67,13 +66,13 @@ impl<'a> Source<'a> {
             0 => timed.fault = self.fault(),
             1 => timed.fault = self.varied(&timed.fault.clone()),
             2 => timed.at_ms = at_ms,
-            _ => timed.at_ms = (other + self.rng.u32(0..=100)).min(self.plan.grid.to_ms),
+            _ => timed.at_ms = (other + self.rng.u32(0..=100)).min(self.plan.instants.to_ms),
         }
         pair
     }
 
     fn instant(&mut self) -> u32 {
-        self.rng.u32(self.plan.grid.from_ms..=self.plan.grid.to_ms)
+        self.rng.u32(self.plan.instants.from_ms..=self.plan.instants.to_ms)
     }
 
     /// Draws a fault of the plan, and varies one fault in four.
@@ -104,17 +103,9 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Creates a simulation in which faults are checked.
-pub(super) fn trial(plan: &Plan) -> Simulation {
-    let mut trial = plan.scenario.simulation(0);
-    trial.send_as(OWN);
-    trial
-}
-
 /// Returns the fault with these keys; `None` if they are invalid, or if `for_ms` is not 1 ms to one day.
 pub(super) fn checked(entry: Table, plan: &Plan, trial: &Simulation) -> Option<PlanFault> {
-    let is_short = |key: &str| entry.get(key).and_then(Value::as_integer).is_none_or(|ms| (1..=DAY_MS).contains(&ms));
-    let is_short = is_short("for_ms");
+    let is_short = entry.get("for_ms").and_then(Value::as_integer).is_none_or(|ms| (1..=DAY_MS).contains(&ms));
     PlanFault::check(entry, plan.scenario.devices(), trial).ok().filter(|_| is_short)
 }
 

@@ -38,9 +38,12 @@ pub struct Explorer<'a> {
     states: BTreeSet<u64>,
     /// For each find so far, its kinds of faults and its verdict.
     known: BTreeSet<(String, Verdict)>,
-    pairs: u64,
-    singles: u64,
-    not_injected: u64,
+    /// The number of recorded pairs.
+    pub pairs: u64,
+    /// The number of failing pairs in which a fault also fails alone.
+    pub singles: u64,
+    /// The number of pairs in which a fault changed nothing.
+    pub not_injected: u64,
 }
 
 /// A pair of faults that fails, although neither of its faults alone does.
@@ -97,12 +100,6 @@ impl<'a> Explorer<'a> {
         None
     }
 
-    /// Returns the number of recorded pairs.
-    #[must_use]
-    pub const fn pairs(&self) -> u64 {
-        self.pairs
-    }
-
     /// Returns the number of different states that the controller and the devices have reached.
     #[must_use]
     pub fn states(&self) -> usize {
@@ -113,17 +110,5 @@ impl<'a> Explorer<'a> {
     #[must_use]
     pub fn corpus(&self) -> usize {
         self.corpus.len()
-    }
-
-    /// Returns the number of failing pairs in which a fault also fails alone.
-    #[must_use]
-    pub const fn singles(&self) -> u64 {
-        self.singles
-    }
-
-    /// Returns the number of pairs in which a fault changed nothing.
-    #[must_use]
-    pub const fn not_injected(&self) -> u64 {
-        self.not_injected
     }
 }

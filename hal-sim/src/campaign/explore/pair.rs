@@ -5,7 +5,7 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 use protocol_core::time::Instant;
 
-use crate::campaign::fault::{Act, PlanFault};
+use crate::campaign::fault::PlanFault;
 use crate::campaign::golden::Golden;
 use crate::campaign::master::Scripted;
 use crate::campaign::observe::{Spectator, observe};
@@ -15,7 +15,7 @@ use crate::campaign::run::Campaign;
 use crate::campaign::verdict::{Observed, Verdict};
 use crate::scenario::OWN;
 use crate::scenario::runner::Watch;
-use crate::simulation::{Happened, Simulation};
+use crate::simulation::{Command, Happened, Simulation};
 
 /// Two faults of a run, each at its instant, in the order of time.
 #[derive(Clone, Debug)]
@@ -85,11 +85,11 @@ impl Pair {
     /// plant word or the power of the same device, because one fault undoes the other.
     pub(super) fn acts_together(&self) -> bool {
         let [one, other] = self.faults.each_ref().map(|timed| &timed.fault);
-        let undo = match (&one.act, &other.act) {
-            (Act::Plant(device, _), Act::Plant(same, _)) => {
+        let undo = match (&one.command, &other.command) {
+            (Command::Plant(device, _), Command::Plant(same, _)) => {
                 device == same && words(one).iter().any(|word| words(other).contains(word))
             }
-            (Act::Power(device, ..), Act::Power(same, ..)) => device == same,
+            (Command::Power(device, _), Command::Power(same, _)) => device == same,
             _ => kind(one) == kind(other),
         };
         !undo
@@ -141,16 +141,9 @@ const fn fails(verdict: Verdict) -> bool {
     !verdict.passed() && !matches!(verdict, Verdict::NotInjected)
 }
 
-/// Creates a run without faults, and advances the run to an instant.
-pub(super) fn golden<'a>(plan: &'a Plan, golden: &Golden, at: Instant) -> Rig<'a, Simulation> {
-    let mut rig = Rig::new(plan, &Scripted, golden.seed, false);
-    rig.pass(at, &mut ());
-    rig
-}
-
-/// Returns a clone of a run.
-pub(super) fn fork<'a>(rig: &Rig<'a, Simulation>) -> Rig<'a, Simulation> {
-    Rig { run: rig.run.clone(), target: rig.target.clone(), oracles: rig.oracles.clone() }
+/// Creates the golden run of a pair, which has not begun.
+pub(super) fn golden<'a>(plan: &'a Plan, golden: &Golden) -> Rig<'a, Simulation> {
+    Rig::new(plan, &Scripted, golden.seed, false)
 }
 
 impl Campaign<'_> {
@@ -160,17 +153,11 @@ impl Campaign<'_> {
     pub fn run_pairs(&self, pairs: &[Pair]) -> Vec<Tried> {
         let mut places: Vec<(usize, &Pair)> = pairs.iter().enumerate().collect();
         places.sort_by_key(|(_, pair)| (pair.golden, pair.begin()));
-        let mut base: Option<(usize, Rig<'_, Simulation>)> = None;
         let mut tried: Vec<(usize, Tried)> = Vec::new();
-        for (place, pair) in places {
-            let golden = &self.goldens[pair.golden];
-            let (_, rig) = match base.take().filter(|(number, _)| *number == pair.golden) {
-                Some(base) => base,
-                None => (pair.golden, self::golden(self.plan(), golden, pair.begin())),
-            };
-            let (_, rig) = base.insert((pair.golden, rig));
-            rig.pass(pair.begin(), &mut ());
-            tried.push((place, Tried::of(self, golden, rig, pair)));
+        for places in places.chunk_by(|(_, one), (_, other)| one.golden == other.golden) {
+            let golden = &self.goldens[places[0].1.golden];
+            let mut base = self::golden(self.plan(), golden);
+            tried.extend(places.iter().map(|(place, pair)| (*place, Tried::of(self, golden, &mut base, pair))));
         }
         tried.sort_by_key(|(place, _)| *place);
         tried.into_iter().map(|(_, tried)| tried).collect()
@@ -178,22 +165,23 @@ impl Campaign<'_> {
 }
 
 impl Tried {
-    /// Runs a pair in a fork of `base`, the golden run at the instant of the first fault. If the pair fails, also runs
-    /// each fault alone.
-    pub(super) fn of(campaign: &Campaign<'_>, golden: &Golden, base: &Rig<'_, Simulation>, pair: &Pair) -> Self {
+    /// Runs a pair in a fork of `base`, the golden run, which advances to the instant of the first fault. If the pair
+    /// fails, also runs each fault alone.
+    pub(super) fn of(campaign: &Campaign<'_>, golden: &Golden, base: &mut Rig<'_, Simulation>, pair: &Pair) -> Self {
         let plan = campaign.plan();
+        base.pass(pair.begin(), &mut ());
         let mut reached = Reached::default();
         let [first, second] = pair.faults.each_ref().map(|timed| (timed.at(), Some(&timed.fault)));
-        let run = |faults: &[_], spectator: &mut dyn Spectator| {
-            let (rig, observed, _) = observe(plan, golden, fork(base), faults, spectator);
-            (rig, observed, Verdict::of(&observed, &plan.limits()))
+        let run = |faults: Vec<_>, spectator: &mut dyn Spectator| {
+            let (rig, observed) = observe(plan, golden, base.clone(), faults, spectator);
+            (rig, observed, Verdict::of(&observed, &plan.limits))
         };
-        let (rig, observed, verdict) = run(&[first, second], &mut reached);
+        let (rig, observed, verdict) = run(vec![first, second], &mut reached);
         let outcome = match verdict {
             verdict if verdict.passed() => Outcome::Passed,
             Verdict::NotInjected => Outcome::NotInjected,
             _ => {
-                let alone = [&[first, (second.0, None)][..], &[(first.0, None), second], &[first]];
+                let alone = [vec![first, (second.0, None)], vec![(first.0, None), second], vec![first]];
                 let [one, other, cell] = alone.map(|faults| run(faults, &mut ()).2);
                 if [one, other, cell].into_iter().any(fails) {
                     Outcome::Single

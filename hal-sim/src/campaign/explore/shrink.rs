@@ -5,13 +5,13 @@ use std::ops::Range;
 
 use toml::{Table, Value};
 
-use super::draw::{checked, numbers, trial};
+use super::draw::{checked, numbers};
 use super::pair::{self, Failing, Outcome, Pair, Tried, kind};
 use super::{Find, write};
-use crate::campaign::fault::{Act, PlanFault};
+use crate::campaign::fault::PlanFault;
 use crate::campaign::plan::Plan;
 use crate::campaign::run::Campaign;
-use crate::simulation::Simulation;
+use crate::simulation::{Command, Simulation};
 
 /// The maximum number of passes over the parts of a pair.
 const ROUNDS: usize = 3;
@@ -81,8 +81,8 @@ impl Case {
     /// only the old case has a scenario.
     fn with(&self, campaign: &Campaign<'_>, pair: Pair) -> Option<Self> {
         let (plan, golden) = (campaign.plan(), campaign.goldens.first()?);
-        let base = pair::golden(plan, golden, pair.begin());
-        let Outcome::Fails(failing) = Tried::of(campaign, golden, &base, &pair).outcome else { return None };
+        let mut base = pair::golden(plan, golden);
+        let Outcome::Fails(failing) = Tried::of(campaign, golden, &mut base, &pair).outcome else { return None };
         if failing.verdict != self.failing.verdict {
             return None;
         }
@@ -92,7 +92,7 @@ impl Case {
 
     /// Returns the case with simpler faults and instants; `None` if no simpler pair fails in the same way.
     fn simplified(&self, campaign: &Campaign<'_>) -> Option<Self> {
-        let trial = trial(campaign.plan());
+        let trial = campaign.plan().scenario.trial();
         let mut best: Option<Self> = None;
         for _ in 0..ROUNDS {
             let before = best.as_ref().unwrap_or(self).pair.text();
@@ -153,7 +153,7 @@ fn instants(plan: &Plan, pair: &Pair, place: usize) -> Vec<[u32; 2]> {
         _ if first != second => vec![[first, first]],
         _ => Vec::new(),
     };
-    let grid = plan.grid.from_ms..=plan.grid.to_ms;
+    let grid = plan.instants.from_ms..=plan.instants.to_ms;
     let are_valid = |at: &[u32; 2]| at[0] <= at[1] && at.iter().all(|at| grid.contains(at));
     together.into_iter().chain(round.iter().map(alone)).filter(are_valid).collect()
 }
@@ -176,9 +176,9 @@ fn smaller(campaign: &Campaign<'_>, fault: &PlanFault, place: usize) -> Vec<Tabl
         powers.clone().flat_map(|power| [1, 2, 5].map(|digit| digit * power)).take_while(|value| *value < number);
     let round = powers.rev().map(|power| number / power * power).filter(|value| *value != 0);
     let round = round.take_while(|value| *value != number);
-    let values: Vec<i64> = match fault.act {
-        Act::Plant(..) if key != "for_ms" && is_of_plan() => Vec::new(),
-        Act::Plant(..) if key != "for_ms" => round.collect(),
+    let values: Vec<i64> = match fault.command {
+        Command::Plant(..) if key != "for_ms" && is_of_plan() => Vec::new(),
+        Command::Plant(..) if key != "for_ms" => round.collect(),
         _ => small.chain(round).collect(),
     };
     let with = |value| {

@@ -50,7 +50,7 @@ fn search(plan: &Plan, seed: u64, rounds: usize) -> (Vec<Find>, Vec<u64>) {
         }
     }
     let numbers = [explorer.states(), explorer.corpus()].map(|count| count as u64);
-    let numbers = [&numbers[..], &[explorer.pairs(), explorer.singles(), explorer.not_injected()]].concat();
+    let numbers = [&numbers[..], &[explorer.pairs, explorer.singles, explorer.not_injected]].concat();
     (finds, numbers)
 }
 

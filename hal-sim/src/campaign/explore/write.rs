@@ -7,7 +7,6 @@ use protocol_core::time::{Duration, Instant};
 use toml::{Table, Value};
 
 use super::pair::{Failing, Pair, Timed};
-use crate::campaign::fault::Act;
 use crate::campaign::oracle::Proof;
 use crate::campaign::plan::Plan;
 use crate::campaign::verdict::Verdict;
@@ -150,23 +149,19 @@ fn fault(place: usize, Timed { fault, at_ms }: &Timed) -> Vec<Item> {
     let note = ["the first fault", "the second fault"][place];
     let mut ends = None;
     let mut step = Table::new();
-    match &fault.act {
-        Act::Message(_) => drop(step.insert("fault".to_owned(), Value::Table(entry))),
-        Act::Plant(..) | Act::Power(..) => {
-            let lasts = entry.remove("for_ms");
-            step.extend(entry);
-            match (&fault.act, step.get_mut("plant"), lasts) {
-                (Act::Plant(..), Some(Value::Table(plant)), Some(lasts)) => {
-                    plant.insert("for_ms".to_owned(), lasts);
-                }
-                (Act::Power(device, _, Some(lasts)), ..) => {
-                    let on = Table::from_iter([("on".to_owned(), true.into())]);
-                    let on = [("device".to_owned(), device.clone().into()), ("power".to_owned(), Value::Table(on))];
-                    ends = Some((u64::from(*at_ms) + lasts.as_millis(), Table::from_iter(on)));
-                }
-                _ => {}
-            }
+    if let Some(device) = fault.device() {
+        let lasts = entry.remove("for_ms");
+        step.extend(entry);
+        if let (Some(Value::Table(plant)), Some(lasts)) = (step.get_mut("plant"), lasts) {
+            plant.insert("for_ms".to_owned(), lasts);
         }
+        if let Some(off_for) = fault.off_for {
+            let on = Value::Table(Table::from_iter([("on".to_owned(), true.into())]));
+            let on = [("device".to_owned(), device.into()), ("power".to_owned(), on)];
+            ends = Some((u64::from(*at_ms) + off_for.as_millis(), Table::from_iter(on)));
+        }
+    } else {
+        step.insert("fault".to_owned(), Value::Table(entry));
     }
     step.insert("note".to_owned(), note.into());
     let item = |(at_ms, step)| Item { at_ms, part: Part::Fault, step };
@@ -186,10 +181,11 @@ fn checks(plan: &Plan, pair: &Pair, Failing { observed, .. }: &Failing) -> Optio
     };
     let now = ("within_ms", Value::from(0));
     let device = |oracle: &Table| oracle.get("device").map(|name| ("device", name.clone()));
-    if let Some(oracle) = plan.detected.as_ref().filter(|it| is_broken(it.within, observed.detected)) {
-        let limit = second + oracle.within.as_millis();
+    let detected = plan.detected.as_ref().zip(plan.limits.detected);
+    if let Some((proof, within)) = detected.filter(|(_, within)| is_broken(*within, observed.detected)) {
+        let limit = second + within.as_millis();
         let keys = document.get("detected")?.as_table()?;
-        match (&oracle.what, keys.get("expect")) {
+        match (proof, keys.get("expect")) {
             (Proof::Stops(id, span), _) => {
                 let begin = limit.saturating_sub(span.as_millis());
                 let keys = [
@@ -209,9 +205,10 @@ fn checks(plan: &Plan, pair: &Pair, Failing { observed, .. }: &Failing) -> Optio
             _ => return None,
         }
     }
-    if let Some(oracle) = plan.safe.as_ref().filter(|it| is_broken(it.within, observed.safe)) {
-        let limit = second + oracle.within.as_millis();
-        let end = oracle.what.span.map_or(second + plan.observe.as_millis(), |span| limit + span.as_millis());
+    let safe = plan.safe.as_ref().zip(plan.limits.safe);
+    if let Some((state, within)) = safe.filter(|(_, within)| is_broken(*within, observed.safe)) {
+        let limit = second + within.as_millis();
+        let end = state.span.map_or(second + plan.observe.as_millis(), |span| limit + span.as_millis());
         let keys = document.get("safe")?.as_table()?;
         let keys: Vec<_> = [("expect", keys.get("expect")?.clone()), now].into_iter().chain(device(keys)).collect();
         check(limit, "safe", &keys);

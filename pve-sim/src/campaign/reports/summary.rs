@@ -7,7 +7,7 @@ use hal_sim::campaign::Verdict;
 use crate::campaign::manifest::{LimitsUs, Manifest};
 use crate::campaign::results::{Cell, Row};
 
-pub(in crate::campaign) struct Summary<'a> {
+pub(super) struct Summary<'a> {
     manifest: &'a Manifest,
     cells: usize,
     failed: usize,
@@ -35,9 +35,10 @@ impl<'a> Summary<'a> {
         self.injected += injected.len();
         self.detected += injected.iter().filter(|cell| cell.detected_us.is_some()).count();
         let word = if failed == 0 { "ok   " } else { "FAIL " };
-        let seed = if self.manifest.seeds.len() > 1 { format!(" (seed {})", row.head.seed) } else { String::new() };
-        writeln!(out, "{word}{}{seed}: {}", row.head.fault, counts(row))?;
-        if let Some(worst) = row.worst().filter(|worst| worst.verdict != Verdict::NoEffect) {
+        let seed = if self.manifest.seeds.len() > 1 { format!(" (seed {})", row.seed) } else { String::new() };
+        writeln!(out, "{word}{}{seed}: {}", row.fault, counts(row))?;
+        let worst = row.worst();
+        if worst.verdict != Verdict::NoEffect {
             writeln!(out, "       worst: {}", reaction(worst, &self.manifest.limits))?;
             if failed > 0 {
                 writeln!(out, "       {}", row.command(self.manifest, worst))?;
