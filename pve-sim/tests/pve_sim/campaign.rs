@@ -2,7 +2,8 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::thread;
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -386,6 +387,85 @@ fn a_search_that_finds_nothing_is_exit_0_and_needs_a_plan_without_a_program() {
     }
     refusal(&["campaign", &plan, "--explore", "0"], 2);
     refusal(&["campaign", &plan, "--finds", "."], 2);
+}
+
+/// Returns whether a process handles SIGINT.
+#[cfg(target_os = "linux")]
+fn handles_interrupts(id: u32) -> bool {
+    let status = fs::read_to_string(format!("/proc/{id}/status")).expect("a process");
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).expect("a mask");
+    u64::from_str_radix(mask.trim(), 16).expect("hex") & 1 << (Signal::INT.as_raw() - 1) != 0
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupted_search_without_a_find_has_not_passed() {
+    let files = Files::new();
+    files.write("runaway.toml", RUNAWAY);
+    files.write(
+        "pair.toml",
+        &PAIR.replace("{ corrupt = \"220\", data = { toggle = \"000000 20\" } }", "{ plant = { temperature_c = 30 } }"),
+    );
+    let mut command = pve_sim(&["campaign", "pair.toml", "--explore", "3600"]);
+    let (process, _watch) = spawn(command.current_dir(files.0.path()));
+    while !handles_interrupts(process.id()) {
+        thread::yield_now();
+    }
+    kill_process(Pid::from_child(&process), Signal::INT).expect("it still runs");
+    let ended = process.wait_with_output().expect("its end");
+    let told = String::from_utf8(ended.stdout).expect("text");
+    assert!(told.ends_with("\n0 finds until the signal\n"), "{told}");
+    assert_eq!(ended.status.code(), Some(1));
+}
+
+/// The name of a plan has at most 255 bytes, that of a find some more.
+#[test]
+fn a_find_that_cannot_be_written_does_not_end_the_search() {
+    let files = Files::new();
+    files.write("runaway.toml", RUNAWAY);
+    let long = "a".repeat(250);
+    files.write(&format!("{long}.toml"), PAIR);
+    let (code, told, errors) = files.run(&[&format!("{long}.toml"), "--explore", "1"]);
+    assert_eq!((code, errors.as_str()), (Some(1), ""), "{told}");
+    let lines: Vec<&str> = told.lines().collect();
+    assert!(lines[0].starts_with("FIND not-safe: "), "{told}");
+    assert!(lines[1].starts_with(&format!("       {long}.find-1.toml: File name too long")), "{told}");
+    assert!(told.contains(" states reached\n") && lines.last().expect("a line").contains(" find"), "{told}");
+}
+
+/// A name with each character that a shell treats specially.
+const AWKWARD: &str = "it's \"a\" $HOME `plan` \\ & ~*?!";
+
+/// Runs a printed command in a shell, which finds the program by its name. Returns the exit code and stdout.
+fn pasted(files: &Files, command: &str) -> (Option<i32>, String) {
+    let program = Path::new(env!("CARGO_BIN_EXE_pve-sim"));
+    let path = format!("{}:/usr/bin:/bin", program.parent().expect("a folder").display());
+    let mut shell = Command::new("sh");
+    shell.args(["-c", command]).env("PATH", path).current_dir(files.0.path());
+    let ended = end_of(shell.stdout(Stdio::piped()).stderr(Stdio::piped()));
+    assert!(ended.stderr.is_empty(), "{command}: {}", String::from_utf8_lossy(&ended.stderr));
+    (ended.status.code(), String::from_utf8(ended.stdout).expect("text"))
+}
+
+#[test]
+fn printed_commands_run_in_a_shell_whatever_the_name_of_the_plan() {
+    let files = Files::new();
+    let name = format!("{AWKWARD}.toml");
+    files.write(&name, &PLAN.replace("2100", "1900"));
+    let (_, told, _) = files.run(&[&name]);
+    let commands: Vec<&str> = told.lines().map(str::trim).filter(|line| line.starts_with("pve-sim ")).collect();
+    assert_eq!(commands.len(), 2, "{told}");
+    for command in commands {
+        let (code, told) = pasted(&files, command);
+        assert!(code == Some(1) && told.contains(": late at "), "{command}: {told}");
+    }
+
+    files.write("runaway.toml", RUNAWAY);
+    files.write(&name, PAIR);
+    let (_, told, _) = files.run(&[&name, "--explore", "1"]);
+    let command = told.lines().map(str::trim).find(|line| line.starts_with("pve-sim ")).expect("a find");
+    let (code, told) = pasted(&files, command);
+    assert!(code == Some(1) && told.contains("FAIL "), "{command}: {told}");
 }
 
 #[test]
