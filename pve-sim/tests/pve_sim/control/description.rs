@@ -246,6 +246,9 @@ fn a_whole_number_may_have_a_fraction() {
     let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
     let (status, answer) = rig.call("PATCH", "/devices/valve/plant", Some(r#"{"supply_mv": 8000.0}"#));
     assert_eq!((status, &answer["plant"]["supply_mv"]), (200, &json!(8000)), "{answer}");
+    let wanted = r#"{"device": "valve", "state": {"position": 0.0}, "within_ms": 0}"#;
+    let (status, answer) = rig.call("POST", "/wait", Some(wanted));
+    assert_eq!(status, 200, "{answer}");
 }
 
 /// The described limits are accepted, values beyond them refused, and null where the schema does not allow it.
