@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use protocol_core::frame::{self, Digits, Frame, Id, MAX_LEN};
+use protocol_core::frame::{self, Frame, Id, MAX_LEN};
 
 use crate::gateway::guard::Verdict;
 use hal_sim::log::{ErrorClass, ErrorFrame, Timestamp, write_hex};
@@ -155,7 +155,10 @@ pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
         return;
     }
     // Writing to a string cannot fail.
-    let _ = write!(out, "< frame {} {at} ", Digits(frame.id()));
+    let _ = match frame.id() {
+        Id::Standard(id) => write!(out, "< frame {:03X} {at} ", id.as_raw()),
+        Id::Extended(id) => write!(out, "< frame {:08X} {at} ", id.as_raw()),
+    };
     write_hex(out, frame.data());
     out.push_str(" >");
 }
