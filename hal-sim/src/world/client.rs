@@ -112,15 +112,21 @@ impl World {
 
     /// Transfers sent frames to the bus and removes dropped clients.
     pub(super) fn take_from_clients(&mut self) {
+        // A foreign frame in a world without clients takes 48 instructions less.
+        if self.clients.is_empty() {
+            return;
+        }
         let mut clients = std::mem::take(&mut self.clients);
         clients.retain(|connection| {
+            // Read first: the frames of a client that is gone are then all in the queue.
+            let is_gone = connection.is_client_gone();
             for frame in lock(&connection.queues).sent.drain(..) {
                 self.send(connection.port, frame);
             }
-            if connection.is_client_gone() {
+            if is_gone {
                 self.remove_client_port(connection.port);
             }
-            !connection.is_client_gone()
+            !is_gone
         });
         self.clients = clients;
     }
