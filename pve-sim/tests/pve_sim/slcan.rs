@@ -285,7 +285,8 @@ mod pty {
         let _simulator = start_at(&path, &[]);
         for later in 0..100 {
             drop(Terminal::reset(&path));
-            (0..5 * later).for_each(|_| std::thread::yield_now());
+            // Some 2 ms at the end. A busy machine would make a yield last for a time slice.
+            (0..500 * later).for_each(|_| std::hint::spin_loop());
         }
     }
 
@@ -322,11 +323,15 @@ mod pty {
         command(&mut sleeper, "O", "\r");
         let mut witness = simulator.join();
         let before = fs::read_link(&path).expect("the link");
-        while fs::read_link(&path).is_ok_and(|device| device == before) {
-            say(&mut witness, &"< send 100 8 1 2 3 4 5 6 7 8 >".repeat(256));
-            say(&mut witness, "< echo >");
-            while message(&mut witness) != "< echo >" {}
-        }
+        std::thread::scope(|scope| {
+            let at_every_instant = || while fs::read_link(&path).expect("the link is there") == before {};
+            let watcher = scope.spawn(at_every_instant);
+            while !watcher.is_finished() {
+                say(&mut witness, &"< send 100 8 1 2 3 4 5 6 7 8 >".repeat(256));
+                say(&mut witness, "< echo >");
+                while message(&mut witness) != "< echo >" {}
+            }
+        });
         let mut rest = Vec::new();
         let _ = sleeper.0.read_to_end(&mut rest);
         let mut next = Terminal::reset(&path);

@@ -77,8 +77,7 @@ impl Terminal {
     /// As [`open`](Self::open).
     pub(super) fn renew(&mut self) -> io::Result<()> {
         let (end, device) = make()?;
-        self.link.remove();
-        self.link = Link::make(&self.link.path, device)?;
+        self.link.lead_to(device)?;
         self.end = end;
         Ok(())
     }
@@ -149,17 +148,31 @@ impl Link {
         Ok(Self { path: path.to_owned(), device })
     }
 
-    /// Removes the link if the path still leads to its device.
-    fn remove(&self) {
-        if fs::read_link(&self.path).is_ok_and(|device| device == self.device) {
-            let _ = fs::remove_file(&self.path);
+    /// Changes the device of the link. The path exists at every instant.
+    fn lead_to(&mut self, device: PathBuf) -> io::Result<()> {
+        if self.is_there() {
+            let mut next = self.path.clone().into_os_string();
+            next.push(".next");
+            let link = Self::make(Path::new(&next), device)?;
+            fs::rename(&link.path, &self.path)?;
+            self.device.clone_from(&link.device);
+        } else {
+            *self = Self::make(&self.path, device)?;
         }
+        Ok(())
+    }
+
+    /// Returns whether the path still leads to the device.
+    fn is_there(&self) -> bool {
+        fs::read_link(&self.path).is_ok_and(|device| device == self.device)
     }
 }
 
 impl Drop for Link {
     fn drop(&mut self) {
-        self.remove();
+        if self.is_there() {
+            let _ = fs::remove_file(&self.path);
+        }
     }
 }
 
