@@ -118,7 +118,7 @@ impl World {
         }
         let mut clients = std::mem::take(&mut self.clients);
         clients.retain(|connection| {
-            // Read first: the frames of a client that is gone are then all in the queue.
+            // Read once: a client in another thread can go at any time.
             let is_gone = connection.is_client_gone();
             for frame in lock(&connection.queues).sent.drain(..) {
                 self.send(connection.port, frame);

@@ -113,7 +113,7 @@ pub struct WorldSender {
 pub struct Inbox {
     /// Messages in the order of their arrival.
     pub messages: Receiver<Arrival>,
-    /// Whether the simulator is shutting down.
+    /// True once the simulator shuts down.
     pub(crate) ending: Arc<AtomicBool>,
 }
 
