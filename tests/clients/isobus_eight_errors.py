@@ -138,8 +138,8 @@ def addressing(tractor, ear, control):
     ear.expect_flow("extend", extend=50)
     with control.fault(corrupt="0CFE3327", identifier={"toggle": "00000700"}):
         ear.expect(ARM_AVEF, lambda data: data[2] & 0x0F == 1)
-        code = tractor.expect(DM1)
-        equal("DM1", code.hex()[:8], "04ffe98f")
+        # a DM1 without a fault may come before, from a tractor that was held up
+        take(tractor.received, lambda message: message[:2] == (DM1, VALVE) and message[2].hex().startswith("04ffe98f"))
     return "does not notice; its subscriber gets the DM1 of one valve and the AVEF of the other valve"
 
 
