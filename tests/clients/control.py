@@ -3,6 +3,7 @@
 import contextlib
 import http.client
 import json
+import time
 import urllib.parse
 
 from waiting import PATIENCE, equal
@@ -31,11 +32,19 @@ class Control:
     def power(self, device, on):
         self.call("POST", f"/devices/{device}/power", {"on": on})
 
+    def struck(self, name):
+        """The number of frames that a communication fault has affected so far."""
+        (fault,) = [fault for fault in self.call("GET", "/bus/faults") if fault["name"] == name]
+        return fault["struck"]
+
     @contextlib.contextmanager
     def fault(self, **keys):
-        """A communication fault as long as the context. It must have affected a frame by then."""
+        """A communication fault as long as the context, and until it has affected a frame, or as many as it counts."""
         name = self.call("POST", "/bus/faults", keys)["name"]
         yield
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline and self.struck(name) < keys.get("count", 1):
+            pass
         (ended,) = self.call("DELETE", f"/bus/faults/{name}")
         assert ended["struck"] > 0, f"no frame was affected: {ended}"
         if "count" in keys:
