@@ -9,10 +9,12 @@ import logging
 import queue
 import struct
 import sys
+import threading
 import time
 
 import can
 import canopen
+from can.broadcastmanager import ThreadBasedCyclicSendTask
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
 import joining
@@ -108,6 +110,16 @@ def object_dictionary(objects):
             record.add_member(variable(f"{name} {sub}", index, sub, kind))
         dictionary.add_object(record)
     return dictionary
+
+
+def stop(task, flag=ThreadBasedCyclicSendTask.stop):
+    """Ends a cyclic message and waits for its thread, which may be about to send it once more."""
+    flag(task)
+    if task.thread is not threading.current_thread():
+        task.thread.join(PATIENCE)
+
+
+ThreadBasedCyclicSendTask.stop = stop
 
 
 class Heard(can.Listener):
