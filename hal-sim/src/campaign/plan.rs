@@ -74,7 +74,7 @@ impl Plan {
         let file = file::read(text).map_err(in_line)?;
         let refuse = |(path, reason): Refused| in_line(ReadError { line: Some(line_at(text, &path)), reason });
         let scenario = read(&file.scenario).and_then(|text| {
-            let scenario = Scenario::parse(&text).map_err(|ReadError { line, reason }| {
+            let scenario = Scenario::read(&text).map_err(|ReadError { line, reason }| {
                 let line = line.map_or_else(String::new, |line| format!("{line}: "));
                 format!("{}:{line}{reason}", file.scenario)
             });

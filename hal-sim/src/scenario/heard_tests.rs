@@ -5,7 +5,7 @@ use super::*;
 /// Returns the failures of a scenario with these devices and steps, each with its line number.
 fn failures(devices: &str, steps: &str) -> Vec<(usize, String)> {
     let text = format!("devices = [{devices}]\nsteps = [\n{steps}\n]");
-    let outcome = Scenario::parse(&text).unwrap_or_else(|error| panic!("{text}: {error:?}")).run(1);
+    let outcome = Scenario::read(&text).unwrap_or_else(|error| panic!("{text}: {error:?}")).run(1);
     outcome.failures.into_iter().map(|failure| (failure.line, failure.headline)).collect()
 }
 
@@ -52,7 +52,7 @@ fn a_device_that_is_asked_to_run_at_another_rate_fails_although_nothing_else_doe
 fn the_first_power_up_has_no_second() {
     let text = "bit_rate = 250000\ndevices = [\"hat1000,bit-rate=500k\"]\n\
                 steps = [{ after_ms = 10, bus = { bit_rate = 500000 } }, { after_ms = 2000 }]";
-    let outcome = Scenario::parse(text).expect("a scenario").run(1);
+    let outcome = Scenario::read(text).expect("a scenario").run(1);
     let told: Vec<_> = outcome.failures.iter().map(|failure| (failure.line, &*failure.headline)).collect();
     assert_eq!(told, [(2, DEAF_SENSOR)]);
 }
@@ -94,7 +94,7 @@ fn one_that_is_not_to_be_heard_says_so() {
 #[test]
 fn errors_of_the_bus_are_in_the_report() {
     let text = "devices = [\"pvea-canopen\", \"hat1000,bit-rate=500k\"]\nsteps = [{ after_ms = 100 }]";
-    let report = Scenario::parse(text).expect("a scenario").run(1).failures("x.toml");
+    let report = Scenario::read(text).expect("a scenario").run(1).failures("x.toml");
     let wanted = "    if this is intended, declare the device as { device = \"…\", heard = false }\n    bus errors:\n";
     assert!(report.contains(wanted) && report.contains("hat1000: error-passive ("), "{report}");
 }

@@ -124,7 +124,7 @@ mod tests {
                 let beside = if field == "t_us" { "" } else { beside };
                 let reads = ["pvea-canopen", "pvea-isobus", "hat1000"].map(|device| {
                     let step = format!("{{ {table} = {{ {beside}{field} = \"none\" }} }}");
-                    Scenario::parse(&format!("devices = [\"{device}\"]\nsteps = [{step}]"))
+                    Scenario::read(&format!("devices = [\"{device}\"]\nsteps = [{step}]"))
                 });
                 let is_read = reads.iter().any(Result::is_ok);
                 assert_eq!(is_read, property.to_string().contains("none"), "{field}: {reads:?} {property}");

@@ -4,7 +4,7 @@ use protocol_core::controller::BitRate;
 
 use super::file::{self, DeviceEntry, DeviceTable, ScenarioFile};
 use super::reaction::Reaction;
-use super::step::{Expect, Step, What};
+use super::step::Step;
 use super::trial::Trial;
 use super::{OWN, ReadError};
 use crate::devices::{self, DeviceSpec, NamedDevice, NamedLink};
@@ -36,15 +36,25 @@ pub(super) struct Entry {
 }
 
 impl Scenario {
-    /// Parses and checks a scenario.
+    /// Parses and checks a scenario. A scenario without `expect` and `never` is an error, because it would always pass.
     ///
     /// # Errors
     /// [`ReadError`] with the line of the first error.
     pub fn parse(text: &str) -> Result<Self, ReadError> {
-        Self::read(text).map_err(|ReadError { line, reason }| ReadError { line, reason: in_one_line(&reason) })
+        let scenario =
+            Self::read(text).map_err(|ReadError { line, reason }| ReadError { line, reason: in_one_line(&reason) })?;
+        if scenario.steps.iter().all(|step| step.expect.is_none() && step.never.is_none()) {
+            let reason = "no step has expect or never; add a step such as { expect = \"720#00\" }".to_owned();
+            return Err(ReadError { line: Some(1), reason });
+        }
+        Ok(scenario)
     }
 
-    fn read(text: &str) -> Result<Self, ReadError> {
+    /// As [`Scenario::parse`], but accepts a scenario without `expect` and `never`: in a campaign, the plan judges.
+    ///
+    /// # Errors
+    /// [`ReadError`] with the line of the first error; the reason can have several lines.
+    pub(crate) fn read(text: &str) -> Result<Self, ReadError> {
         let ScenarioFile { title, devices, links, bit_rate, allow_clash, strict, reactions, steps } = file::read(text)?;
         let at = |place: usize| move |reason: String| ReadError { line: Some(file::line_of(text, place)), reason };
         let first = devices.first().map_or(0, |device| device.span().start);
@@ -97,12 +107,6 @@ impl Scenario {
             trial.check_stop(reaction).map_err(at(*place))?;
         }
         refuse_unwatched(&scenario.steps)?;
-        let expects_frames = |step: &Step| matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
-        if strict && !scenario.steps.iter().any(expects_frames) {
-            return Err(at(0)(
-                "strict: no step expects a frame; add a step such as { expect = \"720#00\" }".to_owned(),
-            ));
-        }
         Ok(scenario)
     }
 

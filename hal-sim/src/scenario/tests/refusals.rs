@@ -12,6 +12,29 @@ fn a_refusal_and_a_verdict_are_one_line_whatever_they_quote() {
     assert!(verdict.starts_with("one\\n1 passed, 0 failed; 1 step in "), "{verdict}");
 }
 
+/// A scenario that neither expects nor forbids anything would pass for any behaviour of the devices.
+#[test]
+fn a_scenario_without_an_expectation_is_refused() {
+    for head in ["", "strict = true\n"] {
+        for steps in [
+            r#"{ note = "y" }"#,
+            "{ after_ms = 100 }",
+            r#"{ plant = { supply_mv = 8000 } }, { note = "y" }"#,
+            r#"{ send = "000#0100" }, { fault = { lose = "220" } }"#,
+        ] {
+            let (line, reason) = refusal(&format!("{head}devices = [\"pvea-canopen\"]\nsteps = [{steps}]"));
+            assert_eq!(reason, "no step has expect or never; add a step such as { expect = \"720#00\" }", "{steps}");
+            assert_eq!(line, Some(1));
+        }
+    }
+    // A reaction does not judge: a rule that never acts is no failure.
+    let text =
+        "devices = [\"pvea-canopen\"]\nreactions = [{ on = \"0A0\", send = \"000#0220\" }]\nsteps = [{ at_ms = 9 }]";
+    assert!(refusal(text).1.starts_with("no step has expect or never; "));
+    let never = "devices = [\"pvea-canopen\"]\nsteps = [{ never = \"080\", for_ms = 10 }]";
+    assert!(Scenario::parse(never).expect(never).run(1).is_success());
+}
+
 /// Stopping a cyclic frame that does not exist is refused, because the intended frame would continue.
 #[test]
 fn only_a_cyclic_frame_is_stopped() {
