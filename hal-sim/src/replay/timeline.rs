@@ -1,5 +1,6 @@
 //! The power-up of each recorded device, derived from the device's first frame.
 
+use std::collections::BTreeMap;
 use std::fs;
 
 use protocol_core::frame::{Frame, Id};
@@ -8,24 +9,27 @@ use protocol_core::wire::cob_id::{Function, classify};
 
 use super::identifier::{is_claim, is_of};
 use super::{Refusal, ReplayOptions};
+use crate::Memory;
 use crate::bus::FrameBits;
 use crate::devices::NamedDevice;
 use crate::log::{Entry, Timestamp};
 use crate::recording::{Logged, ReadError, Reader};
-use crate::world::{EventKind, World};
+use crate::world::{Event, EventKind, World};
 
-/// The maximum time from power-up to the first frame from a device that sends without a request (A).
-const SILENT: Duration = Duration::from_secs(2);
+/// The maximum time from the start of the application until a device has sent each message that needs no request, and
+/// its cyclic message twice (A).
+const SILENT: Duration = Duration::from_secs(4);
 
-/// The time before the first entry at which a device is powered up if its first frame is not in the log. The device has
-/// then booted by the first entry.
+/// The minimum time from the start of the application to the first entry, if the first frame of a device is not in the
+/// log. The device has then booted by the first entry.
 const LEAD: Duration = Duration::from_secs(1);
 
 /// The time base of a replay and the power-up of each device.
 #[derive(Debug)]
 pub(super) struct Timeline {
-    /// The log time that corresponds to virtual time 0.
-    zero: Timestamp,
+    /// The log time that corresponds to virtual time 0, in microseconds. Negative if the log begins soon after 0 and a
+    /// device was powered up before the log.
+    zero: i64,
     /// The number and time of the first entry that is not skipped.
     first: (u64, Timestamp),
     /// The power-up of each device, in the order of the options.
@@ -42,9 +46,31 @@ pub(super) struct PowerUp {
 }
 
 /// The first frame from a simulated device, and its delay after the power-up.
+#[derive(Clone, Copy)]
 struct First {
     frame: Frame,
     delay: Duration,
+    /// The message that the device repeats without a request; `None` on CANopen.
+    cycle: Option<Cycle>,
+}
+
+/// A message that a device repeats without a request: AVEF.
+#[derive(Clone, Copy)]
+struct Cycle {
+    /// The identifier, as a [key](Frame::key).
+    key: u32,
+    /// The delay of the first message after the power-up.
+    delay: Duration,
+    period: Duration,
+}
+
+/// A device whose power-up is sought in the log.
+struct Sought<'a> {
+    device: &'a NamedDevice,
+    first: Option<First>,
+    search: Search,
+    /// The time of the first cyclic message in the log.
+    cyclic: Option<Timestamp>,
 }
 
 /// The state of the search for a device's first frame in the log.
@@ -107,14 +133,45 @@ impl Search {
     }
 }
 
+impl Sought<'_> {
+    fn look(&mut self, entry: FirstFrame, exactly: bool) {
+        let Some(first) = &self.first else { return };
+        if !self.search.is_over() {
+            self.search = self.search.look(entry, first, self.device, exactly);
+        }
+        if first.cycle.is_some_and(|cycle| cycle.key == entry.frame.key()) && !entry.frame.is_remote() {
+            self.cyclic.get_or_insert(entry.at);
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        let Some(first) = &self.first else { return true };
+        self.search.is_over() && (self.search.found().is_some() || first.cycle.is_none() || self.cyclic.is_some())
+    }
+
+    /// Returns the log time of the power-up, in microseconds. A device without its first frame in the log has booted by
+    /// `start`, and its cyclic messages have the phase of the log.
+    fn power_up(&self, start: Timestamp) -> i64 {
+        if let (Some(first), Some(entry)) = (&self.first, self.search.found()) {
+            return micros(entry.at) - micros_of(first.delay);
+        }
+        let latest = micros(start) - micros_of(LEAD + self.device.electronics.boot);
+        let cycle = self.first.and_then(|first| first.cycle).filter(|cycle| cycle.period > Duration::from_ticks(0));
+        let (Some(cycle), Some(at)) = (cycle, self.cyclic) else { return latest };
+        let at_first_message = micros(at) - micros_of(cycle.delay);
+        let (early, period) = ((at_first_message - latest).max(0), micros_of(cycle.period));
+        at_first_message - (early + period - 1) / period * period
+    }
+}
+
 impl Timeline {
     /// Finds the first frames from the devices in the log and derives the power-ups.
     pub(super) fn find(options: &ReplayOptions) -> Result<Self, Refusal> {
         if !fs::metadata(&options.file)?.is_file() {
             return Err("replay reads the file more than once; use a regular file".into());
         }
-        let sought = |device| (device, first_frame(device), Search::Open);
-        let mut sought: Vec<(&NamedDevice, Option<First>, Search)> = options.devices.iter().map(sought).collect();
+        let sought = |device| Sought { device, first: first_frame(device), search: Search::Open, cyclic: None };
+        let mut sought: Vec<Sought<'_>> = options.devices.iter().map(sought).collect();
         let mut start = None;
         for entry in Reader::open(&options.file)? {
             let Logged { number, record } = match entry {
@@ -124,61 +181,46 @@ impl Timeline {
             };
             start.get_or_insert((number, record.at));
             let Entry::Frame(frame) = record.entry else { continue };
-            for (device, first, search) in &mut sought {
-                if let Some(first) = first
-                    && !search.is_over()
-                {
-                    let entry = FirstFrame { number, at: record.at, frame };
-                    *search = search.look(entry, first, device, options.from_boot_up);
-                }
-            }
-            if sought.iter().all(|(_, first, search)| first.is_none() || search.is_over()) {
+            let entry = FirstFrame { number, at: record.at, frame };
+            sought.iter_mut().for_each(|device| device.look(entry, options.from_boot_up));
+            if sought.iter().all(Sought::is_over) {
                 break;
             }
         }
         let mut start = start.ok_or("no frame to replay")?;
-        if let Some((device, ..)) = sought.iter().find(|(_, first, search)| first.is_some() && *search == Search::Open)
-        {
+        if let Some(silent) = sought.iter().find(|device| device.first.is_some() && device.search == Search::Open) {
             let what = if options.from_boot_up { "boot-up or address claim" } else { "frame" };
-            return Err(format!("no {what} from {} in the log", device.name).into());
+            return Err(format!("no {what} from {} in the log", silent.device.name).into());
         }
         if options.from_boot_up {
-            let earliest = sought.iter().filter_map(|(.., search)| search.found()).min_by_key(|entry| entry.number);
+            let earliest = sought.iter().filter_map(|device| device.search.found()).min_by_key(|entry| entry.number);
             start = earliest.map_or(start, |entry| (entry.number, entry.at));
         }
-        let power_up = |(_, first, search): &(_, Option<First>, Search)| {
-            let (at, before) = match (first, search.found()) {
-                (Some(First { delay, .. }), Some(FirstFrame { at, .. })) => (at, *delay),
-                _ => (start.1, LEAD),
-            };
-            at.as_micros().saturating_sub(before.as_micros())
-        };
-        let power_ups: Vec<u64> = sought.iter().map(power_up).collect();
+        let power_ups: Vec<i64> = sought.iter().map(|device| device.power_up(start.1)).collect();
         // Random delays depend on virtual time. A log that includes the first power-up therefore keeps its time base:
         // virtual time 0 is its first entry.
-        let zero = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
-        let devices = sought.into_iter().zip(power_ups).map(|((_, first, search), at)| PowerUp {
-            at: Instant::from_micros(at - zero),
-            frame: first.map(|first| first.frame),
-            logged: search.found(),
+        let zero = power_ups.iter().copied().chain([micros(start.1)]).min().unwrap_or_default();
+        let devices = sought.into_iter().zip(power_ups).map(|(device, at)| PowerUp {
+            at: instant_since(zero, at),
+            frame: device.first.map(|first| first.frame),
+            logged: device.search.found(),
         });
-        Ok(Self { zero: Timestamp::from_micros(zero), first: start, power_ups: devices.collect() })
+        Ok(Self { zero, first: start, power_ups: devices.collect() })
     }
 
     /// Returns the virtual time of a log entry; `None` for a skipped entry.
     pub(super) fn instant(&self, logged: &Logged) -> Option<Instant> {
-        let micros = logged.record.at.as_micros().saturating_sub(self.zero.as_micros());
-        (logged.number >= self.first.0).then(|| Instant::from_micros(micros))
+        (logged.number >= self.first.0).then(|| instant_since(self.zero, micros(logged.record.at)))
     }
 
     /// Returns the virtual time of the first entry that is not skipped.
     pub(super) fn opened(&self) -> Instant {
-        Instant::from_micros(self.first.1.as_micros().saturating_sub(self.zero.as_micros()))
+        instant_since(self.zero, micros(self.first.1))
     }
 
-    /// Converts virtual time to log time.
+    /// Converts virtual time to log time. A time before 1970 becomes the start of 1970.
     pub(super) fn time(&self, at: Instant) -> Timestamp {
-        self.zero.at(at)
+        Timestamp::from_micros(at.as_micros().saturating_add_signed(self.zero))
     }
 
     /// Returns whether a log entry contains the first frame from a device.
@@ -200,26 +242,42 @@ fn is_like(first: &Frame, frame: &Frame) -> bool {
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }
 
+/// Returns a log time in microseconds, up to 292,000 years.
+fn micros(at: Timestamp) -> i64 {
+    i64::try_from(at.as_micros()).unwrap_or(i64::MAX)
+}
+
+fn micros_of(time: Duration) -> i64 {
+    i64::try_from(time.as_micros()).unwrap_or(i64::MAX)
+}
+
+/// Returns the virtual time of a log time, for a world that started at `zero`; 0 for an earlier time.
+fn instant_since(zero: i64, at: i64) -> Instant {
+    Instant::from_micros(u64::try_from(at.saturating_sub(zero)).unwrap_or(0))
+}
+
 /// Determines the first frame from a device by a simulation of the device alone, at its bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
     let rate = device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied())?;
     let mut world = World::new(rate, 0);
     world.record_events(true);
     world.add_gateway("the log");
-    let node = world.add(&device.name, device.setup);
+    let node = device.add_to(&mut world, Memory::in_ram());
     world.power(node, true);
-    let start = world.now();
-    while world.next_event() <= after(start, SILENT) {
+    let (start, mut first) = (world.now(), None);
+    let mut delays = BTreeMap::new();
+    while world.next_event() <= after(start, SILENT + device.electronics.boot) {
         world.step();
-        let first = world.take_events().find_map(|event| match event.what {
-            EventKind::Frame { frame, .. } => Some(First { frame, delay: since(event.at, start) }),
-            _ => None,
-        });
-        if first.is_some() {
-            return first;
+        for Event { at, what, .. } in world.take_events() {
+            let EventKind::Frame { frame, .. } = what else { continue };
+            let (key, delay) = (frame.key(), since(at, start));
+            let first = first.get_or_insert(First { frame, delay, cycle: None });
+            if let Some(earlier) = delays.insert(key, delay) {
+                return Some(First { cycle: Some(Cycle { key, delay: earlier, period: delay - earlier }), ..*first });
+            }
         }
     }
-    None
+    first
 }
 
 /// Returns the length of a frame on the wire, rounded up to microseconds.

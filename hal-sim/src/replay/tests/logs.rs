@@ -55,6 +55,65 @@ fn a_log_may_begin_after_the_boot_up() {
     assert!(as_logged(VALVE, &log(&records[2..], Format::Candump)) > 20);
 }
 
+/// The logger started later: the first AVEF in the log gives the phase of all later AVEFs.
+#[test]
+fn a_log_may_begin_after_the_claim() {
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.wait(300_000);
+    session.send(170, &["18EA8327: EB FE 00", "0CFE1127: 00", "0CFE1127: 00", "18EA8327: EB FE 00", "0CFE1127: 00"]);
+    // A log that begins with an answer lacks the request.
+    let is_answer = |record: &Record| record.entry == Entry::Frame(frame("18E8FF83: 01 FF FF FF 27 EB FE 00"));
+    for first in (1..session.records.len()).filter(|first| !is_answer(&session.records[*first])) {
+        as_logged(device, &log(&session.records[first..], Format::Candump));
+    }
+    // Two valves with different phases.
+    let both = "--device pvea-isobus@0x83 --device pveo-isobus@0x84";
+    let mut session = Session::new(both);
+    session.wait(37_000);
+    let node = session.world.find("pveo-isobus").unwrap();
+    session.world.power(node, false);
+    session.wait(5_000);
+    session.world.power(node, true);
+    session.wait(2_000_000);
+    let late = session.records.len() - 20;
+    assert_eq!(as_logged(both, &log(&session.records[late..], Format::Candump)), 20);
+}
+
+/// A slow start delays the first frame.
+#[test]
+fn a_device_may_start_slowly() {
+    for device in ["pvea-canopen@0x20", "hat1000@0x20", "pvea-isobus@0x83"] {
+        for boot_ms in [1500, 2500, 60_000] {
+            let device = format!("--device {device},boot-ms={boot_ms}");
+            let mut session = Session::new(&device);
+            session.wait(boot_ms * 1000 + 700_000);
+            let booted = session.records.len();
+            session.send(20, &["620: 40 18 10 01 00 00 00 00", "1BC78883: 03 22 F1 8C 55 55 55 55"]);
+            for first in [0, booted] {
+                as_logged(&device, &log(&session.records[first..], Format::Candump));
+            }
+        }
+    }
+}
+
+/// The times of a log may begin at 0, as those of ASC often do, although a device was powered up earlier.
+#[test]
+fn a_log_may_begin_at_zero() {
+    let mut isobus = Session::new("--device pvea-isobus@0x83");
+    isobus.wait(1_000_000);
+    for (device, records) in [(VALVE, at_rest().records), ("--device pvea-isobus@0x83", isobus.records)] {
+        for (first, micros) in [(0, 0), (0, 500_000), (2, 0), (2, 500_000), (2, 1_500_000)] {
+            let records = &records[first..];
+            let (start, format) = (Timestamp::from_micros(micros), Format::Candump);
+            let at =
+                |record: &Record| start.at(Instant::from_micros(record.at.as_micros() - records[0].at.as_micros()));
+            let moved: Vec<Record> = records.iter().map(|record| Record { at: at(record), ..*record }).collect();
+            as_logged(device, &log(&moved, format));
+        }
+    }
+}
+
 #[test]
 fn what_is_no_frame_is_told_and_the_rest_is_played() {
     let session = at_rest();
