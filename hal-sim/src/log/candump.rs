@@ -40,6 +40,8 @@ pub(crate) const FD: Reason = "CAN FD frames are not supported";
 
 pub(crate) const NO_LINE: Reason = "not a candump line";
 
+const MORE: Reason = "unexpected text after the frame";
+
 /// Parses a line in log or screen format. Returns the time, if any, the bus name, and the entry. In log format, the
 /// frame may be followed by the direction `R` or `T`, or by two blanks and the explanation written by `pve-sim`.
 ///
@@ -56,7 +58,7 @@ pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let (token, rest) = word(rest);
     if let Some((id, data)) = token.split_once('#') {
         if !rest.starts_with("  ") && !matches!(rest.trim(), "" | "R" | "T") {
-            return Err("unexpected text after the frame");
+            return Err(MORE);
         }
         return Ok((at, bus, logged(id, data)?));
     }
@@ -106,7 +108,10 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
         return Err(FD);
     }
     // Newer candump versions append a data length code above 8, which stands for 8 bytes.
-    let data = data.split_once('_').map_or(data, |(data, _)| data);
+    let has_code = |(data, code): &(&str, &str)| {
+        (data.len() == 16 || *data == "R8") && matches!(code.as_bytes(), [b'9' | b'A'..=b'F' | b'a'..=b'f'])
+    };
+    let data = data.split_once('_').filter(has_code).map_or(data, |(data, _)| data);
     if let Some(length) = data.strip_prefix(['R', 'r']) {
         return remote(id, if length.is_empty() { "0" } else { length });
     }
@@ -121,14 +126,25 @@ fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let (length, rest) = word(rest);
     let length = length.strip_prefix('[').and_then(|length| length.strip_suffix(']')).ok_or(NO_LINE)?;
     let id = can_id(id)?;
-    if rest.trim_start().starts_with("remote request") {
-        return remote(id, length);
+    if let Some(rest) = rest.trim_start().strip_prefix("remote request") {
+        return if rest.is_empty() { remote(id, length) } else { Err(MORE) };
     }
     // A length of two digits indicates a CAN FD frame.
     let wanted = length.parse().ok().filter(|wanted| *wanted <= 8 && length.len() == 1).ok_or(FD)?;
-    let bytes: Vec<&str> = rest.split_whitespace().take(wanted).collect();
-    if bytes.len() < wanted {
-        return Err("fewer bytes than the stated length");
+    let (mut bytes, mut rest) = (Vec::with_capacity(wanted), rest);
+    for _ in 0..wanted {
+        let (byte, after) = word(rest);
+        if byte.is_empty() {
+            return Err("fewer bytes than the stated length");
+        }
+        bytes.push(byte);
+        rest = after;
+    }
+    // With -a, the bytes follow as characters, one each.
+    let rest = rest.trim_start();
+    let is_text = rest.len() == wanted + 2 && rest.starts_with('\'') && rest.ends_with('\'');
+    if !is_text && !matches!(rest, "" | "ERRORFRAME") {
+        return Err(MORE);
     }
     entry(id, bytes.into_iter())
 }
@@ -213,6 +229,19 @@ mod tests {
         assert_eq!(parse(&line), Ok((Some(Timestamp::from_micros(5)), "can0", error)));
     }
 
+    /// Newer versions of candump append a data length code above 8, which stands for 8 bytes.
+    #[test]
+    fn a_raw_data_length_code_is_read() {
+        for (line, text) in [
+            ("(1.0) can0 5A0#4318100119000001_9", "5A0: 43 18 10 01 19 00 00 01"),
+            ("(1.0) can0 5A0#4318100119000001_F", "5A0: 43 18 10 01 19 00 00 01"),
+            ("(1.0) can0 720#R8_C", "720: R8"),
+        ] {
+            let at = Some(Timestamp::from_micros(1_000_000));
+            assert_eq!(parse(line), Ok((at, "can0", Entry::Frame(text.parse().unwrap()))), "{line}");
+        }
+    }
+
     /// Lines written with and without -t, -x and -a are parsed.
     #[test]
     fn the_screen_is_read() {
@@ -221,6 +250,8 @@ mod tests {
             ("  vcan0  5A0   [8]  43 18 10 01 19 00 00 01", None, "5A0: 43 18 10 01 19 00 00 01"),
             (" (1700000000.000042)  vcan0  080   [0] ", at, "080:"),
             (" (1700000000.000042)  vcan0  RX - -  00000080   [1]  41   'A'", at, "00000080: 41"),
+            ("  vcan0  5A0   [3]  20 27 20   ' ' '", None, "5A0: 20 27 20"),
+            ("  vcan0  080   [0]   ''", None, "080:"),
             ("  vcan0  TX B E  720   [0]  remote request", None, "720: R0"),
             ("  vcan0  720   [1]  remote request", None, "720: R1"),
         ] {
@@ -233,6 +264,7 @@ mod tests {
     #[test]
     fn a_line_that_is_none_says_why() {
         const BYTES: &str = "data must be whole bytes in hex";
+        const REMOTE: &str = "remote frame length above 8";
         for (line, reason) in [
             ("", NO_LINE),
             ("pve-sim ready", NO_LINE),
@@ -246,10 +278,23 @@ mod tests {
             ("(1.0) pve0 5A0#+1", BYTES),
             ("(1.0) pve0 5A0#ä", BYTES),
             ("(1.0) pve0 5A0#000102030405060708", "more than 8 data bytes"),
-            ("(1.0) pve0 5A0#R9", "remote frame length above 8"),
+            ("(1.0) pve0 5A0#R9", REMOTE),
             ("(1.0) pve0 5A0##100", FD),
-            ("(1.0) pve0 5A0#00 and more", "unexpected text after the frame"),
+            ("(1.0) pve0 5A0#00 and more", MORE),
             ("(1.0) pve0 5A0 [2] 00", "fewer bytes than the stated length"),
+            ("(1.0) pve0 5A0 [1] 00 01", MORE),
+            ("(1.0) pve0 5A0 [2] 41 00 '.'", MORE),
+            ("(1.0) pve0 5A0 [0] 'A'", MORE),
+            ("(1.0) pve0 5A0 [1] 41 'A' 42", MORE),
+            ("(1.0) pve0 20000004 [8] 00 30 00 00 00 00 00 00 ERRORFRAME 00", MORE),
+            ("(1.0) pve0 720 [1] remote request 00", MORE),
+            ("(1.0) pve0 720#00_hello", BYTES),
+            ("(1.0) pve0 720#00_9", BYTES),
+            ("(1.0) pve0 0A0#0000000000000000_00000000", BYTES),
+            ("(1.0) pve0 0A0#0000000000000000_8", "more than 8 data bytes"),
+            ("(1.0) pve0 0A0#0000000000000000_", BYTES),
+            ("(1.0) pve0 620#40181001_00000000", BYTES),
+            ("(1.0) pve0 620#R4_9", REMOTE),
             ("(1.0) pve0 5A0 [12] 00", FD),
         ] {
             assert_eq!(parse(line), Err(reason), "{line}");
