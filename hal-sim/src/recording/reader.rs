@@ -159,7 +159,7 @@ impl Text {
     fn next(&mut self) -> Result<Option<Logged>, ReadError> {
         while self.next_line()? {
             self.number += 1;
-            let (number, is_blank) = (self.number, self.line.trim().is_empty() || self.line.starts_with('#'));
+            let (number, is_blank) = (self.number, is_blank(&self.line));
             if !is_blank {
                 self.find_style()?;
             }
@@ -229,6 +229,11 @@ impl Text {
         self.last = at.unwrap_or(self.last);
         Ok(Some(Record { at: self.last, entry }))
     }
+}
+
+/// Returns whether a line is blank, a comment, or the ready line, with which the output of a run begins.
+fn is_blank(line: &str) -> bool {
+    line.trim().is_empty() || line.starts_with('#') || line.starts_with("pve-sim ready ")
 }
 
 /// Returns whether a line cannot come from a recording, not even from a damaged one.

@@ -336,6 +336,16 @@ fn a_line_without_an_end_does_not_fill_the_memory() {
     assert!(errors.len() == 1 && errors[0].starts_with("1: line too long: \"###"), "{errors:?}");
 }
 
+/// The stdout of a run in a file: the ready line precedes the trace.
+#[test]
+fn the_output_of_a_run_is_read() {
+    let ready = "pve-sim ready bus=socketcand://127.0.0.1:29536/pve0 http=http://127.0.0.1:8408/\n";
+    let trace = "(1.0) pve0 720#00  pvea-canopen: boot-up\n";
+    assert_eq!(text(&format!("{ready}{trace}")), (vec![frame(1_000_000, "720: 00")], vec![]));
+    let (_, errors) = text(&format!("{trace}pve-sim readying\n"));
+    assert_eq!(errors, ["2: not a candump line: \"pve-sim readying\""]);
+}
+
 /// Lines in candump's screen format without times have the time of the previous line.
 #[test]
 fn lines_without_a_time() {
