@@ -200,12 +200,13 @@ pub fn parse(args: impl IntoIterator<Item = impl Into<OsString>>) -> Result<Requ
 }
 
 fn read(args: impl Iterator<Item = OsString>) -> Result<Request, UsageError> {
-    let cli = match Cli::try_parse_from(args) {
+    let args: Vec<OsString> = args.collect();
+    let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             return Ok(Request::Print(error.to_string()));
         }
-        Err(error) => return Err(UsageError(one_line(&error))),
+        Err(error) => return Err(UsageError(one_line(&error, &args))),
     };
     Ok(match cli.command {
         None => run_request(cli.run)?,
@@ -240,8 +241,9 @@ fn without_cr(argument: OsString) -> OsString {
     }
 }
 
-/// Returns clap's error in one line: without the usage, with the tip, and with the accepted values that clap omits.
-fn one_line(error: &clap::Error) -> String {
+/// Returns clap's error about these arguments in one line: without the usage, with the tip, and with the accepted values
+/// that clap omits.
+fn one_line(error: &clap::Error, args: &[OsString]) -> String {
     let text = error.to_string();
     let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
     let what = first.join(" ");
@@ -251,7 +253,7 @@ fn one_line(error: &clap::Error) -> String {
     let accepted = match error.kind() {
         ErrorKind::UnknownArgument => {
             let given = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
-            if given.starts_with('-') { names(option_names()) } else { names(command_names()) }
+            if given.starts_with('-') { names(option_names(args)) } else { String::new() }
         }
         ErrorKind::InvalidSubcommand => names(command_names()),
         ErrorKind::ArgumentConflict if error.get(ContextKind::InvalidSubcommand).is_some() => {
@@ -266,10 +268,15 @@ fn names(names: Vec<String>) -> String {
     format!("; accepted: {}", names.join(", "))
 }
 
-/// Returns the options of `run` that the help shows.
-fn option_names() -> Vec<String> {
-    let mut command = Cli::command();
-    command.build();
+/// Returns the options in the help of the command that these arguments give; of `run` if they give none.
+fn option_names(args: &[OsString]) -> Vec<String> {
+    let mut cli = Cli::command();
+    cli.build();
+    let mut command = &cli;
+    for word in args.iter().skip(1) {
+        let Some(subcommand) = command.find_subcommand(word) else { break };
+        command = subcommand;
+    }
     let shown = command.get_arguments().filter(|arg| !arg.is_hide_set());
     shown.filter_map(|arg| arg.get_long()).map(|long| format!("--{long}")).collect()
 }

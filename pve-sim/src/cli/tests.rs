@@ -344,7 +344,6 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("eds", "<pvea-canopen|pveo-canopen|hat1000|hat3000>"),
         ("dbc hat1000", "<pvea-isobus|pveo-isobus>': this kind has no DBC; use pve-sim eds hat1000"),
         ("dbc", "<pvea-isobus|pveo-isobus>"),
-        ("run walk", "unexpected argument 'walk' found; accepted: run"),
         ("use-case 7", "unknown use case; accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
         ("--seed x", "must be a whole number, 0–18446744073709551615"),
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
@@ -364,6 +363,37 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
     }
     let two_options = refused("--http 127.0.0.1:0 --no-http");
     assert!(!two_options.contains("give the options after the command"), "no command is given: {two_options}");
+}
+
+/// The accepted options are those of the command that refuses one; a surplus word has no accepted form.
+#[test]
+fn an_unknown_option_is_refused_with_the_options_of_its_command() {
+    for (line, accepted) in [
+        ("use-case --wrong", "--help"),
+        ("scenario supply.toml --junt", "--junit, --seed, --verbose, --schema, --help"),
+        ("scenario --wrong", "--junit, --seed, --verbose, --schema, --help"),
+        ("campaign merge a.jsonl --wrong", "--results, --html, --csv, --json, --junit, --help"),
+        ("decode --wrong", "--device, --help"),
+        ("set boom --wrong", "--http, --help"),
+        ("status --wrong", "--json, --http, --help"),
+        ("eds --wrong", "--help"),
+        ("dbc --wrong", "--help"),
+        ("completions --wrong", "--help"),
+        ("man --wrong", "--help"),
+    ] {
+        let text = refused(line);
+        assert!(text.contains("unexpected argument '--"), "{line}: {text}");
+        assert_eq!(text.rsplit_once("; accepted: ").map(|(_, names)| names), Some(accepted), "{line}: {text}");
+    }
+    for line in ["campaign plan.toml --wrong", "replay a.log --wrong"] {
+        let text = refused(line);
+        assert!(text.contains("; accepted: --") && !text.contains("--beacon"), "{line}: {text}");
+    }
+    assert!(refused("scenario x.toml --junt y").contains("a similar argument exists: '--junit'; "));
+    for line in ["run walk", "man run", "decode a.log b", "status boom arm", "use-case 1 2"] {
+        let text = refused(line);
+        assert!(text.starts_with("unexpected argument '") && text.ends_with("' found"), "{line}: {text}");
+    }
 }
 
 #[test]
