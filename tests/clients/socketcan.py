@@ -145,12 +145,17 @@ def j1939():
             hear(DM1, lambda data: data[0] == lamp)
         print("temperature_c 25\ninternal_fault off", file=stdin, flush=True)
         hear(DM1, lambda data: data == NO_FAULT)
-        for _ in range(3):
-            tell(AVC, bytes.fromhex("00ff30ffffffffff"), priority=3)
-            hear(AVEF)
-        tell(REQUEST, DM2.to_bytes(3, "little"), VALVE)
-        told = hear(DM2)
-        equal("DM2", told[:10].hex(), "10fffa8f8b01f18f9001")
+        # two AVCs within the time guard end the shutdown, and DM2 has the faults then: a machine that is held up needs more
+        wanted = "10fffa8f8b01f18f9001"
+        deadline = time.monotonic() + PATIENCE
+        told = ""
+        while told != wanted and time.monotonic() < deadline:
+            for _ in range(3):
+                tell(AVC, bytes.fromhex("00ff30ffffffffff"), priority=3)
+                hear(AVEF)
+            tell(REQUEST, DM2.to_bytes(3, "little"), VALVE)
+            told = hear(DM2)[:10].hex()
+        equal("DM2", told, wanted)
         # packets of the kernel: the valve moves
         tell(COMMANDED_ADDRESS, bytes.fromhex("0100200708ff022085"))
         equal("claim", hear(CLAIM, source=0x85).hex(), "0100200708ff0220")
