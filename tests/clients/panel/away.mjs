@@ -3,8 +3,9 @@
 import assert from "node:assert/strict";
 import { simulate, withPage } from "./rig.mjs";
 
-const first = await simulate("--device", "pvea-canopen", "--device", "pveo-canopen@0x21");
-const http = new URL(first.url).host;
+// The system gives no port of this range to whoever asks for any: the second simulator finds it free.
+const http = `127.0.0.1:${10_000 + (process.pid % 10_000)}`;
+const first = await simulate("--http", http, "--device", "pvea-canopen", "--device", "pveo-canopen@0x21");
 await withPage({ url: first.url, expected: /ERR_/ }, async (page) => {
   assert.equal(await page.locator("article").count(), 2);
   await first.end();
