@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! mod           the replay in rounds, from the recording to the outcome
+//! entries       the entries of the log, without the jumps of its clock
 //! timeline      the power-up of each device
 //! identifier    identifiers of devices and of address claims
 //! replay_bus    the simulated devices on a bus, in virtual time
@@ -23,6 +24,7 @@
 //! this identifier attributed to the devices.
 
 mod attribution;
+mod entries;
 mod fields;
 mod frame_matcher;
 mod identifier;
@@ -42,6 +44,7 @@ use std::path::PathBuf;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
+use self::entries::{Entries, Placed};
 use self::frame_matcher::FrameMatcher;
 use self::identifier::{id_of_key, is_claim};
 use self::item::Item;
@@ -49,13 +52,10 @@ use self::replay_bus::ReplayBus;
 use self::timeline::Timeline;
 use crate::devices::{NamedDevice, NamedLink};
 use crate::log::Entry;
-use crate::recording::{Logged, ReadError, Reader};
+use crate::recording::{Logged, ReadError};
 
 /// The maximum number of rounds. Each round after the first repeats the replay with the identifiers found before.
 const ROUNDS: usize = 4;
-
-/// The maximum gap between two entries. A longer gap means that the clock was adjusted or a time is wrong.
-const GAP: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// The maximum number of reported differences, and of reported unreadable entries.
 const TOLD: usize = 1000;
@@ -162,6 +162,8 @@ struct Player<'a> {
     heard: BTreeSet<usize>,
     /// The time at which recorded and sent frames were last matched.
     paired: Instant,
+    /// The [shifts](Placed::shift) of the log time, with the times from which they apply.
+    shifts: Vec<(Instant, i64)>,
     outcome: Outcome,
 }
 
@@ -176,15 +178,16 @@ impl<'a> Player<'a> {
             matchers: BTreeMap::new(),
             heard: BTreeSet::new(),
             paired: Instant::from_ticks(0),
+            shifts: Vec::new(),
             outcome: Outcome { power_ups: timeline.entries(), ..Outcome::default() },
         }
     }
 
     fn play(&mut self) -> Result<(), Refusal> {
         let mut end = Instant::from_ticks(0);
-        for entry in Reader::open(&self.options.file)? {
-            let logged = match entry {
-                Ok(logged) => logged,
+        for entry in Entries::open(&self.options.file)? {
+            let Placed { logged, shift, jump } = match entry {
+                Ok(placed) => placed,
                 Err(error @ ReadError::NoEntry { .. }) => {
                     self.name(&error);
                     continue;
@@ -192,9 +195,11 @@ impl<'a> Player<'a> {
                 Err(ReadError::Io(error)) => return Err(error.into()),
             };
             let Some(at) = self.timeline.instant(&logged) else { continue };
-            if since(at, end) > GAP && end > Instant::from_ticks(0) {
-                self.name(&format_args!("{}: time more than a day after the previous entry", logged.number));
-                continue;
+            if self.shifts.last().is_none_or(|(_, last)| *last != shift) {
+                self.shifts.push((at, shift));
+            }
+            if let Some(jump) = jump {
+                self.name(&format_args!("{}: {jump}", logged.number));
             }
             if since(end, at) > self.options.tolerance {
                 self.name(&format_args!("{}: time earlier than that of the previous entry", logged.number));
@@ -258,7 +263,8 @@ impl<'a> Player<'a> {
                 }
                 self.outcome.differences += 1;
                 if self.outcome.told.len() < TOLD {
-                    self.outcome.told.push(self.bus.difference(what, &verdict, self.timeline));
+                    let at = self.timeline.time(verdict.at, &self.shifts);
+                    self.outcome.told.push(self.bus.difference(what, &verdict, at));
                 }
             }
         }

@@ -17,6 +17,7 @@ use super::timeline::{Timeline, length};
 use crate::Memory;
 use crate::devices::link_in;
 use crate::explain::{Explainer, Node};
+use crate::log::Timestamp;
 use crate::world::{ClientPortId, Event, EventKind, NodeId, World};
 
 pub(super) struct ReplayBus {
@@ -150,16 +151,16 @@ impl ReplayBus {
         }
     }
 
-    /// Creates a difference with explanations.
-    pub(super) fn difference(&mut self, what: What, verdict: &Verdict, timeline: &Timeline) -> Difference {
+    /// Creates a difference with explanations. `at` is its log time.
+    pub(super) fn difference(&mut self, what: What, verdict: &Verdict, at: Timestamp) -> Difference {
         self.update_ids();
         let say = |item: &Item| {
             let sender = item.device.and_then(|place| self.explainer.nodes.get(place));
             (item.frame, self.explainer.explain(&item.frame, sender.map(|node| node.name.as_str())))
         };
-        let Verdict { at, logged, sent, .. } = verdict;
+        let Verdict { logged, sent, .. } = verdict;
         Difference {
-            at: timeline.time(*at),
+            at,
             number: logged.as_ref().and_then(|item| item.number),
             what,
             logged: logged.as_ref().map(say),

@@ -7,13 +7,14 @@ use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};
 use protocol_core::wire::cob_id::{Function, classify};
 
+use super::entries::{Entries, micros};
 use super::identifier::{is_claim, is_of};
 use super::{Refusal, ReplayOptions};
 use crate::Memory;
 use crate::bus::FrameBits;
 use crate::devices::NamedDevice;
 use crate::log::{Entry, Timestamp};
-use crate::recording::{Logged, ReadError, Reader};
+use crate::recording::{Logged, ReadError};
 use crate::world::{Event, EventKind, World};
 
 /// The maximum time from the start of the application until a device has sent each message that needs no request, and
@@ -173,9 +174,9 @@ impl Timeline {
         let sought = |device| Sought { device, first: first_frame(device), search: Search::Open, cyclic: None };
         let mut sought: Vec<Sought<'_>> = options.devices.iter().map(sought).collect();
         let mut start = None;
-        for entry in Reader::open(&options.file)? {
+        for entry in Entries::open(&options.file)? {
             let Logged { number, record } = match entry {
-                Ok(logged) => logged,
+                Ok(placed) => placed.logged,
                 Err(ReadError::NoEntry { .. }) => continue,
                 Err(ReadError::Io(error)) => return Err(error.into()),
             };
@@ -218,9 +219,11 @@ impl Timeline {
         instant_since(self.zero, micros(self.first.1))
     }
 
-    /// Converts virtual time to log time. A time before 1970 becomes the start of 1970.
-    pub(super) fn time(&self, at: Instant) -> Timestamp {
-        Timestamp::from_micros(at.as_micros().saturating_add_signed(self.zero))
+    /// Converts virtual time to log time. A time before 1970 becomes the start of 1970. `shifts` are the shifts of the
+    /// log time, with the times from which they apply.
+    pub(super) fn time(&self, at: Instant, shifts: &[(Instant, i64)]) -> Timestamp {
+        let shift = shifts.iter().rev().find(|(from, _)| *from <= at).map_or(0, |(_, shift)| *shift);
+        Timestamp::from_micros(at.as_micros().saturating_add_signed(self.zero.saturating_sub(shift)))
     }
 
     /// Returns whether a log entry contains the first frame from a device.
@@ -240,11 +243,6 @@ fn is_like(first: &Frame, frame: &Frame) -> bool {
     let is_heartbeat = matches!(frame.id(), Id::Standard(id) if matches!(classify(id), Some((Function::Heartbeat, _))))
         && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
-}
-
-/// Returns a log time in microseconds, up to 292,000 years.
-fn micros(at: Timestamp) -> i64 {
-    i64::try_from(at.as_micros()).unwrap_or(i64::MAX)
 }
 
 fn micros_of(time: Duration) -> i64 {

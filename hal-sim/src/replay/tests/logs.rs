@@ -147,7 +147,46 @@ fn a_device_of_which_nothing_is_compared_is_told() {
     }
 }
 
-/// A clock adjustment in the log must not make the replay run for years.
+/// A clock adjustment in the log must not make the replay run for years, not even from time 0. It is reported once, and
+/// the frames after it are compared.
+#[test]
+fn a_clock_that_is_adjusted_is_told() {
+    const YEARS: u64 = 1_700_000_000_000_000;
+    let records = at_rest().records;
+    let begun = records[0].at.as_micros();
+    let times = |shift: &dyn Fn(usize, u64) -> u64| -> Vec<Record> {
+        let at =
+            |(place, record): (usize, &Record)| Timestamp::from_micros(shift(place, record.at.as_micros() - begun));
+        records.iter().enumerate().map(|pair| Record { at: at(pair), ..*pair.1 }).collect()
+    };
+    // The answer comes less than 1 ms after its request.
+    let answer = Entry::Frame(frame("5A0: 43 18 10 01 19 00 00 01"));
+    let place = records.iter().position(|record| record.entry == answer).unwrap();
+    for (from, to, what) in [(0, YEARS, "after"), (YEARS, 0, "before"), (YEARS, 2 * YEARS, "after")] {
+        let mut moved = times(&|at, micros| micros + if at < place { from } else { to });
+        let outcome = replayed(VALVE, &log(&moved, Format::Candump));
+        let named = format!(":{}: time more than a day {what} the previous entry", place + 1);
+        assert!(matches!(&outcome.unread[..], [only] if only.ends_with(&named)), "{:?}", outcome.unread);
+        assert_eq!((outcome.differences, outcome.compared + outcome.played), (0, records.len() as u64));
+        // A difference after the adjustment is reported at its time in the log.
+        let changed = (place..records.len()).find(|place| is_of_valve(&records[*place])).unwrap();
+        let Entry::Frame(frame) = moved[changed].entry else { unreachable!() };
+        moved[changed].entry = Entry::Frame(frame.refilled([0x55; 8]));
+        let outcome = replayed(VALVE, &log(&moved, Format::Candump));
+        assert_eq!((outcome.differences, outcome.told[0].at), (1, moved[changed].at));
+    }
+    // The replay of a valve that sends without a request comes to its end.
+    let claim = Entry::Frame(frame("18EEFF83: 01 00 20 07 08 FF 02 20"));
+    let claims = [0, YEARS].map(|micros| Record { at: Timestamp::from_micros(micros), entry: claim });
+    let outcome = replayed("--device pvea-isobus@0x83", &log(&claims, Format::Candump));
+    assert_eq!((outcome.compared, outcome.unread.len()), (2, 1));
+    // A single wrong time.
+    let moved = times(&|at, micros| if at == place { 7 } else { YEARS + micros });
+    let outcome = replayed(VALVE, &log(&moved, Format::Candump));
+    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1), "{:?}", outcome.unread);
+}
+
+/// The last time of a log is wrong.
 #[test]
 fn a_time_that_is_wrong_is_told() {
     let mut records = at_rest().records;
