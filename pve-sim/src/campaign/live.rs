@@ -21,6 +21,8 @@ const PAUSE: Duration = Duration::from_millis(20);
 const PATIENCE: Duration = Duration::from_secs(120);
 /// The number of lines kept, from the end of the trace.
 const KEPT: usize = 200;
+/// The line between the trace and the output of the program.
+pub(super) const OUTPUT: &str = "-- output of the controller:\n";
 
 /// The setup for cells whose controller is a program.
 #[derive(Clone, Debug)]
@@ -74,7 +76,7 @@ impl Live {
         let said = program.end();
         let Judged { verdict, detected_us, safe_us, struck } = judged;
         let cell = Cell { number: Some(number), at_us, verdict, detected_us, safe_us, struck };
-        Ok((cell, format!("{}\n-- output of the controller:\n{said}", text(&simulator.trace)).trim_end().to_owned()))
+        Ok((cell, format!("{}\n{OUTPUT}{said}", text(&simulator.trace)).trim_end().to_owned()))
     }
 }
 

@@ -236,12 +236,17 @@ fn a_program_is_the_controller_and_its_end_is_a_verdict() {
     let files = Files::new();
     files.write(
         "ends.toml",
-        &with_program("[\"sh\", \"-c\", \"echo on $0; exit 3\", \"{bus}\"]").replace("[1, 20]", "1"),
+        &with_program("[\"sh\", \"-c\", \"echo on $0; echo No module; exit 3\", \"{bus}\"]").replace("[1, 20]", "1"),
     );
     let (code, told, errors) = files.run(&["ends.toml", "--json", "ends.json"]);
     assert_eq!((code, errors.as_str()), (Some(1), ""), "{told}");
     assert!(told.ends_with("0 passed, 2 failed\n") && told.contains("1 hung"), "{told}");
+    assert_eq!(told.matches("\n       controller: No module\n       pve-sim campaign ").count(), 2, "{told}");
     assert!(files.read("ends.json").contains("on socketcand://127.0.0.1:"), "its output is kept");
+
+    files.write("silent.toml", &with_program("[\"true\"]"));
+    let (_, told, _) = files.run(&["silent.toml"]);
+    assert!(told.contains("1 hung") && !told.contains("controller"), "{told}");
 
     files.write("none.toml", &with_program("[\"no-such-program\"]"));
     let (code, _, errors) = files.run(&["none.toml"]);

@@ -1,9 +1,12 @@
-//! The summary on stdout: the verdicts and the worst cell of each row, and the command that reproduces a failure.
+//! The summary on stdout: the verdicts and the worst cell of each row, the last output of a controller that hung,
+//! and the command that reproduces a failure.
 
 use std::io::{self, Write};
 
 use hal_sim::campaign::Verdict;
+use hal_sim::text::in_one_line;
 
+use crate::campaign::live::OUTPUT;
 use crate::campaign::manifest::{LimitsUs, Manifest};
 use crate::campaign::results::{Cell, Row};
 
@@ -40,6 +43,10 @@ impl<'a> Summary<'a> {
         let worst = row.worst();
         if worst.verdict != Verdict::NoEffect {
             writeln!(out, "       worst: {}", reaction(worst, &self.manifest.limits))?;
+            let output = row.trace.rsplit_once(OUTPUT).filter(|_| worst.verdict == Verdict::Hung);
+            if let Some(line) = output.and_then(|(_, output)| output.lines().last()) {
+                writeln!(out, "       controller: {}", in_one_line(line))?;
+            }
             if failed > 0 {
                 writeln!(out, "       {}", row.command(self.manifest, worst))?;
             }
