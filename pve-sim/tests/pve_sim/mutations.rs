@@ -75,6 +75,7 @@ enum Part {
 fn a_scenario_with_a_wrong_promise_is_red() {
     let wanted = std::env::var("SCENARIO_MUTATIONS").map_or(FEW, |number| number.parse().expect("a number"));
     let mutations = mutations(wanted);
+    assert!(mutations.len() >= wanted.min(FEW), "{} mutations", mutations.len());
     let threads = thread::available_parallelism().map_or(1, usize::from);
     let parts = mutations.chunks(mutations.len().div_ceil(threads));
     let survivors: Vec<&Mutation> = thread::scope(|scope| {

@@ -1,6 +1,6 @@
 //! The completion scripts in their shells, and the manual page in man.
 
-use std::io::Write as _;
+use std::io::{Write as _, stderr};
 use std::process::{Command, Stdio};
 
 use super::options::documented;
@@ -74,8 +74,11 @@ fn the_manual_page_has_every_option_and_no_fault() {
     // A locale that is not installed would be a warning.
     let mut man = Command::new("man");
     man.args(format).env("MANWIDTH", "80").env("LC_ALL", "C");
-    if let Some((text, warnings)) = told_by(&mut man, &page) {
-        assert_eq!(warnings, "");
-        assert!(text.contains("A simulator for Danfoss PVE valves"), "{text}");
-    }
+    let Some((text, warnings)) = told_by(&mut man, &page) else {
+        // The harness hides what the macros print.
+        writeln!(stderr(), "skipped: the manual page in man: man is not installed").expect("stderr is open");
+        return;
+    };
+    assert_eq!(warnings, "");
+    assert!(text.contains("A simulator for Danfoss PVE valves"), "{text}");
 }
