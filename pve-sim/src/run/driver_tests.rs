@@ -2,7 +2,7 @@
 //! of the process, take no real time.
 
 use protocol_core::controller::BitRate;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Condvar, Mutex};
 
 use protocol_core::device::pve;
 use protocol_core::frame::Frame;
@@ -73,13 +73,33 @@ impl Platform for Script {
     }
 }
 
-/// The text on stderr.
+/// The text on stdout or stderr.
 #[derive(Clone, Default)]
-struct Said(Arc<Mutex<Vec<u8>>>);
+struct Said(Arc<(Mutex<Vec<u8>>, Condvar)>);
+
+impl Said {
+    fn text(&self) -> String {
+        String::from_utf8(self.0.0.lock().unwrap().clone()).unwrap()
+    }
+
+    /// Waits until the printer has printed a text.
+    fn wait_for(&self, wanted: &str) {
+        let is_missing = |bytes: &mut Vec<u8>| !String::from_utf8_lossy(bytes).contains(wanted);
+        let (mutex, changed) = &*self.0;
+        let waited = changed.wait_timeout_while(mutex.lock().unwrap(), PATIENCE, is_missing);
+        assert!(!waited.unwrap().1.timed_out(), "no {wanted}");
+    }
+}
+
+/// The longest wait for the printer.
+const PATIENCE: WallDuration = WallDuration::from_secs(20);
 
 impl Write for Said {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap().write(bytes)
+        let (mutex, changed) = &*self.0;
+        let written = mutex.lock().unwrap().write(bytes);
+        changed.notify_all();
+        written
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -96,6 +116,7 @@ struct Rig {
     client_end: ClientEnd,
     heard: Vec<(u64, Frame)>,
     _sender_end: ClientEnd,
+    shown: Said,
     said: Said,
 }
 
@@ -104,23 +125,23 @@ fn millis(millis: u64) -> WallDuration {
 }
 
 /// Returns the driver of a powered valve, after the events `before`.
-fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, said: Said) -> Driver<Script> {
+fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, stdout: Said, said: Said) -> Driver<Script> {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
     simulation.add(&NamedDevice::new("valve", Kind::Pve(pve::Kind::PveaCanopen)), Memory::in_ram());
     let plan = before.into_iter().map(|message| (start, PlatformEvent::Message(message))).collect();
     let (work, awake) = (WallDuration::ZERO, WallDuration::ZERO);
     let script = Script { now: start, work, end: start, plan, waits: 0, awake };
-    Driver::embedded(simulation, script, speed, io::sink(), said).unwrap()
+    Driver::embedded(simulation, script, speed, stdout, said).unwrap()
 }
 
 impl Rig {
     fn new(speed: f64) -> Self {
-        let (said, start) = (Said::default(), WallInstant::now());
-        let driver = driver(speed, start, Vec::new(), said.clone());
+        let (shown, said, start) = (Said::default(), Said::default(), WallInstant::now());
+        let driver = driver(speed, start, Vec::new(), shown.clone(), said.clone());
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (to_client, client_end) = ClientQueue::new();
         let (sender_queue, _sender_end) = ClientQueue::new();
-        let mut rig = Self { driver, start, sender, listener, client_end, heard: Vec::new(), _sender_end, said };
+        let mut rig = Self { driver, start, sender, listener, client_end, heard: Vec::new(), _sender_end, shown, said };
         rig.plan(millis(0), PlatformEvent::Message(ToWorld::Join(sender, sender_queue)));
         rig.plan(millis(0), PlatformEvent::Message(ToWorld::Join(listener, to_client)));
         rig.plan(millis(0), PlatformEvent::Message(ToWorld::Listen(listener, Reply::new(""))));
@@ -175,7 +196,7 @@ impl Rig {
     /// Ends the run; returns the messages for the user.
     fn end(self) -> Vec<String> {
         self.driver.trace.finish();
-        String::from_utf8(self.said.0.lock().unwrap().clone()).unwrap().lines().map(str::to_owned).collect()
+        self.said.text().lines().map(str::to_owned).collect()
     }
 
     /// Boots the valve into ACTIVE within 100 ms, as in use case 1.
@@ -396,7 +417,7 @@ fn a_speed_that_is_reached_is_not_complained_about() {
 fn who_has_joined_before_the_devices_start_hears_their_boot_up() {
     let (id, (to_client, mut client_end)) = (ClientId::next(), ClientQueue::new());
     let before = vec![ToWorld::Join(id, to_client), ToWorld::Listen(id, Reply::new(""))];
-    let mut driver = driver(1.0, WallInstant::now(), before, Said::default());
+    let mut driver = driver(1.0, WallInstant::now(), before, Said::default(), Said::default());
     driver.turn();
     let heard: Vec<ToClient> = std::iter::from_fn(|| client_end.queue.try_recv().ok()).collect();
     let boot_up = "720: 00".parse::<Frame>().expect("a frame");
@@ -430,6 +451,19 @@ fn an_idle_world_is_looked_at_a_few_times_a_second() {
     let mut rig = Rig::new(1.0);
     rig.run_until(WallDuration::from_secs(100));
     assert!(rig.driver.platform.waits < 100 * 60, "{}", rig.driver.platform.waits);
+}
+
+/// Two messages wait at each clock reading.
+#[test]
+fn clients_that_keep_the_world_busy_hold_up_neither_trace_nor_log() {
+    let mut rig = Rig::new(1.0);
+    rig.driver.platform.work = millis(1);
+    for at in 0..200 {
+        rig.send(millis(at / 2), READ);
+    }
+    rig.run_until(millis(100));
+    assert!(!rig.driver.platform.plan.is_empty() && rig.driver.platform.waits == 0, "it has been busy");
+    rig.shown.wait_for("720#00");
 }
 
 /// 100 requests with answers: the thread wakes up in time for two frames each.
