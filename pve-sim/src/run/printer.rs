@@ -1,9 +1,9 @@
 //! Writes stdout and stderr on a separate thread: a pipe that is closed or not read must not block the world.
 
 use std::io::{self, Write};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -18,6 +18,11 @@ const BATCH: usize = 64 * 1024;
 /// The time limit for writing the pending texts at the end of a run.
 const END_TIMEOUT: Duration = Duration::from_secs(2);
 
+/// The time limit for the message that [`END_TIMEOUT`] has expired: stderr may have no reader, too.
+const NOTE_TIMEOUT: Duration = Duration::from_millis(100);
+
+const UNREAD: &str = "pve-sim: stdout was not read in time";
+
 enum Text {
     /// Trace lines, each with its newline.
     Trace(String),
@@ -26,12 +31,23 @@ enum Text {
 }
 
 /// The writer of stdout and stderr.
-#[derive(Debug)]
 pub(super) struct Printer {
     queue: SyncSender<Text>,
+    stderr: Stderr,
     lost: Arc<AtomicU64>,
     is_cut: Arc<AtomicBool>,
     ended: Receiver<()>,
+}
+
+/// Stderr, locked while a text is written.
+#[derive(Clone)]
+struct Stderr(Arc<Mutex<dyn Write + Send>>);
+
+impl Stderr {
+    fn note(&self, text: &str) {
+        let mut stderr = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let _ = writeln!(stderr, "{text}").and_then(|()| stderr.flush());
+    }
 }
 
 impl Printer {
@@ -45,12 +61,14 @@ impl Printer {
         let (alive, ended) = channel();
         let lost = Arc::new(AtomicU64::new(0));
         let is_cut = Arc::new(AtomicBool::new(false));
-        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone(), is_cut: is_cut.clone(), stop };
+        let stderr = Stderr(Arc::new(Mutex::new(stderr)));
+        let writer =
+            Writer { stdout: Some(stdout), stderr: stderr.clone(), lost: lost.clone(), is_cut: is_cut.clone(), stop };
         thread::Builder::new().name("printer".to_owned()).spawn(move || {
             writer.run(&texts);
             drop(alive);
         })?;
-        Ok(Self { queue, lost, is_cut, ended })
+        Ok(Self { queue, stderr, lost, is_cut, ended })
     }
 
     /// Prints trace lines; drops them if the queue is full.
@@ -72,26 +90,35 @@ impl Printer {
         let _ = self.queue.try_send(Text::Note(text));
     }
 
-    /// Waits until everything is printed or the time limit expires; returns whether stdout is complete.
+    /// Waits until everything is printed or the time limit expires; returns whether stdout is complete, or closed by
+    /// its reader.
     pub(super) fn finish(self) -> bool {
-        drop(self.queue);
-        let end = self.ended.recv_timeout(END_TIMEOUT);
-        debug_assert!(matches!(end, Err(RecvTimeoutError::Disconnected | RecvTimeoutError::Timeout)));
-        !self.is_cut.load(Ordering::Relaxed)
+        let Self { queue, stderr, is_cut, ended, .. } = self;
+        drop(queue);
+        if ended.recv_timeout(END_TIMEOUT) != Err(RecvTimeoutError::Timeout) {
+            return !is_cut.load(Ordering::Relaxed);
+        }
+        let (alive, told) = channel::<()>();
+        let _ = thread::Builder::new().name("last note".to_owned()).spawn(move || {
+            stderr.note(&format!("{UNREAD}: the end of the trace is missing"));
+            drop(alive);
+        });
+        let _ = told.recv_timeout(NOTE_TIMEOUT);
+        false
     }
 }
 
-struct Writer<O, E> {
+struct Writer<O> {
     /// Stdout; `None` after a failed write.
     stdout: Option<O>,
-    stderr: E,
+    stderr: Stderr,
     lost: Arc<AtomicU64>,
-    /// True if a write to stdout has failed, other than for a reader that has gone.
+    /// True if trace lines were dropped, or a write to stdout has failed other than for a reader that has gone.
     is_cut: Arc<AtomicBool>,
     stop: CancellationToken,
 }
 
-impl<O: Write, E: Write> Writer<O, E> {
+impl<O: Write> Writer<O> {
     fn run(mut self, texts: &Receiver<Text>) {
         let mut batch = String::new();
         while let Ok(text) = texts.recv() {
@@ -104,7 +131,8 @@ impl<O: Write, E: Write> Writer<O, E> {
             self.print(&mut batch);
             let lost = self.lost.swap(0, Ordering::Relaxed);
             if lost > 0 && self.stdout.is_some() {
-                self.note(&format!("pve-sim: stdout was not read in time: dropped {lost} lines of the trace"));
+                self.is_cut.store(true, Ordering::Relaxed);
+                self.stderr.note(&format!("{UNREAD}: dropped {lost} lines of the trace"));
             }
         }
     }
@@ -114,7 +142,7 @@ impl<O: Write, E: Write> Writer<O, E> {
             Text::Trace(lines) => batch.push_str(&lines),
             Text::Note(text) => {
                 self.print(batch);
-                self.note(&text);
+                self.stderr.note(&text);
             }
         }
     }
@@ -131,15 +159,11 @@ impl<O: Write, E: Write> Writer<O, E> {
                 Err(error) => {
                     self.stdout = None;
                     self.is_cut.store(true, Ordering::Relaxed);
-                    self.note(&format!("pve-sim: stdout: {error}; the trace has stopped"));
+                    self.stderr.note(&format!("pve-sim: stdout: {error}; the trace has stopped"));
                 }
             }
         }
         batch.clear();
-    }
-
-    fn note(&mut self, text: &str) {
-        let _ = writeln!(self.stderr, "{text}").and_then(|()| self.stderr.flush());
     }
 }
 
@@ -191,7 +215,7 @@ mod tests {
         printer.trace("one\n".to_owned());
         printer.trace("two\n".to_owned());
         printer.warn("still here".to_owned());
-        printer.finish();
+        assert!(printer.finish());
         assert_eq!(text(&said), "pve-sim: still here\n");
         assert!(stop.is_cancelled());
     }
@@ -209,7 +233,7 @@ mod tests {
         let lost = printer.lost.load(Ordering::Relaxed) as usize;
         assert!(lost > 0);
         let reader = thread::spawn(move || pipe.iter().collect::<String>().lines().count());
-        printer.finish();
+        assert!(!printer.finish(), "the trace has a gap");
         assert_eq!(reader.join().unwrap() + lost, lines);
         assert_eq!(text(&said), format!("pve-sim: stdout was not read in time: dropped {lost} lines of the trace\n"));
     }

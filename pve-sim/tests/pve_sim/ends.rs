@@ -44,7 +44,7 @@ fn full_pipe() -> (std::io::PipeReader, std::io::PipeWriter) {
     (reader, writer)
 }
 
-/// Even the hint is blocked.
+/// Even the hint is blocked, and the trace behind it: stdout is incomplete.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
@@ -55,7 +55,7 @@ fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
     say(&mut client, READ_VENDOR);
     await_frame(&mut client, VENDOR);
     kill_process(Pid::from_child(&simulator.process), Signal::TERM).expect("it still runs");
-    assert_eq!(simulator.process.wait().expect("it ends").code(), Some(0));
+    assert_eq!(simulator.process.wait().expect("it ends").code(), Some(1));
     drop(reader);
 }
 
@@ -92,6 +92,8 @@ fn a_second_simulator_is_told_both_ports_that_are_in_use() {
     assert!(told.ends_with("selects a free port"), "{told}");
 }
 
+const UNREAD: &str = "pve-sim: stdout was not read in time: the end of the trace is missing\n";
+
 /// Even the ready line is blocked.
 #[cfg(target_os = "linux")]
 #[test]
@@ -107,7 +109,9 @@ fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
         std::thread::yield_now();
     }
     kill_process(Pid::from_child(&process), Signal::TERM).expect("it still runs");
-    assert_eq!(process.wait().expect("it ends").code(), Some(0));
+    let output = process.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8(output.stderr).expect("text").ends_with(UNREAD), "the cause is told");
     drop(reader);
 }
 
@@ -155,6 +159,9 @@ fn a_stdout_that_nobody_reads_does_not_hold_it_up() {
     say(&mut client, READ_VENDOR);
     await_frame(&mut client, VENDOR);
     drop(client);
-    simulator.end(Signal::TERM);
+    kill_process(Pid::from_child(&simulator.process), Signal::TERM).expect("it still runs");
+    let stderr = std::io::read_to_string(simulator.process.stderr.take().expect("a pipe")).expect("text");
+    assert_eq!(simulator.process.wait().expect("it ends").code(), Some(1), "stdout is cut");
+    assert!(stderr.ends_with(UNREAD), "{stderr}");
     drop(unread);
 }
