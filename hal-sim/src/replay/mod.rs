@@ -87,6 +87,8 @@ pub struct Outcome {
     pub played: u64,
     /// The number of skipped error frames in the log.
     pub error_frames: u64,
+    /// The number of entries that [`ReplayOptions::from_boot_up`] skipped.
+    pub skipped: u64,
     /// The reported differences, in chronological order.
     pub told: Vec<Difference>,
     /// The total number of differences.
@@ -194,7 +196,10 @@ impl<'a> Player<'a> {
                 }
                 Err(ReadError::Io(error)) => return Err(error.into()),
             };
-            let Some(at) = self.timeline.instant(&logged) else { continue };
+            let Some(at) = self.timeline.instant(&logged) else {
+                self.outcome.skipped += 1;
+                continue;
+            };
             if self.shifts.last().is_none_or(|(_, last)| *last != shift) {
                 self.shifts.push((at, shift));
             }

@@ -86,13 +86,18 @@ impl Outcome {
             0 => String::new(),
             frames => format!(", {} skipped", count(frames, "error frame")),
         };
+        let skipped = match self.skipped {
+            0 => String::new(),
+            1 => ", 1 entry before the first boot-up or address claim skipped".to_owned(),
+            entries => format!(", {entries} entries before the first boot-up or address claim skipped"),
+        };
         let power_up = |(name, entry): (&&str, &Option<u64>)| match entry {
             Some(number) => format!("{name} aligned with line {number}"),
             None => format!("{name} on before the log"),
         };
         let power_ups: Vec<String> = names.iter().zip(&self.power_ups).map(power_up).collect();
         text += &format!(
-            "{} of {} compared within {} ms: {differences}; {} of other nodes sent{left_out}; \
+            "{} of {} compared within {} ms: {differences}; {} of other nodes sent{left_out}{skipped}; \
              power-up not compared: {}\n",
             count(self.compared, "frame"),
             names.join(", "),

@@ -109,36 +109,38 @@ impl Search {
         matches!(self, Self::Found(_) | Self::Before)
     }
 
-    /// Continues the search with a log entry. `first` is the simulated device's first frame. If `exactly`, only an
-    /// equal frame is accepted.
-    fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, exactly: bool) -> Self {
+    /// Continues the search with a log entry. `first` is the simulated device's first frame. If `from_boot_up`, frames
+    /// before the first boot-up or address claim are skipped; otherwise they show that the log begins after it.
+    fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, from_boot_up: bool) -> Self {
         let frame = &entry.frame;
         let is_own =
             !frame.is_remote() && device.setup.node_id.is_some_and(|id| is_of(frame, device.setup.kind.protocol(), id));
         match self {
-            Self::Perhaps { spoke: true, .. } if first.frame == *frame => Self::Before,
+            Self::Perhaps { claim, spoke: true } if first.frame == *frame => {
+                if from_boot_up { Self::Found(claim) } else { Self::Before }
+            }
             _ if first.frame == *frame => Self::Found(entry),
             Self::Perhaps { claim, spoke } => {
                 Self::Perhaps { claim, spoke: spoke || (is_own && !is_claim(frame.key())) }
             }
-            _ if !exactly && is_like(&first.frame, frame) => {
+            _ if is_like(&first.frame, frame) => {
                 if is_claim(frame.key()) {
                     Self::Perhaps { claim: entry, spoke: false }
                 } else {
                     Self::Found(entry)
                 }
             }
-            _ if is_own && !exactly => Self::Before,
+            _ if is_own && !from_boot_up => Self::Before,
             state => state,
         }
     }
 }
 
 impl Sought<'_> {
-    fn look(&mut self, entry: FirstFrame, exactly: bool) {
+    fn look(&mut self, entry: FirstFrame, from_boot_up: bool) {
         let Some(first) = &self.first else { return };
         if !self.search.is_over() {
-            self.search = self.search.look(entry, first, self.device, exactly);
+            self.search = self.search.look(entry, first, self.device, from_boot_up);
         }
         if first.cycle.is_some_and(|cycle| cycle.key == entry.frame.key()) && !entry.frame.is_remote() {
             self.cyclic.get_or_insert(entry.at);

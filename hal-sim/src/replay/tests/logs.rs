@@ -42,10 +42,40 @@ fn a_log_may_begin_with_an_earlier_life() {
     records.extend(&session.records);
     let file = log(&records, Format::Candump);
     assert!(replayed(VALVE, &file).differences > 0);
-    assert!(as_logged(&format!("{VALVE} --from-boot-up"), &file) > 20);
+    let line = format!("{VALVE} --from-boot-up");
+    assert!(as_logged(&line, &file) > 20);
+    let report = replayed(&line, &file).report(&options(&line, &file));
+    let skipped = "12 frames of other nodes sent, 3 entries before the first boot-up or address claim skipped; power-up";
+    assert!(report.contains(skipped), "{report}");
     let file = log(&records[..3], Format::Candump);
     let error = replay(&options(&format!("{VALVE} --from-boot-up"), &file)).unwrap_err().to_string();
     assert!(error.ends_with(": no boot-up or address claim from pvea-canopen in the log"), "{error}");
+}
+
+/// `--from-boot-up` skips no boot-up or claim, not even a wrong one.
+#[test]
+fn a_wrong_boot_up_is_not_skipped() {
+    let mut isobus = Session::new("--device pvea-isobus@0x83");
+    isobus.wait(1_000_000);
+    for (device, records, right, wrong) in [
+        (VALVE, at_rest().records, "720: 00", vec!["720: 00 00", "720: 01", "720:"]),
+        ("--device pvea-isobus@0x83", isobus.records, "18EEFF83: 01 00 20 07 08 FF 02 20", vec![
+            "18EEFF83: 02 00 20 07 08 FF 02 20",
+            "18EEFF83: 01 00 20 07 08 FF 02",
+        ]),
+    ] {
+        let line = format!("{device} --from-boot-up");
+        let first = records.iter().position(|record| record.entry == Entry::Frame(frame(right))).unwrap();
+        let later = |record: &Record| Record { at: record.at.at(Instant::from_secs(60)), ..*record };
+        for wrong in wrong {
+            let mut both = records.clone();
+            both[first].entry = Entry::Frame(frame(wrong));
+            both.extend(records.iter().map(later));
+            let outcome = replayed(&line, &log(&both, Format::Candump));
+            let told = outcome.told.first().map(|difference| (difference.what, difference.number));
+            assert_eq!(told, Some((What::Different, Some(first as u64 + 1))), "{wrong}");
+        }
+    }
 }
 
 /// The logger started later: the valve had already booted.
