@@ -13,7 +13,10 @@ const EXTENDED: u32 = 1 << 29;
 pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     match (frame.id(), protocol) {
         (Id::Standard(id), Protocol::Canopen) => {
-            classify(id).is_some_and(|(function, node)| function.is_from_node() && node.get() == node_id)
+            // TPDOs 2 to 4, which a simulated device does not have. A frame in the log is thus a difference.
+            let is_further_tpdo = [0x280, 0x380, 0x480].contains(&id.as_raw().wrapping_sub(node_id.into()));
+            is_further_tpdo
+                || classify(id).is_some_and(|(function, node)| function.is_from_node() && node.get() == node_id)
         }
         (Id::Standard(_), Protocol::Isobus) => false,
         (Id::Extended(id), protocol) => match uds::parse_id(id.as_raw()) {

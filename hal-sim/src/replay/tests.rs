@@ -209,6 +209,20 @@ fn a_report_names_frame_time_and_meaning() {
     );
 }
 
+/// The simulated devices have one TPDO: another TPDO in the log is a difference. The same PDOs of other
+/// nodes are sent.
+#[test]
+fn further_tpdos_are_told() {
+    for (extra, differences) in [("2A0: DE AD BE EF", 1), ("3A0: 00", 1), ("4A0:", 1), ("2A1: 00", 0), ("320: 00", 0)] {
+        let mut records = at_rest().records;
+        let at = Timestamp::from_micros(records[20].at.as_micros() + 300);
+        records.insert(21, Record { at, entry: Entry::Frame(frame(extra)) });
+        let outcome = replayed(VALVE, &log(&records, Format::Candump));
+        assert_eq!(outcome.differences, differences, "{extra}");
+        assert!(outcome.told.iter().all(|told| (told.what, told.number) == (What::Missing, Some(22))), "{extra}");
+    }
+}
+
 #[test]
 fn a_valve_on_isobus_and_its_master() {
     let device = "--device pvea-isobus@0x83";

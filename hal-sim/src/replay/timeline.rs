@@ -117,7 +117,11 @@ impl Search {
             !frame.is_remote() && device.setup.node_id.is_some_and(|id| is_of(frame, device.setup.kind.protocol(), id));
         match self {
             Self::Perhaps { claim, spoke: true } if first.frame == *frame => {
-                if from_boot_up { Self::Found(claim) } else { Self::Before }
+                if from_boot_up {
+                    Self::Found(claim)
+                } else {
+                    Self::Before
+                }
             }
             _ if first.frame == *frame => Self::Found(entry),
             Self::Perhaps { claim, spoke } => {

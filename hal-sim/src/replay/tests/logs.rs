@@ -45,7 +45,8 @@ fn a_log_may_begin_with_an_earlier_life() {
     let line = format!("{VALVE} --from-boot-up");
     assert!(as_logged(&line, &file) > 20);
     let report = replayed(&line, &file).report(&options(&line, &file));
-    let skipped = "12 frames of other nodes sent, 3 entries before the first boot-up or address claim skipped; power-up";
+    let skipped =
+        "12 frames of other nodes sent, 3 entries before the first boot-up or address claim skipped; power-up";
     assert!(report.contains(skipped), "{report}");
     let file = log(&records[..3], Format::Candump);
     let error = replay(&options(&format!("{VALVE} --from-boot-up"), &file)).unwrap_err().to_string();
@@ -59,10 +60,12 @@ fn a_wrong_boot_up_is_not_skipped() {
     isobus.wait(1_000_000);
     for (device, records, right, wrong) in [
         (VALVE, at_rest().records, "720: 00", vec!["720: 00 00", "720: 01", "720:"]),
-        ("--device pvea-isobus@0x83", isobus.records, "18EEFF83: 01 00 20 07 08 FF 02 20", vec![
-            "18EEFF83: 02 00 20 07 08 FF 02 20",
-            "18EEFF83: 01 00 20 07 08 FF 02",
-        ]),
+        (
+            "--device pvea-isobus@0x83",
+            isobus.records,
+            "18EEFF83: 01 00 20 07 08 FF 02 20",
+            vec!["18EEFF83: 02 00 20 07 08 FF 02 20", "18EEFF83: 01 00 20 07 08 FF 02"],
+        ),
     ] {
         let line = format!("{device} --from-boot-up");
         let first = records.iter().position(|record| record.entry == Entry::Frame(frame(right))).unwrap();
