@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use tokio::sync::{Notify, Semaphore, SemaphorePermit};
+use tokio_util::sync::CancellationToken;
 
 #[derive(Debug)]
 pub(super) struct Connection {
@@ -15,6 +16,8 @@ pub(super) struct Connection {
     /// The number of pending requests to the world.
     pending_calls: AtomicUsize,
     dismissed: Notify,
+    /// Cancelled at the end of the client's requests.
+    ended: CancellationToken,
     /// The permits of calls that wait for virtual time, shared by all connections.
     waits: Arc<Semaphore>,
 }
@@ -37,6 +40,16 @@ impl Connection {
     /// Returns a permit to wait for virtual time; `None` if all permits are taken.
     pub(super) fn wait(&self) -> Option<SemaphorePermit<'_>> {
         self.waits.try_acquire().ok()
+    }
+
+    /// Marks the end of the client's requests: the client has disconnected, or closed its sending half.
+    pub(super) fn end_requests(&self) {
+        self.ended.cancel();
+    }
+
+    /// Returns a token that is cancelled at the end of the client's requests.
+    pub(super) const fn ended(&self) -> &CancellationToken {
+        &self.ended
     }
 
     /// Waits until the connection must close.
@@ -91,6 +104,7 @@ impl Connections {
             last: Mutex::new(Instant::now()),
             pending_calls: AtomicUsize::new(0),
             dismissed: Notify::new(),
+            ended: CancellationToken::new(),
             waits: Arc::clone(&self.waits),
         });
         all.push(Arc::clone(&connection));

@@ -45,6 +45,11 @@ impl Failure {
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator is shutting down".to_owned())
     }
 
+    /// Creates the error for a call that waits when its client closes the sending half of the connection.
+    pub(super) fn cancelled() -> Self {
+        Self::bad_request("cancelled by the end of the requests; a call that waits must keep the connection open")
+    }
+
     /// Creates the error for a call beyond the limit of waiting calls.
     pub(super) fn crowded() -> Self {
         let error = "too many calls are waiting for virtual time; try again later".to_owned();

@@ -10,7 +10,7 @@ use axum::{Extension, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _, copy, join, simplex, split};
 use tokio::net::TcpListener;
 use tokio::runtime;
 use tokio_util::io::{InspectReader, InspectWriter};
@@ -24,6 +24,9 @@ const RETRY: Duration = Duration::from_millis(50);
 
 /// The time limit for receiving the head of a request.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// The number of bytes that are read ahead of a pending request, because the end of the stream comes after them.
+const READ_AHEAD: usize = 64 * 1024;
 
 /// The response to a new connection while all existing ones have pending requests.
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
@@ -77,11 +80,22 @@ pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAdd
 async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin, router: Router, connection: Arc<Connection>) {
     let service = TowerToHyperService::new(router.layer(Extension(Arc::clone(&connection))));
     let touch = |_: &[u8]| connection.touch();
-    let stream = TokioIo::new(InspectReader::new(InspectWriter::new(stream, touch), touch));
+    let (mut reader, writer) = split(InspectReader::new(InspectWriter::new(stream, touch), touch));
+    let (received, mut ahead) = simplex(READ_AHEAD);
+    let read_ahead = async {
+        // An error, too, is the end of the client's requests.
+        let _ = copy(&mut reader, &mut ahead).await;
+        let _ = ahead.shutdown().await;
+        connection.end_requests();
+        std::future::pending().await
+    };
     // An error ends only this connection.
-    let _ = http1::Builder::new()
-        .timer(TokioTimer::new())
-        .header_read_timeout(HEAD_TIMEOUT)
-        .serve_connection(stream, service)
-        .await;
+    tokio::select! {
+        _ = http1::Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(HEAD_TIMEOUT)
+            .half_close(true)
+            .serve_connection(TokioIo::new(join(received, writer)), service) => {}
+        () = read_ahead => {}
+    }
 }

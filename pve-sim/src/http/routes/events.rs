@@ -4,10 +4,10 @@ use std::convert::Infallible;
 use std::time::Duration;
 
 use axum::response::sse::{Event, KeepAlive, Sse};
+use futures_util::{Stream, StreamExt as _, stream};
 use serde::Serialize;
 use tokio_stream::wrappers::BroadcastStream;
 use tokio_stream::wrappers::errors::BroadcastStreamRecvError;
-use tokio_stream::{Stream, StreamExt as _};
 use utoipa::ToSchema;
 
 use super::Control;
@@ -40,11 +40,12 @@ pub(super) struct LostEvent {
 )]
 pub(super) async fn follow(control: Control) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Failure> {
     let Subscription { states, events } = control.ask(Message::Subscribe).await?;
-    let first = tokio_stream::iter(states).map(|state| event("device", &json(&state)));
+    let first = stream::iter(states).map(|state| event("device", &json(&state)));
     let next = BroadcastStream::new(events).map(|received| match received {
         Ok(received) => event(received.name, &received.json),
         Err(BroadcastStreamRecvError::Lagged(events)) => event("lost", &json(&LostEvent { events })),
     });
+    let next = next.take_until(control.connection.ended().clone().cancelled_owned());
     Ok(Sse::new(first.chain(next).map(Ok)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 

@@ -47,13 +47,15 @@ impl Control {
     }
 
     /// Executes a command, and waits for its completion. The number of pending commands that take virtual time is
-    /// limited.
+    /// limited, and a client that disconnects cancels them.
     async fn execute(&self, command: Command) -> Result<Json<Reply>, Failure> {
-        let _waits = match command.takes_time() {
-            true => Some(self.connection.wait().ok_or_else(Failure::crowded)?),
-            false => None,
-        };
-        self.ask(|answer| Message::Execute(command, answer)).await.map(Json)
+        let takes_time = command.takes_time();
+        let call = self.ask(|answer| Message::Execute(command, answer));
+        if !takes_time {
+            return call.await.map(Json);
+        }
+        let _permit = self.connection.wait().ok_or_else(Failure::crowded)?;
+        self.connection.ended().run_until_cancelled(call).await.ok_or_else(Failure::cancelled)?.map(Json)
     }
 }
 

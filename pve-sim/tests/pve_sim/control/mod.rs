@@ -6,6 +6,7 @@ mod description;
 mod devices;
 mod faults;
 mod guards;
+mod hang_up;
 mod messages;
 mod time;
 mod wait;

@@ -1,8 +1,5 @@
 //! Waiting for states and frames.
 
-use std::io::{Read as _, Write as _};
-use std::net::{Shutdown, TcpStream};
-
 use serde_json::{Value, json};
 
 use super::{Rig, micros};
@@ -246,42 +243,4 @@ fn calls_that_let_time_pass_take_turns() {
     let mut sorted = ends;
     sorted.sort_unstable();
     assert_eq!(sorted, [110_000, 210_000, 310_000, 410_000, 510_000]);
-}
-
-/// A client that hangs up ends its own call, and time stops.
-#[test]
-fn a_client_that_hangs_up_waits_no_longer() {
-    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
-    let week = 7 * 86_400_000_u32;
-    // A week has too many events to pass in a moment.
-    rig.send_every(1, "100: ");
-    let bodies = [
-        ("/wait", json!({"device": "valve", "state": {"powered": false}, "within_ms": week})),
-        ("/time", json!({"advance_ms": week})),
-    ];
-    for (path, body) in bodies {
-        let start = micros(&rig.get("/time")["now_us"]);
-        let mut client = TcpStream::connect(&rig.host).expect("a connection");
-        let body = body.to_string();
-        write!(
-            client,
-            "POST /api/v1{path} HTTP/1.1\r\nHost: {}\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
-            rig.host,
-            body.len()
-        )
-        .expect("it reads");
-        // Time advances, so its turn has come.
-        while micros(&rig.get("/time")["now_us"]) == start {}
-        client.shutdown(Shutdown::Both).expect("an end");
-        drop(client);
-        // The next call gets its turn within seconds, not after the week.
-        let now = rig.advance(1);
-        assert!(now < start + u64::from(week) * 1000, "{path}");
-        assert_eq!(micros(&rig.get("/time")["now_us"]), now, "{path}: time stands");
-    }
-    let mut client = TcpStream::connect(&rig.host).expect("a connection");
-    write!(client, "GET /api/v1/time HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", rig.host).expect("it reads");
-    let mut answer = String::new();
-    client.read_to_string(&mut answer).expect("text");
-    assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
 }
