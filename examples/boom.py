@@ -5,6 +5,8 @@ pve-sim --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen
 
 import struct, sys, can
 
+if len(sys.argv) != 5:
+    sys.exit(__doc__)
 host, port, channel, degrees = sys.argv[1:]
 bus = can.Bus(interface="socketcand", host=host, port=int(port), channel=channel)
 

@@ -8,6 +8,8 @@ import sys, threading, canopen
 
 SET_POINT, POSITION = (f"VPOC {name}.VPOC {name}" for name in ("set-point", "actual value"))
 
+if len(sys.argv) != 5:
+    sys.exit(__doc__)
 host, port, channel, eds = sys.argv[1:]
 network = canopen.Network()
 network.connect(interface="socketcand", host=host, port=int(port), channel=channel)

@@ -19,7 +19,7 @@ HEALTHY = {
 
 
 def call(method, path, body=None):
-    """Returns the answer to a call; ends the script if the call is refused."""
+    """Returns the answer to a call; ends the script if the call is refused, or nobody listens."""
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(API + path, data, {"Content-Type": "application/json"}, method=method)
     try:
@@ -27,6 +27,8 @@ def call(method, path, body=None):
             return json.load(answer)
     except urllib.error.HTTPError as error:
         sys.exit(f"{method} {path} {body}: {error.code} {error.read().decode()}")
+    except urllib.error.URLError as error:
+        sys.exit(f"{API}: {error.reason}")
 
 
 class Valve:

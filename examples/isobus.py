@@ -6,6 +6,8 @@ pve-sim --device pvea-isobus@0x80
 
 import itertools, sys, threading, cantools, j1939
 
+if len(sys.argv) != 5:
+    sys.exit(__doc__)
 host, port, channel, dbc = sys.argv[1:]
 messages = cantools.database.load_file(dbc)
 avc, avef, dm1 = map(messages.get_message_by_name, ("AVC0", "AVEF0", "DM1_80"))

@@ -23,8 +23,11 @@ def panel(title, unit, points, duration, low, high, step, top, colour):
     yield curve(points, duration, low, high, top, colour)
 
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
+log, wanted = sys.argv[1], float(sys.argv[2])
 angles, openings, start = [], [], None
-for line in open(sys.argv[1]):
+for line in open(log):
     time, _, frame = line.split()[:3]
     cob_id, data = frame.split("#")
     if cob_id == "000":
@@ -35,7 +38,9 @@ for line in open(sys.argv[1]):
         position = int.from_bytes(bytes.fromhex(data)[2:], "little", signed=True)
         openings.append((float(time[1:-1]) - start, position / 163.84))
 
-wanted, duration = float(sys.argv[2]), angles[-1][0]
+if not angles:
+    sys.exit(f"{log}: no frame 181 after an NMT start")
+duration = angles[-1][0]
 bottom = TOP + 2 * HEIGHT + 50
 svg = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {LEFT + WIDTH + 20} {bottom + 40}" font-family="sans-serif" font-size="12">']
 svg += ['<rect width="100%" height="100%" fill="white"/>']

@@ -88,4 +88,6 @@ def main(kind: str, url: str, speed: float) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 4:
+        sys.exit(__doc__)
     main(sys.argv[1], sys.argv[2], float(sys.argv[3]))

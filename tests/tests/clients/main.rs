@@ -40,7 +40,7 @@ use std::process::Command;
 
 use programs::output;
 use recordings::serve_and_replay;
-use simulator::{FREE, PVE_SIM, Simulator, Start, WOUND};
+use simulator::{FREE, PVE_SIM, Simulator, Start, WOUND, python, root};
 
 /// The valve as it is without an option.
 const VALVE: [&str; 2] = ["--device", "pvea-canopen@0x20"];
@@ -170,4 +170,40 @@ fn valves_are_driven_by_the_names_of_their_descriptions() {
         }
         simulator.terminate();
     }
+}
+
+/// Runs an example that must fail with exit code 1. Returns what it wrote on stderr.
+fn refusal_of(example: &str, arguments: &[&str]) -> String {
+    let run = output(Command::new(python()).arg(root().join(example)).args(arguments));
+    let told = String::from_utf8(run.stderr).expect("text");
+    assert_eq!(run.status.code(), Some(1), "{example}: {told}");
+    assert!(!told.contains("Traceback"), "{example}: {told}");
+    told
+}
+
+#[test]
+fn an_example_without_its_arguments_tells_them() {
+    for example in ["boom.py", "canopen_names.py", "isobus.py", "step_response.py"] {
+        let told = refusal_of(&format!("examples/{example}"), &[]);
+        assert!(told.contains(&format!(": {example} ")), "{told}");
+    }
+    assert!(refusal_of("python/examples/master.py", &[]).contains("`python3 master.py careful "));
+}
+
+#[test]
+fn the_faults_say_in_one_line_that_no_simulator_is_there() {
+    let told = refusal_of("examples/faults.py", &["http://127.0.0.1:1"]);
+    assert!(told.starts_with("http://127.0.0.1:1/api/v1: ") && told.lines().count() == 1, "{told}");
+}
+
+#[test]
+fn a_log_without_a_boom_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("empty.log");
+    fs::write(&log, "(0.000268) pve0 720#00\n").expect("room");
+    let log = log.to_str().expect("text");
+    assert_eq!(
+        refusal_of("examples/step_response.py", &[log, "60"]),
+        format!("{log}: no frame 181 after an NMT start\n")
+    );
 }
