@@ -47,7 +47,7 @@ use protocol_core::time::{Duration, Instant, after, since};
 use self::entries::{Entries, Placed};
 use self::frame_matcher::FrameMatcher;
 use self::identifier::{id_of_key, is_claim};
-use self::item::Item;
+use self::item::{Item, PATIENCE};
 use self::replay_bus::ReplayBus;
 use self::timeline::Timeline;
 use crate::devices::{NamedDevice, NamedLink};
@@ -135,7 +135,7 @@ fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> R
     for _ in 0..rounds {
         let mut player = Player::new(options, timeline, own);
         player.play()?;
-        misplayed = player.misplayed();
+        misplayed = std::mem::take(&mut player.misplayed);
         if misplayed.is_empty() {
             return match player.silent().filter(|_| player.outcome.is_as_logged()) {
                 Some(name) => Err(format!("no frame from {name} in the log").into()),
@@ -157,8 +157,12 @@ struct Player<'a> {
     bus: ReplayBus,
     /// The known identifiers of the simulated devices, apart from those derived from node IDs, as [keys](Frame::key).
     own: BTreeSet<u32>,
-    /// The identifiers of the log frames sent to the simulated devices.
-    played: BTreeSet<u32>,
+    /// The time of the last log frame of each identifier that was sent to the simulated devices.
+    played: BTreeMap<u32, Instant>,
+    /// The time of the last frame of each identifier from the simulated devices.
+    sent: BTreeMap<u32, Instant>,
+    /// The identifiers of frames that were sent to the simulated devices, but belong to them.
+    misplayed: BTreeSet<u32>,
     matchers: BTreeMap<u32, FrameMatcher>,
     /// The indices of the simulated devices that have sent a frame.
     heard: BTreeSet<usize>,
@@ -176,7 +180,9 @@ impl<'a> Player<'a> {
             options,
             timeline,
             own,
-            played: BTreeSet::new(),
+            played: BTreeMap::new(),
+            sent: BTreeMap::new(),
+            misplayed: BTreeSet::new(),
             matchers: BTreeMap::new(),
             heard: BTreeSet::new(),
             paired: Instant::from_ticks(0),
@@ -243,15 +249,30 @@ impl<'a> Player<'a> {
             self.matchers.entry(frame.key()).or_default().logged.push_back(item);
         } else {
             self.outcome.played += 1;
-            self.played.insert(frame.key());
+            self.played.insert(frame.key(), at);
+            self.note_misplayed(frame.key());
             self.bus.send(frame);
         }
     }
 
     fn collect(&mut self) {
-        for item in self.bus.sent.drain(..) {
+        for item in std::mem::take(&mut self.bus.sent) {
             self.heard.extend(item.device);
-            self.matchers.entry(item.frame.key()).or_default().sent.push_back(item);
+            let key = item.frame.key();
+            self.sent.insert(key, item.at);
+            self.note_misplayed(key);
+            self.matchers.entry(key).or_default().sent.push_back(item);
+        }
+    }
+
+    /// Records an identifier that was sent to the simulated devices and by one of them, unless it is known to be the
+    /// device's own. The two frames must be close enough for a pair: another node may use an identifier that the device
+    /// had before.
+    fn note_misplayed(&mut self, key: u32) {
+        let (Some(played), Some(sent)) = (self.played.get(&key), self.sent.get(&key)) else { return };
+        let apart = since(*played, *sent).max(since(*sent, *played));
+        if apart <= self.options.tolerance + PATIENCE && !is_claim(key) && !self.own.contains(&key) {
+            self.misplayed.insert(key);
         }
     }
 
@@ -282,13 +303,6 @@ impl<'a> Player<'a> {
         let options = self.options;
         let mut devices = options.devices.iter().enumerate();
         devices.find(|(place, _)| !self.heard.contains(place)).map(|(_, device)| device.name.as_str())
-    }
-
-    /// Returns the identifiers that both a simulated device and the client have sent, except address claims and
-    /// identifiers already known to be the device's own.
-    fn misplayed(&self) -> BTreeSet<u32> {
-        let sent = self.bus.sent_keys.iter().copied().filter(|key| !is_claim(*key));
-        sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()
     }
 }
 

@@ -29,8 +29,6 @@ pub(super) struct ReplayBus {
     explainer: Explainer,
     /// The frames from the simulated devices that have not been taken yet, oldest first.
     pub(super) sent: Vec<Item>,
-    /// The identifiers sent by the simulated devices, as [keys](Frame::key).
-    pub(super) sent_keys: BTreeSet<u32>,
     pub(super) positions: PositionTolerance,
 }
 
@@ -66,7 +64,6 @@ impl ReplayBus {
             to_come,
             nodes,
             sent: Vec::new(),
-            sent_keys: BTreeSet::new(),
         }
     }
 
@@ -122,7 +119,6 @@ impl ReplayBus {
             let Some(place) = self.explainer.nodes.iter().position(|known| *known.name == *who) else { continue };
             let tpdo = self.nodes.get(place).and_then(|node| self.world.tpdo(*node));
             let fields = fields_of(&frame, self.explainer.nodes[place].kind, tpdo);
-            self.sent_keys.insert(frame.key());
             self.sent.push(Item { at, frame, number: None, device: Some(place), fields });
         }
         // The client follows the bit rate of the first device, so that the replay can continue.

@@ -209,6 +209,22 @@ fn a_report_names_frame_time_and_meaning() {
     );
 }
 
+/// LSS assigns another node ID to the valve. Later, another device boots under the first node ID.
+#[test]
+fn a_node_id_may_be_taken_over() {
+    let mut session = at_rest();
+    session.send(20, &["7E5: 04 01 00 00 00 00 00 00", "7E5: 11 21 00 00 00 00 00 00", "7E5: 17 00 00 00 00 00 00 00"]);
+    session
+        .send(700, &["7E5: 04 00 00 00 00 00 00 00", "620: 40 18 10 04 00 00 00 00", "621: 40 18 10 04 00 00 00 00"]);
+    let mut records = session.records;
+    let request = Entry::Frame(frame("620: 40 18 10 04 00 00 00 00"));
+    let place = records.iter().position(|record| record.entry == request).unwrap();
+    let at = records[place].at.at(Instant::from_millis(1));
+    let other = ["720: 00", "0A0: 00 00 00 00 00 00 00 00", "5A0: 43 18 10 04 07 00 00 00"];
+    records.splice(place + 1..place + 1, other.map(|text| Record { at, entry: Entry::Frame(frame(text)) }));
+    assert!(as_logged(VALVE, &log(&records, Format::Candump)) > 30);
+}
+
 /// The simulated devices have one TPDO: another TPDO in the log is a difference. The same PDOs of other
 /// nodes are sent.
 #[test]
