@@ -99,12 +99,12 @@ const UNREAD: &str = "pve-sim: stdout was not read in time: the end of the trace
 #[test]
 fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
     let (reader, writer) = full_pipe();
-    let state = tempfile::tempdir().expect("a folder");
-    let arguments =
-        ["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.path().to_str().expect("text")];
+    let dir = tempfile::tempdir().expect("a folder");
+    let log = dir.path().join("frames.log");
+    let arguments = ["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0", "--log", log.to_str().expect("text")];
     let (mut process, _watch) = spawn(pve_sim(&arguments).stdout(writer));
-    // The state file is created before the ready line, and the signal handlers before the state file.
-    while !state.path().join("pvea-canopen.nvm").exists() {
+    // The devices start after the ready line.
+    while !std::fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
         assert_eq!(process.try_wait().expect("a process"), None);
         std::thread::yield_now();
     }
