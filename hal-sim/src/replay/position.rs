@@ -44,30 +44,39 @@ impl Track {
         self.samples.iter().skip(first).take_while(move |sample| sample.at <= until)
     }
 
-    /// Returns whether the movement from one sampled position to the next passes any of `positions`.
-    fn is_between(&self, from: i32, to: i32, positions: &RangeInclusive<i32>) -> bool {
+    /// Returns the distance from one sampled position to the next, for a shaft the shorter way round the circle.
+    const fn step(&self, from: i32, to: i32) -> i32 {
         let turn = STEPS as i32;
-        let passed = |by: i32| from.min(from + by)..=from.max(from + by);
-        let overlaps = |passed: &RangeInclusive<i32>, shift: i32| {
-            *positions.start() <= passed.end() + shift && passed.start() + shift <= *positions.end()
-        };
-        if matches!(self.kind, Kind::Hat(_)) {
-            // The shorter way round the circle.
-            let passed = passed((to - from + turn / 2).rem_euclid(turn) - turn / 2);
-            [-turn, 0, turn].into_iter().any(|shift| overlaps(&passed, shift))
-        } else {
-            overlaps(&passed(to - from), 0)
+        match self.kind {
+            Kind::Hat(_) => (to - from + turn / 2).rem_euclid(turn) - turn / 2,
+            _ => to - from,
         }
+    }
+
+    /// Returns whether a continuous movement reaches any of `positions`. A movement that reverses may also go further
+    /// on either side, by the distance that it covers twice: the command may have come later or earlier.
+    fn reaches(&self, movement: &[&Sample], positions: &RangeInclusive<i32>) -> bool {
+        let Some(first) = movement.first() else { return false };
+        let mut at = first.position;
+        let (mut low, mut high, mut up, mut down) = (at, at, 0, 0);
+        for (one, other) in movement.iter().zip(movement.iter().skip(1)) {
+            let step = self.step(one.position, other.position);
+            at += step;
+            (low, high) = (low.min(at), high.max(at));
+            (up, down) = (up + step.max(0), down - step.min(0));
+        }
+        let twice = up.min(down).min(high - low);
+        let turn = if matches!(self.kind, Kind::Hat(_)) { STEPS as i32 } else { 0 };
+        [-turn, 0, turn]
+            .into_iter()
+            .any(|shift| *positions.start() <= high + twice + shift && low - twice + shift <= *positions.end())
     }
 
     /// Returns whether the device reaches any of `positions` between two times.
     fn passes(&self, positions: &RangeInclusive<i32>, from: Instant, until: Instant) -> bool {
-        let samples = self.between(from, until);
-        let is_at = |sample: &Sample| !sample.floats && positions.contains(&sample.position);
-        let passes = |(one, other): (&Sample, &Sample)| {
-            other.moved && !(one.floats && other.floats) && self.is_between(one.position, other.position, positions)
-        };
-        samples.clone().any(is_at) || samples.clone().zip(samples.skip(1)).any(passes)
+        let samples: Vec<&Sample> = self.between(from, until).collect();
+        let mut movements = samples.chunk_by(|one, other| other.moved && !(one.floats && other.floats));
+        movements.any(|movement| !movement.iter().all(|sample| sample.floats) && self.reaches(movement, positions))
     }
 }
 
@@ -142,11 +151,15 @@ mod tests {
 
     #[test]
     fn a_turn_is_a_circle() {
-        let track = |kind| Track { kind, samples: VecDeque::new(), looked: Instant::MIN };
-        let hat = track(Kind::from_name("hat1000").unwrap());
-        assert!(hat.is_between(16_380, 3, &(0..=0)) && hat.is_between(3, 16_380, &(16_383..=16_383)));
-        assert!(!hat.is_between(16_380, 3, &(8000..=8000)) && !hat.is_between(16_380, 3, &(4..=4)));
-        let valve = track(Kind::from_name("pvea-canopen").unwrap());
-        assert!(valve.is_between(-20, 300, &(0..=0)) && !valve.is_between(-20, 300, &(301..=16_384)));
+        let reaches = |name, from, to, positions| {
+            let track = Track { kind: Kind::from_name(name).unwrap(), samples: VecDeque::new(), looked: Instant::MIN };
+            let sample = |position| Sample { at: Instant::MIN, position, floats: false, moved: true };
+            track.reaches(&[&sample(from), &sample(to)], &positions)
+        };
+        let hat = |from, to, positions| reaches("hat1000", from, to, positions);
+        assert!(hat(16_380, 3, 0..=0) && hat(3, 16_380, 16_383..=16_383));
+        assert!(!hat(16_380, 3, 8000..=8000) && !hat(16_380, 3, 4..=4));
+        let valve = |from, to, positions| reaches("pvea-canopen", from, to, positions);
+        assert!(valve(-20, 300, 0..=0) && !valve(-20, 300, 301..=16_384));
     }
 }

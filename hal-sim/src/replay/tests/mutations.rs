@@ -9,7 +9,7 @@
 //!   device then counts as powered up before the log.
 //! - Equal frames within the tolerance are swapped: each may be the other frame, logged late.
 //! - A position changes to another position that the device reaches within the tolerance: the spool moves while a frame
-//!   is late.
+//!   is late. Where the spool reverses, it may go further: the command may have been late, too.
 //! - A frame is missing within the tolerance of the end: it may have been sent after the log.
 
 use super::*;
@@ -73,9 +73,11 @@ impl Recording {
             other.refilled(data) == frame
         };
         let way: Vec<i32> = near().map(|(_, position, _)| *position).collect();
-        // Between two samples, the position changes by at most the fastest step.
-        let step = way.windows(2).map(|pair| around_turn(pair[1] - pair[0], self.is_hat)).max_by_key(|step| step.abs());
-        let step = step.unwrap_or_default().abs();
+        // Between two samples, the position changes by at most the fastest step. A movement that reverses may also go
+        // further, by the distance that it covers twice.
+        let steps: Vec<i32> = way.windows(2).map(|pair| around_turn(pair[1] - pair[0], self.is_hat)).collect();
+        let sum = |sign: i32| steps.iter().map(|step| (step * sign).max(0)).sum::<i32>();
+        let step = steps.iter().map(|step| step.abs()).max().unwrap_or_default() + sum(1).min(sum(-1));
         way.iter().any(|at| (at - step..=at + step).any(|at| told(if self.is_hat { at & 0x3FFF } else { at }, false)))
             || near().any(|(.., floats)| *floats) && told(16_384, true)
     }

@@ -40,6 +40,53 @@ fn loggers_are_late_on_every_scale() {
     }
 }
 
+/// Moves the frames for which `is` returns true by a time, and returns the new log.
+fn moved(records: &[Record], by: i64, is: impl Fn(usize) -> bool) -> NamedTempFile {
+    let mut records = records.to_vec();
+    for (place, record) in records.iter_mut().enumerate().filter(|(place, _)| is(*place)) {
+        assert!(place > 0, "not the power-up");
+        record.at = Timestamp::from_micros(record.at.as_micros().saturating_add_signed(by));
+    }
+    records.sort_by_key(|record| record.at);
+    log(&records, Format::Candump)
+}
+
+/// The log has the command at which the spool reverses a little earlier or later than it was on the bus.
+#[test]
+fn loggers_are_late_where_the_spool_reverses() {
+    let canopen = |turn: &[&str]| {
+        let mut session = Session::new(VALVE);
+        session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+        session.send(60, &["220: 0F 00 00 40"; 2]);
+        let place = session.records.len();
+        // The TPDO moves with its RPDO. The next command comes while the spool still moves.
+        session.send(4, turn).send(4, &[turn[0], "620: 40 01 63 01 00 00 00 00"].repeat(9));
+        (VALVE, session, place..place + 2)
+    };
+    let device = "--device pvea-isobus@0x83";
+    let isobus = |way: [&str; 2]| {
+        let mut session = Session::new(device);
+        session.send(300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
+        session.send(30, &[way[0]; 4]);
+        let place = session.records.len();
+        session.send(3, &[way[1], "18EA8327: 13 FE 00"]);
+        session.send(3, &["18EA8327: 13 FE 00"; 40]);
+        (device, session, place..place + 1)
+    };
+    let (extend, retract) = ("0CFE3327: FA FF 31 FF FF FF FF FF", "0CFE3327: FA FF 32 FF FF FF FF FF");
+    let sessions = [
+        canopen(&["220: 0F 00 00 C0"]),
+        canopen(&["220: 0B 00 00 40"]),
+        isobus([extend, retract]),
+        isobus([retract, extend]),
+    ];
+    for (device, session, turn) in &sessions {
+        for by in [-2000, -1000, -300, 300, 1000, 2000] {
+            as_logged(device, &moved(&session.records, by, |place| turn.contains(&place)));
+        }
+    }
+}
+
 /// A position that the spool cannot have reached is reported, even while the spool moves.
 #[test]
 fn a_position_beyond_the_tolerance_is_told() {
