@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
 use protocol_core::encoder::STEPS;
-use protocol_core::time::{Duration, Instant, after};
+use protocol_core::time::{Duration, Instant, after, since};
 
 use super::fields::bits;
 use super::item::{Item, PATIENCE};
@@ -131,10 +131,11 @@ impl PositionTolerance {
             return Some(false);
         }
         let track = self.tracks.get(sent.device?)?;
-        let margin = self.tolerance + GRID;
+        // Near both frames: the position may not be off by the tolerance in addition to the time.
         let (first, last) = (logged.at.min(sent.at), logged.at.max(sent.at));
-        let from = Instant::from_ticks(first.as_ticks().saturating_sub(margin.as_ticks()));
-        let until = after(last, margin);
+        let margin = self.tolerance.max(since(last, first)) + GRID;
+        let from = Instant::from_ticks(last.as_ticks().saturating_sub(margin.as_ticks()));
+        let until = after(first, margin);
         let positions = fields.iter().map(|field| field.encoding.decode(field.read(frame)));
         let positions = positions.reduce(|one, two| *one.start().max(two.start())..=*one.end().min(two.end()))?;
         let is_float = fields.iter().all(|field| field.encoding.encode_float() == Some(field.read(frame)));

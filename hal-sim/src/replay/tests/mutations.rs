@@ -52,7 +52,7 @@ impl Recording {
         (at.as_micros(), frame)
     }
 
-    /// Returns whether a frame is equivalent to the frame that it replaces, within the tolerance around both times.
+    /// Returns whether a frame is equivalent to the frame that it replaces, within the tolerance of both times.
     fn alike(&self, (at, frame): (u64, Frame), (other_at, other): (u64, Frame)) -> bool {
         // The tolerance, plus the maximum time for which a frame waits for the bus.
         const AROUND: u64 = TOLERANCE + 2_500;
@@ -63,7 +63,7 @@ impl Recording {
         if carried.is_empty() || frame.id() != other.id() || frame.len() != other.len() || frame.is_remote() {
             return false;
         }
-        let around = at.min(other_at) - AROUND..=at.max(other_at) + AROUND;
+        let around = at.max(other_at) - AROUND..=at.min(other_at) + AROUND;
         let near = || self.way.iter().filter(|(at, ..)| around.contains(at));
         let told = |position: i32, floats: bool| {
             let mut data = *other.bytes();

@@ -87,6 +87,36 @@ fn loggers_are_late_where_the_spool_reverses() {
     }
 }
 
+/// A frame that is early or late by nearly the tolerance holds a position near that of the simulated frame: time and
+/// position may not differ by the tolerance each.
+#[test]
+fn time_and_position_share_the_tolerance() {
+    let session = moving();
+    let is_pdo = |place: &usize| {
+        let Entry::Frame(frame) = session.records[*place].entry else { return false };
+        frame.to_string().starts_with("1A0:")
+    };
+    let place = (0..session.records.len()).filter(is_pdo).nth(20).unwrap();
+    for (by, off, differences) in [
+        (-4900, 0, 0),
+        (-4900, -300, 0),
+        (-4900, -700, 1),
+        (-4900, 300, 1),
+        (4900, 300, 0),
+        (4900, 700, 1),
+        (4900, -300, 1),
+    ] {
+        let mut records = session.records.clone();
+        let Entry::Frame(pdo) = records[place].entry else { unreachable!() };
+        let position = i16::from_le_bytes([pdo.data()[2], pdo.data()[3]]);
+        let [low, high] = (position + off).to_le_bytes();
+        let changed = pdo.refilled([pdo.data()[0], pdo.data()[1], low, high, 0, 0, 0, 0]);
+        records[place].entry = Entry::Frame(changed);
+        let outcome = replayed(VALVE, &moved(&records, by, |other| other == place));
+        assert_eq!(outcome.differences, differences, "{by} us, {off}");
+    }
+}
+
 /// A position that the spool cannot have reached is reported, even while the spool moves.
 #[test]
 fn a_position_beyond_the_tolerance_is_told() {
