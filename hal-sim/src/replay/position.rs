@@ -22,7 +22,7 @@ pub(super) const GRID: Duration = Duration::from_millis(1);
 struct Sample {
     at: Instant,
     position: i32,
-    /// True if the spool floats. The position objects then contain the value for float.
+    /// True if the spool floats. The position objects of CANopen then contain the value for float.
     floats: bool,
     /// True if the position moved continuously since the previous sample; false after a jump.
     moved: bool,
@@ -72,11 +72,13 @@ impl Track {
             .any(|shift| *positions.start() <= high + twice + shift && low - twice + shift <= *positions.end())
     }
 
-    /// Returns whether the device reaches any of `positions` between two times.
-    fn passes(&self, positions: &RangeInclusive<i32>, from: Instant, until: Instant) -> bool {
+    /// Returns whether the device reaches any of `positions` between two times. `hides_float` is true for fields that
+    /// contain the value for float instead of a position.
+    fn passes(&self, positions: &RangeInclusive<i32>, hides_float: bool, from: Instant, until: Instant) -> bool {
+        let is_hidden = |sample: &&Sample| hides_float && sample.floats;
         let samples: Vec<&Sample> = self.between(from, until).collect();
-        let mut movements = samples.chunk_by(|one, other| other.moved && !(one.floats && other.floats));
-        movements.any(|movement| !movement.iter().all(|sample| sample.floats) && self.reaches(movement, positions))
+        let mut movements = samples.chunk_by(|one, other| other.moved && !(is_hidden(one) && is_hidden(other)));
+        movements.any(|movement| !movement.iter().all(is_hidden) && self.reaches(movement, positions))
     }
 }
 
@@ -138,9 +140,10 @@ impl PositionTolerance {
         let until = after(first, margin);
         let positions = fields.iter().map(|field| field.encoding.decode(field.read(frame)));
         let positions = positions.reduce(|one, two| *one.start().max(two.start())..=*one.end().min(two.end()))?;
+        let hides_float = fields.iter().any(|field| field.encoding.encode_float().is_some());
         let is_float = fields.iter().all(|field| field.encoding.encode_float() == Some(field.read(frame)));
         Some(
-            !positions.is_empty() && track.passes(&positions, from, until)
+            !positions.is_empty() && track.passes(&positions, hides_float, from, until)
                 || is_float && track.between(from, until).any(|sample| sample.floats),
         )
     }

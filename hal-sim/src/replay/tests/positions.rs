@@ -87,6 +87,24 @@ fn loggers_are_late_where_the_spool_reverses() {
     }
 }
 
+/// Float is reached at 95 % of the stroke. The flows of AVEF show the position to its end.
+#[test]
+fn loggers_are_late_while_the_spool_floats() {
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.send(300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
+    let place = session.records.len();
+    session.send(99, &["0CFE3327: 00 FF 33 FF FF FF FF FF"; 2]).send(2, &["18EA8327: 13 FE 00"; 50]);
+    let is_floating = |record: &&Record| {
+        let Entry::Frame(flow) = record.entry else { return false };
+        matches!(flow.data(), [220..225, 0x7D, 0x33, ..])
+    };
+    assert!(session.records.iter().filter(is_floating).count() > 4);
+    for by in [-4000, -1500, 1500, 4000] {
+        as_logged(device, &moved(&session.records, by, |other| other == place));
+    }
+}
+
 /// A frame that is early or late by nearly the tolerance holds a position near that of the simulated frame: time and
 /// position may not differ by the tolerance each.
 #[test]
