@@ -77,7 +77,7 @@ with connected() as (tractor, ear):
     expect_dm1(RED, SPOOL)
     # the springs have it back in neutral before the next second: the cause is gone
     expect_dm1(None, NO_CODE)
-    tractor.ca.remove_timer(wave)
+    tractor.stop_timer(wave)
     tractor.start_commands()
     recover()
 

@@ -159,7 +159,14 @@ class Tractor:
         self.ca.add_timer(CYCLE, self.send_command)
 
     def stop_commands(self):
-        self.ca.remove_timer(self.send_command)
+        self.stop_timer(self.send_command)
+
+    def stop_timer(self, callback):
+        """Ends a timer of can-j1939 and waits for its thread, which may be about to call back once more."""
+        self.ca.remove_timer(callback)
+        passed = queue.SimpleQueue()
+        self.ca.add_timer(0, passed.put)
+        take(passed, lambda _: True)
 
 
 def bus():
