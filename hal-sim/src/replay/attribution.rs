@@ -8,7 +8,7 @@ use protocol_core::frame::{Frame, Id, standard};
 use protocol_core::wire::j1939_id::{Address, J1939Id};
 use protocol_core::wire::name::Name;
 
-use super::identifier::{is_claim, is_of};
+use super::identifier::{is_claim, is_of, is_write_answer};
 use super::timeline::Timeline;
 use crate::explain::Node;
 
@@ -16,14 +16,23 @@ use crate::explain::Node;
 const LSS_ANSWER: u16 = 0x7E4;
 
 /// Returns whether a frame belongs to a replayed device. `keys` are the identifiers that the simulated devices have
-/// sent.
-pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
+/// sent. `written` is the destination of the last UDS write.
+pub(super) fn is_own(
+    frame: &Frame,
+    nodes: &[Node],
+    keys: &BTreeSet<u32>,
+    written: Option<u8>,
+    timeline: &Timeline,
+) -> bool {
     // A remote frame has the identifier of the requested frame.
     if frame.is_remote() {
         return false;
     }
     if is_claim(frame.key()) {
         return is_own_claim(frame, nodes, timeline);
+    }
+    if written.is_some() && is_write_answer(frame) {
+        return nodes.iter().any(|node| node.node_id == written);
     }
     let is_lss = frame.id() == Id::Standard(standard(LSS_ANSWER));
     is_lss && nodes.iter().any(|node| node.kind.protocol() == Protocol::Canopen)

@@ -1,7 +1,8 @@
 //! Identifiers of devices and of address claims.
 
 use protocol_core::device::Protocol;
-use protocol_core::frame::{Frame, Id};
+use protocol_core::frame::{Frame, Id, extended};
+use protocol_core::uds::NODE_ID_ANSWER;
 use protocol_core::wire::cob_id::classify;
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
 use protocol_core::wire::uds;
@@ -20,10 +21,25 @@ pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
         }
         (Id::Standard(_), Protocol::Isobus) => false,
         (Id::Extended(id), protocol) => match uds::parse_id(id.as_raw()) {
-            Some((source, _)) => source.raw() == u16::from(node_id),
+            Some((source, _)) => source.raw() == u16::from(node_id) && !is_write_answer(frame),
             None => protocol == Protocol::Isobus && J1939Id::from_raw(id.as_raw()).source().get() == node_id,
         },
     }
+}
+
+/// Returns the destination of a UDS write.
+pub(super) fn destination_of_write(frame: &Frame) -> Option<u8> {
+    let Id::Extended(id) = frame.id() else { return None };
+    let (_, destination) = uds::parse_id(id.as_raw())?;
+    matches!(frame.data(), [_, uds::WRITE, ..]).then(|| u8::try_from(destination.raw()).ok()).flatten()
+}
+
+/// Returns whether a frame answers a UDS write under the identifier that all valves use for a write of the node ID
+/// (SPEC 7). Its source bits name address 0x81.
+pub(super) fn is_write_answer(frame: &Frame) -> bool {
+    const WRITTEN: u8 = uds::WRITE + uds::POSITIVE;
+    frame.id() == Id::Extended(extended(NODE_ID_ANSWER))
+        && matches!(frame.data(), [_, WRITTEN, ..] | [_, uds::NEGATIVE, uds::WRITE, ..])
 }
 
 /// Formats the identifier of a [key](Frame::key) in hex.

@@ -10,6 +10,7 @@ use super::ReplayOptions;
 use super::attribution;
 use super::fields::fields_of;
 use super::frame_matcher::Verdict;
+use super::identifier::destination_of_write;
 use super::item::Item;
 use super::position::{GRID, PositionTolerance};
 use super::report::{Difference, What};
@@ -30,6 +31,8 @@ pub(super) struct ReplayBus {
     /// The frames from the simulated devices that have not been taken yet, oldest first.
     pub(super) sent: Vec<Item>,
     pub(super) positions: PositionTolerance,
+    /// The destination of the last UDS write in the log.
+    written: Option<u8>,
 }
 
 impl ReplayBus {
@@ -64,6 +67,7 @@ impl ReplayBus {
             to_come,
             nodes,
             sent: Vec::new(),
+            written: None,
         }
     }
 
@@ -129,13 +133,14 @@ impl ReplayBus {
     }
 
     pub(super) fn send(&mut self, frame: Frame) {
+        self.written = destination_of_write(&frame).or(self.written);
         self.world.send(self.others, frame);
     }
 
     /// Returns whether a log frame belongs to a replayed device.
     pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
         self.update_ids();
-        attribution::is_own(frame, &self.explainer.nodes, keys, timeline)
+        attribution::is_own(frame, &self.explainer.nodes, keys, self.written, timeline)
     }
 
     /// Updates the node IDs of powered devices. Unpowered devices keep the node ID of their setup.

@@ -209,6 +209,36 @@ fn a_report_names_frame_time_and_meaning() {
     );
 }
 
+/// All valves answer a write of the node ID under the same identifier, whose source bits are those of address 0x81. The
+/// request names the valve.
+#[test]
+fn the_answer_to_a_node_id_write_belongs_to_the_requested_valve() {
+    for (devices, first, second) in [
+        (
+            ["pvea-isobus@0x81,serial=7", "pveo-isobus@0x83,serial=8"],
+            "1BC78881: 04 2E 10 01 85",
+            "1BC78883: 04 2E 10 01 86",
+        ),
+        (["pvea-canopen@0x20", "pveo-canopen@0x21"], "1BC78820: 04 2E 10 01 25", "1BC78821: 04 2E 10 01 26"),
+    ] {
+        let mut session = Session::new(&format!("--device {} --device {}", devices[0], devices[1]));
+        session.wait(400_000);
+        for requests in [&[second][..], &[first], &[second, first]] {
+            session.send(60, requests);
+        }
+        let answers = session
+            .records
+            .iter()
+            .filter(|record| matches!(record.entry, Entry::Frame(answer) if answer == frame("1BC408F1: 03 6E 10 01")));
+        assert_eq!(answers.count(), 4);
+        let file = session.log();
+        for device in devices {
+            as_logged(&format!("--device {device}"), &file);
+        }
+        as_logged(&format!("--device {} --device {}", devices[0], devices[1]), &file);
+    }
+}
+
 /// LSS assigns another node ID to the valve. Later, another device boots under the first node ID.
 #[test]
 fn a_node_id_may_be_taken_over() {
