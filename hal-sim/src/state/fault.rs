@@ -303,6 +303,7 @@ impl FaultRequest {
                     (Some(Millis::One(ms)), None) => Delay::Constant(millis(*ms)),
                     (Some(Millis::Between([from, to])), None) => Delay::Uniform(millis(*from), millis(*to)),
                     (None, Some(period)) => Delay::Burst(millis(period)),
+                    (None, None) => return Err(Invalid("delay needs ms or burst_ms, such as ms=20".to_owned())),
                     _ => return Err(Invalid("delay needs either ms or burst_ms, not both".to_owned())),
                 };
                 FaultKind::Delay { delay, overtake: self.overtake.unwrap_or_default() }

@@ -93,7 +93,7 @@ fn another_fault_is_refused_in_one_line() {
         (json!({ "lose": "220", "receivers": [] }), "receivers must not be empty"),
         (json!({ "lose": "220", "probability": 1e-9 }), "probability 0.000000001: must be 0 or at least 0.000001"),
         (json!({ "lose": "220", "mask": "FFF" }), "mask: id \"FFF\" is not valid; "),
-        (json!({ "delay": "220" }), "delay needs either ms or burst_ms, not both"),
+        (json!({ "delay": "220" }), "delay needs ms or burst_ms, such as ms=20"),
         (json!({ "delay": "220", "ms": 5, "burst_ms": 5 }), "delay needs either ms or burst_ms, not both"),
         (json!({ "delay": "220", "ms": [20, 5] }), "the first bound of the delay"),
         (json!({ "delay": "220", "ms": [1, 2, 3] }), ""),
