@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -17,7 +18,7 @@ import can
 import pytest
 from conftest import PATIENCE, is_gone
 
-from pve_sim import Simulator, SimulatorEnded, StartError, find_binary
+from pve_sim import Simulator, SimulatorEnded, StartError, campaign, find_binary
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc, or for the end of strangers")
 
@@ -35,6 +36,14 @@ def test_the_environment_names_another_command(monkeypatch: pytest.MonkeyPatch, 
     assert find_binary() == str(other)
     with Simulator() as sim:
         assert sim.valve.state().powered
+
+
+def test_an_environment_that_names_no_command_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for missing in (tmp_path / "missing", tmp_path):
+        monkeypatch.setenv("PVE_SIM", str(missing))
+        for start in (find_binary, Simulator, lambda: campaign("plan.toml")):
+            with pytest.raises(StartError, match=f"^PVE_SIM={re.escape(str(missing))}: not an executable file$"):
+                start()
 
 
 def test_the_module_runs_the_command() -> None:

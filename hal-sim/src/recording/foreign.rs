@@ -13,7 +13,7 @@ macro_rules! refusal {
 /// The number of leading unreadable lines after which a text is refused as a whole.
 pub(super) const LINES: usize = 10;
 
-pub(super) const EMPTY: &str = refusal!("an empty file");
+pub(super) const EMPTY: &str = "no frame in the recording";
 pub(super) const UNKNOWN: &str = refusal!("not a recording in a known format");
 
 /// The first bytes of Wireshark's older pcap format, in both byte orders, with microsecond or nanosecond timestamps.

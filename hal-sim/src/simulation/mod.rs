@@ -283,7 +283,11 @@ impl Simulation {
             None => self.world.end_faults(),
             Some(name) if !self.world.end_fault(&name) => {
                 let known: Vec<String> = self.faults().map(|record| record.name).collect();
-                return Err(Refusal::Unknown(format!("no fault '{name}'; known: {}", known.join(", "))));
+                let known = match known.as_slice() {
+                    [] => "there are no faults".to_owned(),
+                    known => format!("known: {}", known.join(", ")),
+                };
+                return Err(Refusal::Unknown(format!("no fault '{name}'; {known}")));
             }
             Some(_) => {}
         }

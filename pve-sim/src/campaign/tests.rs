@@ -194,6 +194,23 @@ fn a_missing_row_fails_in_each_report() {
     );
 }
 
+#[test]
+fn cells_without_their_fault_are_counted() {
+    for (count, told) in [
+        (1, "1 cell proves nothing: its fault was not injected\n"),
+        (2, "2 cells prove nothing: their faults were not injected\n"),
+    ] {
+        let mut nothing = row(0, count);
+        nothing.cells.iter_mut().for_each(|cell| cell.verdict = Verdict::NotInjected);
+        let reports = Reports { html: None, csv: None, json: None, junit: None };
+        let mut summary = Vec::new();
+        let passed = report(&manifest(1), &reports, || Ok([nothing.clone()].map(Ok).into_iter()), &mut summary);
+        assert_eq!(passed.map_err(|error| error.to_string()), Ok(false));
+        let summary = String::from_utf8(summary).expect("text");
+        assert!(summary.contains(told), "{summary}");
+    }
+}
+
 /// Reports of a campaign; returns the files by their options.
 fn reports(rows: &[Row]) -> [String; 4] {
     let (_folder, path) = folder();

@@ -16,6 +16,8 @@ def find_binary() -> str:
     """Returns the path of pve-sim: from the environment variable `PVE_SIM`, this package, or PATH."""
     given = os.environ.get("PVE_SIM")
     if given:
+        if shutil.which(given) is None:
+            raise StartError(f"PVE_SIM={given}: not an executable file")
         return given
     found = _installed() or shutil.which(_NAME)
     if found is None:

@@ -55,7 +55,7 @@ fn a_fault_that_cannot_be_is_refused() {
         (r#"{ fault = { lose = "" } }"#, "fault: id \"\" is not valid; "),
         (r#"{ fault = { lose = "220", probability = 1.5 } }"#, "fault.probability 1.5 is not valid; accepted: "),
         (r#"{ fault = { loose = "220" } }"#, "fault: unknown key 'loose'; did you mean 'lose'?"),
-        (r#"{ end = "lose-220" }"#, "end: no fault 'lose-220'"),
+        (r#"{ end = "lose-220" }"#, "end: no fault 'lose-220'; there are no faults"),
         (
             r#"{ fault = { lose = "220", receivers = ["pvea-canopen", "the master"] } }"#,
             "fault: 'the master' receives no frames; receivers: pvea-canopen",

@@ -59,8 +59,10 @@ impl<'a> Summary<'a> {
         if self.manifest.limits.detected_us.is_some() {
             writeln!(out, "{} of {} injected faults detected", self.detected, self.injected)?;
         }
-        if self.not_injected > 0 {
-            writeln!(out, "{} cells prove nothing: their faults were not injected", self.not_injected)?;
+        match self.not_injected {
+            0 => {}
+            1 => writeln!(out, "1 cell proves nothing: its fault was not injected")?,
+            cells => writeln!(out, "{cells} cells prove nothing: their faults were not injected")?,
         }
         if let Some(missing) = &self.manifest.missing {
             writeln!(out, "missing: {missing}")?;
