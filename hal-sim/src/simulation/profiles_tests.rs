@@ -122,7 +122,10 @@ fn what_is_no_profile_is_refused_and_changes_nothing() {
         ),
         (profile("supply_mv", json!([])), "profile of supply_mv has no points; accepted: at least one"),
         (profile("spool", json!([[0, 1]])), "'spool' cannot have a profile; accepted: supply_mv, "),
-        (profile("angle_cdeg", json!([[0, 1]])), "angle_cdeg 1: not a plant word of this kind of device"),
+        (
+            profile("angle_cdeg", json!([[0, 1]])),
+            "angle_cdeg 1: not a plant word of this kind of device; accepted: supply_mv, temperature_c, spool, lever, internal_fault, ",
+        ),
         (json!({"boot_ms": 60_001}), "boot_ms 60001: out of range; accepted: 0 to 60000 ms"),
         (
             json!({"answer_ms": [20, 5]}),

@@ -1,7 +1,7 @@
 //! The plant of a device: all influences on the device except the bus, in the terms and units of the control interface.
 
 use protocol_core::device::Inputs;
-use protocol_core::device::plant::{Change, Inapplicable, Plant};
+use protocol_core::device::plant::{Change, Inapplicable, Plant, Product};
 
 use super::{NodeId, World, oil};
 
@@ -10,7 +10,7 @@ use super::{NodeId, World, oil};
 #[non_exhaustive]
 pub enum PlantError {
     /// The product has no such plant word.
-    #[error("{0}: not a plant word of this kind of device")]
+    #[error("{0}: not a plant word of this kind of device; accepted: {words}", words = words_of_other_product(*.0))]
     OtherProduct(Change),
     /// The value is out of range.
     #[error("{0}: out of range; accepted: {values}", values = .0.word().values)]
@@ -18,6 +18,15 @@ pub enum PlantError {
     /// A link controls the angle of the shaft.
     #[error("{0}: the shaft is linked to a valve")]
     Linked(Change),
+}
+
+/// Lists the words of the product that lacks the word of this change.
+fn words_of_other_product(change: Change) -> String {
+    let product = match change.word().product {
+        Some(Product::Valve) => Product::Encoder,
+        Some(Product::Encoder) | None => Product::Valve,
+    };
+    product.words().map(|word| word.name).collect::<Vec<_>>().join(", ")
 }
 
 impl World {
