@@ -43,9 +43,9 @@ pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<
             let told: Vec<NodeId> = world.devices().filter(|id| named.is_none_or(|named| *id == named)).collect();
             Ok(Some(told.into_iter().map(|id| status(id, world)).collect::<Vec<_>>().join("\n")))
         }
-        [word, value] => {
+        [word, value] if let Some(word) = plant_word(word) => {
             let node = named.or_else(|| only(world)).ok_or_else(|| which(world))?;
-            change(node, word, value, simulation)?;
+            change(node, named, word, value, simulation)?;
             Ok(Some("ok".to_owned()))
         }
         [name, word, value] if named.is_none() && Change::parse(word, value).is_some() => {
@@ -114,7 +114,18 @@ fn is_word(word: &str, rest: &[&str]) -> bool {
     }
 }
 
-fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) -> Result<(), String> {
+fn plant_word(name: &str) -> Option<&'static Word> {
+    WORDS.iter().find(|word| word.name == name)
+}
+
+/// Changes the plant of `node`, which the line gave as `named`, or left out.
+fn change(
+    node: NodeId,
+    named: Option<NodeId>,
+    Word { name: word, values, .. }: &Word,
+    value: &str,
+    simulation: &mut Simulation,
+) -> Result<(), String> {
     let name = simulation.world().name(node).to_owned();
     let change = Change::parse(word, value).map(|plant| Command::Plant(name, plant.into()));
     let why = match change.map(|change| simulation.execute(change)) {
@@ -123,13 +134,27 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
             return Err(format!("'{word} {value}' is refused: a valve moves this shaft"));
         }
         Some(Err(Refusal::Plant(PlantError::OtherProduct(_)))) => "applies to another kind of device".to_owned(),
-        Some(Err(Refusal::Plant(PlantError::OutOfRange(plant)))) => {
-            format!("is out of range, {}", plant.word().values)
-        }
+        Some(Err(Refusal::Plant(PlantError::OutOfRange(_)))) => format!("is out of range, {values}"),
         Some(Err(other)) => format!("is refused: {other}"),
+        None if is_number_of(values, value) => format!("is out of range, {values}"),
         None => "is not a valid command".to_owned(),
     };
-    Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), simulation.world())))
+    Err(format!("'{word} {value}' {why}; {}", accepted(named, simulation.world())))
+}
+
+/// Returns whether a text is a number, or a range, of a word with these values, however large.
+fn is_number_of(values: &Values, text: &str) -> bool {
+    let is_number = |text: &str| {
+        let digits = text.strip_prefix('-').unwrap_or(text);
+        !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit())
+    };
+    match values {
+        Values::Number { .. } | Values::NumberOrOff { .. } => is_number(text),
+        Values::NumberOrRange { .. } => {
+            text.split_once("..").map_or_else(|| is_number(text), |(from, to)| is_number(from) && is_number(to))
+        }
+        Values::Words(_) => false,
+    }
 }
 
 /// Returns the plant words that apply to a device or, for `None`, to any device, in the order of messages.
@@ -156,9 +181,11 @@ Ctrl-C                 ends the run; all devices store their memory first
 help                   this text"
 }
 
-fn accepted(node: Option<NodeId>, world: &World) -> String {
-    let words: String = words(node, world).map(|word| format!("{word}, ")).collect();
-    format!("accepted: {words}status, help")
+/// Lists the words that are accepted after a device's name or, for `None`, at the beginning of a line.
+fn accepted(named: Option<NodeId>, world: &World) -> String {
+    let words: String = words(named, world).map(|word| format!("{word}, ")).collect();
+    let others = ["help"].into_iter().chain(fault_words::candidates()).filter(|_| named.is_none());
+    format!("accepted: {words}{}", ["status"].into_iter().chain(others).collect::<Vec<_>>().join(", "))
 }
 
 /// Returns one line about a device: its state, its error mode and its plant. The line omits unchanged words that only
@@ -368,6 +395,44 @@ mod tests {
             told.starts_with("'answer_ms 20..5' is out of range, 0 to 60000 ms, or a range as in 5..20; "),
             "{told}"
         );
+    }
+
+    #[test]
+    fn a_number_beyond_its_type_is_out_of_range_as_any_other() {
+        let mut simulation = simulation(&["valve"]);
+        for (line, values) in [
+            ("lever 99999", "-16384 to 16384, or off"),
+            ("temperature_c 99999999999", "-273 to 1000 °C"),
+            ("supply_mv -1", "0 to 100000 mV"),
+            ("valve answer_ms 5..70000", "0 to 60000 ms, or a range as in 5..20"),
+        ] {
+            let told = execute(line, &mut simulation).expect_err(line);
+            let line = line.trim_start_matches("valve ");
+            assert!(told.starts_with(&format!("'{line}' is out of range, {values}; accepted: supply_mv N")), "{told}");
+        }
+        for line in ["lever -", "lever 1..2", "bus_off 2"] {
+            let told = execute(line, &mut simulation).expect_err(line);
+            assert!(told.starts_with(&format!("'{line}' is not a valid command; ")), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_refusal_names_the_words_of_faults_and_asks_for_no_device_that_would_not_help() {
+        let faults = "lose, delay, repeat, swap, corrupt, insert, masquerade, destroy, omit, faults, end";
+        for names in [&["boom"][..], &["boom", "rear"]] {
+            let mut simulation = simulation(names);
+            for line in ["fault", "?", "loose 220", "loose 220 3"] {
+                let told = execute(line, &mut simulation).expect_err(line);
+                assert!(
+                    told.starts_with(&format!("'{line}' is not a valid command; accepted: supply_mv N, ")),
+                    "{told}"
+                );
+                assert!(told.ends_with(&format!("status, help, {faults}")), "{told}");
+            }
+            // Faults of the communication take no name.
+            let told = execute("boom loose", &mut simulation).expect_err("no word");
+            assert!(told.ends_with("cycle_ms N, status"), "{told}");
+        }
     }
 
     #[test]
