@@ -29,7 +29,7 @@ const LAYOUT: u32 = 1;
 /// The number of low bits that hold the kind; the remaining bits hold the layout version.
 const KIND_BITS: u32 = 8;
 const HEADER: usize = 16;
-/// The number of random characters in the name of an unfinished file.
+/// The number of letters and digits at the end of the name of an unfinished file; all but the last are random.
 const UNFINISHED_SUFFIX: usize = 6;
 /// The pauses between attempts to rename a file, in milliseconds: on Windows, a program that has the file open prevents
 /// the rename.
@@ -142,6 +142,17 @@ impl StateFile {
         prefix
     }
 
+    /// Creates a file for the next content.
+    fn unfinished(&self, folder: &Path) -> io::Result<NamedTempFile> {
+        let mut unfinished = Builder::new();
+        let prefix = self.unfinished_prefix();
+        // With the digit, no suffix has only lowercase letters, which `sweep` keeps.
+        unfinished.prefix(&prefix).rand_bytes(UNFINISHED_SUFFIX - 1).suffix("0");
+        #[cfg(unix)]
+        unfinished.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        unfinished.tempfile_in(folder)
+    }
+
     /// Removes unfinished files left by killed processes next to the state file: `.name.nvm.` followed by six letters
     /// or digits. Suffixes of only lowercase letters (`.backup`) are kept, because they may be a user's copy.
     fn sweep(&self) {
@@ -177,12 +188,7 @@ impl MemoryFile for StateFile {
         }
         let replace = || -> io::Result<()> {
             let folder = self.path.parent().unwrap_or(Path::new("."));
-            let mut unfinished = Builder::new();
-            let prefix = self.unfinished_prefix();
-            unfinished.prefix(&prefix).rand_bytes(UNFINISHED_SUFFIX);
-            #[cfg(unix)]
-            unfinished.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-            let mut file = unfinished.tempfile_in(folder)?;
+            let mut file = self.unfinished(folder)?;
             file.write_all(&header)?;
             file.write_all(image)?;
             if let Ok(present) = fs::metadata(&self.path) {

@@ -249,6 +249,19 @@ fn what_a_killed_process_left_unfinished_is_removed() {
     assert_eq!(names(dir.path()), [&kept[..3], &["valve.nvm", kept[3]]].concat());
 }
 
+/// A name of small letters alone would stay, as `.valve.nvm.backup` does.
+#[test]
+fn every_unfinished_file_is_removed_at_the_next_start() {
+    let dir = directory();
+    let opened = StateFile::open(dir.path(), "valve", KIND).unwrap();
+    // Of random names of six letters and digits, one in some 200 has small letters alone.
+    for _ in 0..2000 {
+        opened.file.unfinished(dir.path()).unwrap().keep().unwrap();
+    }
+    drop(opened.memory().unwrap());
+    assert_eq!(names(dir.path()), ["valve.nvm"]);
+}
+
 #[test]
 fn a_file_that_cannot_be_read_or_written_is_named() {
     let dir = directory();
