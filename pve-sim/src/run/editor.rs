@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 use std::io::{self, IsTerminal as _};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rustyline::completion::Completer;
@@ -158,6 +159,7 @@ impl Editor {
         for leaves in leaving {
             editor.bind_sequence(*leaves, EventHandler::Conditional(Box::new(Leave(Arc::clone(&key)))));
         }
+        editor.bind_sequence(Event::Any, EventHandler::Conditional(Box::new(Keys::of(devices))));
         // A search, or a key that waits for another one, would block the trace.
         for waits in ['R', 'S', 'V', 'Q', 'X', ']'] {
             editor.bind_sequence(KeyEvent::ctrl(waits), Cmd::Noop);
@@ -204,6 +206,41 @@ impl ConditionalEventHandler for Leave {
     }
 }
 
+/// The handler of the keys without a handler of their own.
+struct Keys {
+    devices: Arc<[NamedDevice]>,
+    /// True while each Tab shows the next of several candidates.
+    is_cycling: AtomicBool,
+}
+
+impl Keys {
+    fn of(devices: &Arc<[NamedDevice]>) -> Self {
+        Self { devices: Arc::clone(devices), is_cycling: AtomicBool::new(false) }
+    }
+}
+
+impl ConditionalEventHandler for Keys {
+    fn handle(&self, event: &Event, _: RepeatCount, _: bool, context: &EventContext<'_>) -> Option<Cmd> {
+        let was_cycling = self.is_cycling.swap(false, Ordering::Relaxed);
+        match event.get(0)? {
+            KeyEvent(KeyCode::Tab, Modifiers::NONE) => {
+                let (start, candidates) = completions(context.line(), context.pos(), &self.devices);
+                match candidates.as_slice() {
+                    // The editor would take back a single candidate at the second Tab.
+                    [only] if !was_cycling => Some(Cmd::Insert(1, only[context.pos() - start..].to_owned())),
+                    candidates => {
+                        self.is_cycling.store(was_cycling || candidates.len() > 1, Ordering::Relaxed);
+                        None
+                    }
+                }
+            }
+            // The editor draws the whole line again for each character. A line of this length is refused.
+            KeyEvent(KeyCode::Char(_), Modifiers::NONE) if context.line().len() > stdin::LINE => Some(Cmd::Noop),
+            _ => None,
+        }
+    }
+}
+
 /// The helper of the editor: completes words, and prints the trace at each redraw.
 struct Assistant {
     screen: Screen,
@@ -214,14 +251,19 @@ impl Completer for Assistant {
     type Candidate = String;
 
     fn complete(&self, line: &str, end: usize, _: &Context<'_>) -> rustyline::Result<(usize, Vec<String>)> {
-        let typed = &line[..end];
-        let start = typed.rfind(|c: char| c.is_ascii_whitespace()).map_or(0, |blank| blank + 1);
-        let (before, begun) = typed.split_at(start);
-        let before: Vec<&str> = before.split_ascii_whitespace().collect();
-        let mut candidates = console::candidates(&before, &self.devices);
-        candidates.retain(|word| word.starts_with(begun));
-        Ok((start, candidates.into_iter().map(|word| word + " ").collect()))
+        Ok(completions(line, end, &self.devices))
     }
+}
+
+/// Returns the beginning of the word that ends at `end`, and the words that it may become.
+fn completions(line: &str, end: usize, devices: &[NamedDevice]) -> (usize, Vec<String>) {
+    let typed = &line[..end];
+    let start = typed.rfind(|c: char| c.is_ascii_whitespace()).map_or(0, |blank| blank + 1);
+    let (before, begun) = typed.split_at(start);
+    let before: Vec<&str> = before.split_ascii_whitespace().collect();
+    let mut candidates = console::candidates(&before, devices);
+    candidates.retain(|word| word.starts_with(begun));
+    (start, candidates.into_iter().map(|word| word + " ").collect())
 }
 
 impl Highlighter for Assistant {

@@ -8,7 +8,7 @@ use super::system;
 use crate::inbox::{ToWorld, WorldSender};
 
 /// The maximum line length, in bytes; longer lines are cut and marked with [`CUT`].
-const LINE: usize = 256;
+pub(super) const LINE: usize = 256;
 
 /// The mark of a cut line; no word contains it.
 const CUT: char = '…';

@@ -170,11 +170,38 @@ fn tab_completes_and_the_arrow_brings_back() {
     terminal.wait_for("> boom spool stuck");
     terminal.press("\r");
     terminal.wait_for("ok\r\n");
+    // The only candidate stays.
+    terminal.press("boom sup\t\t8000\r");
+    terminal.wait_for("ok\r\n");
     // Candidates come one after the other.
     terminal.press("boom \t");
     terminal.wait_for("> boom supply_mv");
     terminal.press("\t");
     terminal.wait_for("> boom temperature_c");
+    // The only value of a candidate does not end the round.
+    terminal.press("\t\t");
+    terminal.wait_for("> boom lever");
+    terminal.press("\t");
+    terminal.wait_for("> boom internal_fault");
+    terminal.press("\x15boom lev\to\t\r");
+    terminal.wait_for("> boom lever off");
+    terminal.wait_for("ok\r\n");
+    terminal.press(CTRL_C);
+    terminal.end();
+}
+
+/// The editor draws the whole line for each of its characters: without a limit, a long line costs its square.
+#[test]
+fn a_line_grows_no_longer_than_what_is_refused() {
+    let mut terminal = Terminal::simulator();
+    terminal.wait_for("> ");
+    let mut person = terminal.person.try_clone().expect("a descriptor");
+    let paste = std::thread::spawn(move || person.write_all(format!("{}\r", "x".repeat(10_000)).as_bytes()));
+    let shown = terminal.wait_for(&format!("'{}…' is not a valid command", "x".repeat(256)));
+    assert!(shown.len() < 100_000, "{} bytes were drawn", shown.len());
+    paste.join().expect("no panic").expect("it reads");
+    terminal.press("memory ok\r");
+    terminal.wait_for("ok\r\n");
     terminal.press(CTRL_C);
     terminal.end();
 }
