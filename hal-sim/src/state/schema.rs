@@ -80,7 +80,11 @@ impl Schemas {
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
         match (kind, text) {
             (Some("integer"), _) if is_number => text.parse::<u64>().map_or_else(|_| text.into(), Value::from),
-            (Some("number"), _) => text.parse::<f64>().map_or_else(|_| text.into(), Value::from),
+            // JSON has no number for `nan` and `inf`.
+            (Some("number"), _) => match text.parse::<f64>() {
+                Ok(number) if number.is_finite() => number.into(),
+                _ => text.into(),
+            },
             (Some("boolean"), "true") => true.into(),
             (Some("boolean"), "false") => false.into(),
             _ => text.into(),

@@ -19,8 +19,18 @@ use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{Change, NodeId, PlantError, World};
 
-/// Executes a line; returns the answer or an error message. An empty line has no answer.
+/// Executes a line; returns the answer or an error message of one line. An empty line has no answer.
 pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
+    answer(line, simulation).map_err(|refusal| without_controls(&refusal))
+}
+
+/// Escapes control characters: a refusal quotes its line, which would otherwise control the terminal.
+fn without_controls(text: &str) -> String {
+    let shown = |letter: char| if letter.is_control() { letter.escape_default().to_string() } else { letter.into() };
+    text.chars().map(shown).collect()
+}
+
+fn answer(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
     let words = split(line)?;
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let world = simulation.world_mut();
@@ -432,6 +442,21 @@ mod tests {
             // Faults of the communication take no name.
             let told = execute("boom loose", &mut simulation).expect_err("no word");
             assert!(told.ends_with("cycle_ms N, status"), "{told}");
+        }
+    }
+
+    #[test]
+    fn control_characters_of_a_line_do_not_reach_the_terminal() {
+        let mut simulation = simulation(&["valve"]);
+        for (line, shown) in [
+            ("sta\u{1b}[2Jtus", "'sta\\u{1b}[2Jtus' is not a valid command; "),
+            ("sta\rtus \u{9b}x °C", "'sta\\rtus \\u{9b}x °C' is not a valid command; "),
+            ("lose 220 3 \u{7}", "'\\u{7}' is not valid; "),
+            ("end \u{1b}c", "no fault '\\u{1b}c'; "),
+            ("\"\u{8}", "'\"\\u{8}': the closing quotation mark is missing"),
+        ] {
+            let told = execute(line, &mut simulation).expect_err(line);
+            assert!(told.starts_with(shown) && !told.contains(char::is_control), "{told:?}");
         }
     }
 

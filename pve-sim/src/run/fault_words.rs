@@ -164,7 +164,11 @@ mod tests {
             ("lose 220 receivers=bucket", "no device or client 'bucket'"),
             ("corrupt 220 data=1", "data "),
             ("corrupt 220 flags.set=1", "unknown key 'flags'"),
-            ("end lose-220", "no fault 'lose-220'"),
+            ("lose 220 probability=nan", "probability \"nan\" is not valid; accepted: a number from 0 to 1"),
+            ("lose 220 probability=inf", "probability \"inf\" is not valid; accepted: a number from 0 to 1"),
+            ("lose zz", "id \"zz\" is not valid; accepted: "),
+            ("delay 1A0", "delay needs ms or burst_ms, such as ms=20"),
+            ("end lose-220", "no fault 'lose-220'; there are no faults"),
         ] {
             let refusal = told(line, &mut simulation).expect_err(line);
             assert!(refusal.starts_with(reason) && !refusal.contains('\n'), "{line}: {refusal}");
