@@ -110,16 +110,16 @@ impl Layout {
         };
         self.time(out, at);
         let arrow = if from_device { "<-" } else { "->" };
-        self.styled(out, sender, &format!("{arrow}  {}", self.columns_of(frame)));
-        self.text(out, style, &text);
+        self.styled(out, sender, &format!("{arrow}  {}  ", self.columns_of(frame)));
+        self.text(out, style, self.after_frame(), &text);
     }
 
     /// Writes an error line.
     pub fn error(&mut self, out: &mut String, at: Instant, text: &str) {
         self.tell_ended(out, at);
         self.time(out, at);
-        self.styled(out, FAULT, &format!("!!  {text}"));
-        out.push('\n');
+        self.styled(out, FAULT, "!!  ");
+        self.text(out, FAULT, MARGIN, text);
     }
 
     /// Reports all unreported repetitions.
@@ -169,8 +169,8 @@ impl Layout {
         told.sort_by_key(|(at, frame, _)| (*at, frame.arbitration()));
         for (_, frame, text) in told {
             let blank = " ".repeat(MARGIN);
-            self.styled(out, MINOR, &format!("{blank}{}", self.columns_of(&frame)));
-            self.text(out, MINOR, &text);
+            self.styled(out, MINOR, &format!("{blank}{}  ", self.columns_of(&frame)));
+            self.text(out, MINOR, self.after_frame(), &text);
         }
     }
 
@@ -210,15 +210,17 @@ impl Layout {
         self.columns.is_none_or(|columns| columns >= ROOMY)
     }
 
-    /// Writes a text to the end of the line, and wraps a text that is too long.
-    fn text(&self, out: &mut String, style: Style, text: &str) {
-        let indent = MARGIN + self.frame_width() + 2;
+    /// Returns the column behind a frame.
+    fn after_frame(&self) -> usize {
+        MARGIN + self.frame_width() + 2
+    }
+
+    /// Writes a text from column `indent` to the end of the line, and wraps a text that is too long.
+    fn text(&self, out: &mut String, style: Style, indent: usize, text: &str) {
         let width = self.columns.map_or(usize::MAX, |columns| columns.saturating_sub(indent).max(NARROWEST));
         for (number, line) in broken(text, width).into_iter().enumerate() {
             if number > 0 {
                 let _ = write!(out, "\n{:indent$}", "");
-            } else {
-                out.push_str("  ");
             }
             self.styled(out, style, &line);
         }

@@ -63,6 +63,21 @@ fn on_80_columns_bytes_stand_together_and_long_meanings_are_broken() {
     assert!(text.lines().all(|line| line.chars().count() <= 62), "{text}");
 }
 
+/// The text of an error has no column of its own: it begins after the marks, and so do its further lines.
+#[test]
+fn on_80_columns_long_errors_are_broken_between_words() {
+    let mut layout = Layout::new(false, false);
+    layout.fit(Some(80));
+    let mut out = String::new();
+    let told = "boom: no acknowledgement of 5A0: 43 18 10 01 19 00 00 01, because no other node receives";
+    layout.error(&mut out, at(7), told);
+    assert_eq!(
+        out,
+        "     7.000 ms  !!  boom: no acknowledgement of 5A0: 43 18 10 01 19 00 00 01,\n                   \
+         because no other node receives\n"
+    );
+}
+
 #[test]
 fn the_first_29_bit_identifier_makes_room_for_all() {
     let text = lines(None, &[(0, "valve", "18EEFF83: 01 00 20 07 08 FF 02 20"), (1, "valve", "720: 05")]);
