@@ -49,8 +49,9 @@ impl Group {
     /// # Errors
     /// When no interface supports multicast, or another program has the port exclusively.
     pub(super) fn join(address: SocketAddr, is_remote: bool) -> io::Result<Self> {
-        let incoming = incoming(address)?;
-        let outgoing = outgoing(address, if is_remote { HOPS } else { 0 })?;
+        let incoming = incoming(address).map_err(|error| with_remedy(error, address))?;
+        let outgoing =
+            outgoing(address, if is_remote { HOPS } else { 0 }).map_err(|error| with_remedy(error, address))?;
         let intake = Intake { group: address, own: outgoing.local_addr()?, is_remote, has_warned: false };
         Ok(Self { incoming, outgoing, intake, is_in_trouble: false })
     }
@@ -135,6 +136,23 @@ impl Intake {
 fn is_of_this_machine(mut address: SocketAddr) -> bool {
     address.set_port(0);
     StdSocket::bind(address).is_ok()
+}
+
+/// Adds the remedy to the error of a group without a route.
+#[cfg(target_os = "linux")]
+fn with_remedy(error: io::Error, group: SocketAddr) -> io::Error {
+    use rustix::io::Errno;
+    match Errno::from_io_error(&error) {
+        Some(Errno::NODEV | Errno::NETUNREACH) if group.is_ipv4() => io::Error::other(format!(
+            "{error}; no route for the group: 'ip route add 224.0.0.0/4 dev lo' keeps it on this machine"
+        )),
+        _ => error,
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn with_remedy(error: io::Error, _: SocketAddr) -> io::Error {
+    error
 }
 
 /// Creates a socket that receives the group's datagrams. Like python-can, it joins on the interface through which the
@@ -270,6 +288,20 @@ mod tests {
         while inbox.messages.try_recv().is_err() {
             tokio::task::yield_now().await;
         }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_group_without_a_route_names_the_way_out() {
+        use rustix::io::Errno;
+        let told = |errno: Errno, group: &str| with_remedy(errno.into(), group.parse().expect("a group")).to_string();
+        let way_out = "no route for the group: 'ip route add 224.0.0.0/4 dev lo' keeps it on this machine";
+        for errno in [Errno::NODEV, Errno::NETUNREACH] {
+            let missing = told(errno, GROUP);
+            assert!(missing.contains(" (os error ") && missing.ends_with(way_out), "{missing}");
+            assert!(!told(errno, "[ff15:7079:7468::1]:43113").contains("224.0.0.0"));
+        }
+        assert!(!told(Errno::ADDRINUSE, GROUP).contains("ip route"));
     }
 
     #[test]
