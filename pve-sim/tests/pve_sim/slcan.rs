@@ -357,7 +357,8 @@ mod pty {
         let device = fs::read_link(&path).expect("the link");
         let text = refusal(&["--bus", &url], 1);
         let in_use = format!(
-            "{url}: the path links to {}, which is in use; if no other pve-sim uses it, remove",
+            "{url}: {} links to {}, which is in use; if no other pve-sim uses it, remove",
+            path.display(),
             device.display()
         );
         assert!(text.contains(&in_use), "{text}");

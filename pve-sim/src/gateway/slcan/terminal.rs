@@ -184,14 +184,12 @@ fn is_stale(path: &Path, device: &Path) -> bool {
 /// Returns the error message for an occupied path. A link to an existing terminal may be stale, because another program
 /// can have been given the same terminal number; the two cases cannot be distinguished.
 fn in_the_way(path: &Path, device: &Path) -> String {
+    let name = path.display();
     match fs::read_link(path) {
         Ok(old) if old.parent() == device.parent() => {
-            format!(
-                "the path links to {}, which is in use; if no other pve-sim uses it, remove the link",
-                old.display()
-            )
+            format!("{name} links to {}, which is in use; if no other pve-sim uses it, remove the link", old.display())
         }
-        _ => "the path exists and is not a stale link".to_owned(),
+        _ => format!("{name} exists and is not a stale link"),
     }
 }
 

@@ -114,3 +114,19 @@ fn nothing_is_replaced_but_a_link_that_was_left_behind() {
     assert!(Terminal::open(&path).is_err(), "a link to elsewhere");
     assert_eq!(fs::read_link(&path).expect("the link"), Path::new("/nowhere/else"));
 }
+
+#[test]
+fn a_file_in_the_way_is_named() {
+    let dir = tempdir().expect("a folder");
+    let path = dir.path().join("pve0");
+    fs::write(&path, "mine").expect("a file");
+    let told = |error: io::Error| error.to_string();
+    let refused = Terminal::open(&path).map(drop).map_err(told);
+    assert_eq!(refused, Err(format!("{} exists and is not a stale link", path.display())));
+    fs::remove_file(&path).expect("a file");
+    let mut terminal = Terminal::open(&path).expect("a terminal");
+    let next = dir.path().join("pve0.next");
+    fs::write(&next, "mine").expect("a file");
+    assert_eq!(terminal.renew().map_err(told), Err(format!("{} exists and is not a stale link", next.display())));
+    assert_eq!(fs::read_to_string(&next).expect("the file"), "mine");
+}
