@@ -287,7 +287,8 @@ impl FaultRequest {
             };
         }
         let extended = self.extended.or_else(|| identifier.needs_29_bits().then_some(true));
-        let id = identifier.id(extended)?;
+        let or_all = |Invalid(reason)| Invalid(reason + "; all selects every identifier");
+        let id = identifier.id(extended).map_err(or_all)?;
         let is_extended = matches!(id, Id::Extended(_));
         let mask = self.mask.as_ref().map(|mask| mask.id(Some(is_extended)).map_err(within("mask"))).transpose()?;
         Ok(FrameFilter { id: Some(id), mask: mask.map(|mask| raw(mask).0), sender })

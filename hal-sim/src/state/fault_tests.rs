@@ -89,6 +89,12 @@ fn another_fault_is_refused_in_one_line() {
         (json!({ "lose": "220", "from_ms": 86_400_001 }), "from_ms 86400001 is not valid; "),
         (json!({ "lose": "" }), "id \"\" is not valid; "),
         (json!({ "lose": "88888888" }), "id \"88888888\" is not valid; "),
+        (
+            json!({ "lose": "zz" }),
+            "id \"zz\" is not valid; accepted: 0 to 2047, or a hex string as in \"220\"; \
+             29-bit identifiers need eight digits, or extended set to true; all selects every identifier",
+        ),
+        (json!({ "lose": "220", "mask": "zz" }), "mask: id \"zz\" is not valid; accepted: "),
         (json!({ "lose": "all", "mask": "7F0" }), "mask and extended are only valid with an identifier"),
         (json!({ "lose": "220", "receivers": [] }), "receivers must not be empty"),
         (json!({ "lose": "220", "probability": 1e-9 }), "probability 0.000000001: must be 0 or at least 0.000001"),

@@ -43,7 +43,7 @@ impl Identifier {
         id.ok_or_else(|| {
             let accepted = match extended {
                 Some(true) => "0 to 536870911, or a hex string as in \"0CFE3027\"",
-                _ => "0 to 2047, or a hex string as in \"220\"; 29-bit identifiers need \"extended\": true or eight digits",
+                _ => "0 to 2047, or a hex string as in \"220\"; 29-bit identifiers need eight digits, or extended set to true",
             };
             Invalid(format!("id {self} is not valid; accepted: {accepted}"))
         })

@@ -236,6 +236,9 @@ mod tests {
     #[test]
     fn the_members_of_a_change_are_the_words_of_the_plant() {
         let schemas = Schemas::of::<PlantChange>();
+        let bent =
+            schemas.check("PlantChange", &json!({ "spool": "broken" }), "null").map_err(|mismatch| mismatch.reason);
+        assert!(bent.is_err_and(|told| told.starts_with("spool: unknown value 'broken'; accepted: ok, stuck, ")));
         let members = schemas.by_name()["PlantChange"]["properties"].as_object().expect("members");
         let words: BTreeSet<&str> = WORDS.iter().map(|word| word.name).collect();
         let in_time = ["for_ms", "profile"];

@@ -441,7 +441,7 @@ fn prefix(place: &str) -> String {
 /// Returns a "did you mean" hint with the most similar known word, if any.
 fn meant(word: &str, known: &[&str]) -> String {
     let near = known.iter().map(|known| (strsim::jaro_winkler(word, known), known));
-    let near = near.filter(|(likeness, _)| *likeness > 0.75).max_by(|one, other| one.0.total_cmp(&other.0));
+    let near = near.filter(|(likeness, _)| *likeness > 0.79).max_by(|one, other| one.0.total_cmp(&other.0));
     near.map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"))
 }
 
