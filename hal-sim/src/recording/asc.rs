@@ -3,6 +3,7 @@
 //! Only frames and error frames of classic CAN are read; other events (statistics, chip states, variables, comments)
 //! are skipped. Error frames have no class in this format.
 
+use std::fmt::Write as _;
 use std::io::{self, Write};
 
 use protocol_core::frame::{Frame, Id, identifier};
@@ -27,27 +28,34 @@ pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<T
 /// Writes an entry. An entry before the origin is written with the time of the origin.
 pub(super) fn write(out: &mut impl Write, origin: Timestamp, Record { at, entry }: &Record) -> io::Result<()> {
     let micros = at.as_micros().saturating_sub(origin.as_micros());
-    write!(out, "{:>4}.{:06} {CHANNEL}  ", micros / 1_000_000, micros % 1_000_000)?;
-    let frame = match entry {
-        Entry::Error(_) => return writeln!(out, "ErrorFrame"),
-        Entry::Frame(frame) => frame,
-    };
-    let id = match frame.id() {
-        Id::Standard(id) => format!("{:X}", id.as_raw()),
-        Id::Extended(id) => format!("{:X}x", id.as_raw()),
-    };
-    write!(out, "{id:<15} Rx   {} {:x}", if frame.is_remote() { 'r' } else { 'd' }, frame.len())?;
-    frame.data().iter().try_for_each(|byte| write!(out, " {byte:02X}"))?;
-    writeln!(out)
+    let mut line = format!("{:>4}.{:06} {CHANNEL}  ", micros / 1_000_000, micros % 1_000_000);
+    match entry {
+        Entry::Error(_) => line.push_str("ErrorFrame"),
+        Entry::Frame(frame) => {
+            let id = match frame.id() {
+                Id::Standard(id) => format!("{:X}", id.as_raw()),
+                Id::Extended(id) => format!("{:X}x", id.as_raw()),
+            };
+            let kind = if frame.is_remote() { 'r' } else { 'd' };
+            // Writing to a string cannot fail.
+            let _ = write!(line, "{id:<15} Rx   {kind} {:x}", frame.len());
+            for byte in frame.data() {
+                let _ = write!(line, " {byte:02X}");
+            }
+        }
+    }
+    line.push('\n');
+    out.write_all(line.as_bytes())
 }
 
 pub(super) fn write_comment(out: &mut impl Write, origin: Timestamp, at: Timestamp, text: &str) -> io::Result<()> {
     let micros = at.as_micros().saturating_sub(origin.as_micros());
-    writeln!(out, "// {}.{:06} {text}", micros / 1_000_000, micros % 1_000_000)
+    let line = format!("// {}.{:06} {text}\n", micros / 1_000_000, micros % 1_000_000);
+    out.write_all(line.as_bytes())
 }
 
 pub(super) fn write_end(out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "End TriggerBlock")
+    out.write_all(b"End TriggerBlock\n")
 }
 
 /// Returns whether a line can be the first line of an ASC file.

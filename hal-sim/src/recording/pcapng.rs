@@ -110,11 +110,12 @@ fn write_comments(block: &mut Vec<u8>, comments: &[String]) {
 fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
     let padded = body.len().next_multiple_of(4);
     let length = (padded + 12) as u32;
-    out.write_all(&kind.to_le_bytes())?;
-    out.write_all(&length.to_le_bytes())?;
-    out.write_all(body)?;
-    out.write_all(&[0; 3][..padded - body.len()])?;
-    out.write_all(&length.to_le_bytes())
+    let mut block = Vec::with_capacity(padded + 12);
+    block.extend([kind, length].map(u32::to_le_bytes).as_flattened());
+    block.extend(body);
+    block.resize(padded + 8, 0);
+    block.extend(length.to_le_bytes());
+    out.write_all(&block)
 }
 
 /// An interface described in the current section.

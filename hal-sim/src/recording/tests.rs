@@ -1,7 +1,9 @@
 //! Recordings are read back as written; arbitrary bytes are reported line by line.
 
-use std::io::{Cursor, Read};
+use std::cell::Cell;
+use std::io::{Cursor, Read, Write};
 use std::path::Path;
+use std::rc::Rc;
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -384,6 +386,44 @@ fn pcapng_as_others_write_it() {
     let section = block(0x0A0D_0D0A, &numbers(&[0x1A2B_3C4D, 0x0001_0000, u32::MAX, u32::MAX]));
     let (records, _) = read(Cursor::new([section, binary, packet(0, 5 << 19, &data)].concat()), Format::Candump);
     assert_eq!(records, [frame(2_500_000, "5A0: 43 18")]);
+}
+
+/// A writer that counts its writes.
+#[derive(Clone, Default)]
+struct Pieces(Rc<Cell<usize>>);
+
+impl Write for Pieces {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.update(|count| count + 1);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// The end of a process, or a full disk, then cuts no entry.
+#[test]
+fn an_entry_is_written_in_one_piece() {
+    let begin = Timestamp::from_micros(START);
+    let error = Record { at: begin, entry: Entry::Error(ErrorClass::BusOff.into()) };
+    for format in FORMATS {
+        let pieces = Pieces::default();
+        let mut writer = Writer::new(pieces.clone(), format, "pve0", begin).unwrap();
+        for record in [frame(START, "720: 00"), frame(START, "18EEFF83: 01 00 20 07 08 FF 02 20"), error] {
+            let before = pieces.0.get();
+            writer.write(&record).unwrap();
+            assert_eq!(pieces.0.get() - before, 1, "{format:?}: {record:?}");
+            writer.comment(begin, "fault lose-220: 220 lost").unwrap();
+            // The comments of pcapng are in the next packet, or at the end.
+            let comments = usize::from(format == Format::Asc);
+            assert_eq!(pieces.0.get() - before, 1 + comments, "{format:?}: a comment");
+        }
+        let before = pieces.0.get();
+        writer.finish().unwrap();
+        assert!(pieces.0.get() - before <= 1, "{format:?}: the end");
+    }
 }
 
 /// Comments are written if the format supports them, and do not change any entry.

@@ -7,7 +7,7 @@ use super::{Format, asc, pcapng};
 use crate::log::candump::write_entry;
 use crate::log::{Record, Timestamp};
 
-/// A writer of a recording.
+/// A writer of a recording. It passes each entry to its output in one piece.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,

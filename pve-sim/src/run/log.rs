@@ -1,7 +1,7 @@
 //! The file of `--log`: every frame, in the format that the file's extension selects.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::system::{is_same_file, open_exclusively};
@@ -9,7 +9,33 @@ use super::{LogOptions, RunError};
 use hal_sim::log::Timestamp;
 use hal_sim::recording::{Format, Writer};
 
-pub(super) type Output = Writer<BufWriter<File>>;
+/// The buffer holds whole entries, because the writer passes each entry in one piece.
+pub(super) type Output = Writer<BufWriter<WholeFile>>;
+
+/// A file to which each write is appended as a whole, or not at all: a truncated line of candump would be another
+/// frame.
+#[derive(Debug)]
+pub(super) struct WholeFile {
+    file: File,
+    length: u64,
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if let Err(error) = self.file.write_all(bytes) {
+            // The first error counts.
+            let _ = self.file.set_len(self.length);
+            let _ = self.file.seek(SeekFrom::Start(self.length));
+            return Err(error);
+        }
+        self.length += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
 
 /// The file of `--log`. The file is locked against other runs until this value is dropped.
 #[derive(Debug)]
@@ -73,7 +99,8 @@ impl Log {
         Self::check_place(log, state)?;
         Self::check_content(log)?;
         file.set_len(0).map_err(failed)?;
-        let writer = Writer::new(BufWriter::new(file), Format::of(&log.path), bus, start).map_err(failed)?;
+        let file = BufWriter::new(WholeFile { file, length: 0 });
+        let writer = Writer::new(file, Format::of(&log.path), bus, start).map_err(failed)?;
         Ok(Self { path: log.path.clone(), writer })
     }
 

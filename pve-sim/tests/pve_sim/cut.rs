@@ -90,7 +90,7 @@ fn the_largest_file_size_is_told() {
     assert_eq!(told(&mut limited(&["eds", "pvea-canopen"]), sheet), (Some(1), line));
 }
 
-/// The run continues for its clients, and fails at the end.
+/// The run continues for its clients, and fails at the end. The log ends with a whole frame.
 #[test]
 fn a_log_that_is_cut_is_exit_1() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -109,6 +109,13 @@ fn a_log_that_is_cut_is_exit_1() {
         assert_eq!(simulator.process.wait().expect("it ends").code(), Some(1), "{name}: {stderr}");
         let lines: Vec<&str> = stderr.lines().filter(|line| line.contains(name)).collect();
         assert_eq!(lines, [format!("pve-sim: {path}: File too large (os error 27); logging has stopped")]);
+        // It ends with a whole frame.
+        let log = fs::read(path).expect("a log");
+        assert!(name == "frames.pcapng" || log.ends_with(b"\n"), "{}", String::from_utf8_lossy(&log));
+        let decoded = output(&["decode", path]);
+        assert_eq!((decoded.status.code(), String::from_utf8_lossy(&decoded.stderr).as_ref()), (Some(0), ""), "{name}");
+        let frames = String::from_utf8(decoded.stdout).expect("text").lines().count();
+        assert!((3..100).contains(&frames), "{name}: {frames} frames");
     }
 }
 
