@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::system::{is_same_file, open_exclusively};
+use super::system::{is_output, is_same_file, open_exclusively};
 use super::{LogOptions, RunError};
 use hal_sim::log::Timestamp;
 use hal_sim::recording::{Format, Writer};
@@ -49,7 +49,8 @@ impl Log {
     ///
     /// # Errors
     /// [`RunError`] for anything but a regular file, for files in the folder of the state files, for a state file
-    /// under another name, for the log of another run, and for a non-empty file unless it may be overwritten.
+    /// under another name, for the file of stdout or stderr, for the log of another run, and for a non-empty file unless
+    /// it may be overwritten.
     pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
         Self::check_place(log, state)?;
         if matches!(open_exclusively(OpenOptions::new().write(true), &log.path), Ok(None)) {
@@ -66,6 +67,7 @@ impl Log {
         }
         match fs::metadata(&log.path) {
             Ok(found) if !found.is_file() => refuse(log, "a log must be a regular file"),
+            Ok(found) if is_output(&found) => refuse(log, "a log must not be the file of stdout or stderr"),
             _ => Ok(()),
         }
     }

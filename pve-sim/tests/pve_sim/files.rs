@@ -177,6 +177,28 @@ fn a_log_replaces_nothing_that_is_not_meant() {
     refused(&state.join("pvea-canopen.nvm"), &["--log-overwrite"], "--state");
 }
 
+/// As in `pve-sim --log frames.log > frames.log`.
+#[test]
+fn a_log_is_not_a_file_of_stdout_or_stderr() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (log, link) = (dir.path().join("frames.log"), dir.path().join("link.log"));
+    std::os::unix::fs::symlink(&log, &link).expect("a link");
+    for path in [&log, &link] {
+        let file = fs::File::create(&log).expect("a file");
+        let bus = "socketcand://127.0.0.1:0/pve0";
+        let path = path.to_str().expect("text");
+        let arguments = ["--no-http", "--bus", bus, "--log", path, "--log-overwrite"];
+        let refused = end_of(pve_sim(&arguments).stdout(file.try_clone().expect("a descriptor")));
+        let line = format!("pve-sim: {path}: a log must not be the file of stdout or stderr\n");
+        assert_eq!(String::from_utf8(refused.stderr).expect("text"), line);
+        assert_eq!(refused.status.code(), Some(1));
+        assert_eq!(fs::read(&log).expect("a file"), b"");
+        let refused = end_of(pve_sim(&arguments).stderr(file));
+        assert_eq!((refused.status.code(), refused.stdout), (Some(1), Vec::new()));
+        assert_eq!(fs::read_to_string(&log).expect("a file"), line);
+    }
+}
+
 #[test]
 fn what_was_stored_is_there_the_next_time() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -9,6 +9,7 @@
 //! | the terminal of a line editor is restored | yes | yes | not by Ctrl-Break |
 //! | clients limited by the files that may be open | yes | yes | no such limit |
 //! | a second name of a file is recognised | links | links | symbolic links |
+//! | the file of stdout or stderr is recognised | yes | yes | no |
 //! | a log has one writer | by a lock | by a lock | by how it is opened |
 //! | wake-ups without slack | yes | no | no |
 //!
@@ -23,6 +24,6 @@ mod own;
 
 pub(crate) use own::Signals;
 pub(super) use own::{
-    HAS_JOBS, Modes, disable_timer_slack, interrupt, is_same_file, max_open_files, open_exclusively, suspend,
-    wait_for_foreground, wait_for_hangup, wait_for_input,
+    HAS_JOBS, Modes, disable_timer_slack, interrupt, is_output, is_same_file, max_open_files, open_exclusively,
+    suspend, wait_for_foreground, wait_for_hangup, wait_for_input,
 };

@@ -191,6 +191,12 @@ pub(in crate::run) fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
     (one.dev(), one.ino()) == (other.dev(), other.ino())
 }
 
+/// Returns whether stdout or stderr is a file.
+pub(in crate::run) fn is_output(file: &Metadata) -> bool {
+    let outputs = [io::stdout().as_fd().try_clone_to_owned(), io::stderr().as_fd().try_clone_to_owned()];
+    outputs.into_iter().flatten().any(|output| File::from(output).metadata().is_ok_and(|of| is_same_file(&of, file)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

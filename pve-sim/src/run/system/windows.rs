@@ -111,3 +111,8 @@ pub(in crate::run) fn open_exclusively(options: &OpenOptions, path: &Path) -> io
 pub(in crate::run) const fn is_same_file(_: &Metadata, _: &Metadata) -> bool {
     false
 }
+
+/// Returns false, for the same reason.
+pub(in crate::run) const fn is_output(_: &Metadata) -> bool {
+    false
+}
