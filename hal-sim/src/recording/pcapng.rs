@@ -127,6 +127,8 @@ struct Interface {
     resolution: u128,
     /// The offset of all times, in seconds.
     offset: i64,
+    /// True once a message has named a link type that cannot be read.
+    is_refused: bool,
 }
 
 pub(super) struct Packets {
@@ -189,15 +191,19 @@ impl Packets {
                 }
                 Err(error) => {
                     self.is_broken = true;
+                    self.number += 1;
                     break Err(if matches!(error, PcapError::UnexpectedEof) { CUT_OFF } else { BROKEN });
                 }
             };
             self.reader.consume(length);
-            if let Some(found) = found {
+            let Some(found) = found else { continue };
+            self.number += 1;
+            let interface = self.interfaces.get_mut(self.last).filter(|_| found == Err(LINK_TYPE));
+            // One message for all packets of an interface.
+            if !interface.is_some_and(|interface| std::mem::replace(&mut interface.is_refused, true)) {
                 break found;
             }
         };
-        self.number += 1;
         let number = self.number;
         match found {
             Ok(record) => Ok(Some(Logged { number, record })),
@@ -206,6 +212,7 @@ impl Packets {
     }
 }
 
+const LINK_TYPE: Reason = "the link type is not SocketCAN (227); the packets of this interface are skipped";
 const CUT_OFF: Reason = "the file is truncated here";
 const BROKEN: Reason = "invalid pcapng block; the rest of the file is unreadable";
 
@@ -223,13 +230,14 @@ fn take(
             link_type: described.linktype.0,
             resolution: resolution(described.if_tsresol),
             offset: described.if_tsoffset,
+            is_refused: false,
         }),
         PcapBlockOwned::NG(Block::EnhancedPacket(packet)) => {
             *last = usize::try_from(packet.if_id).unwrap_or(usize::MAX);
             let interface = interfaces.get(*last);
             let Some(interface) = interface else { return Some(Err("the packet refers to an unknown interface")) };
             if interface.link_type != i32::from(SOCKETCAN) {
-                return Some(Err("the link type of the packet is not SocketCAN (227)"));
+                return Some(Err(LINK_TYPE));
             }
             let at = interface.time(u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low));
             let entry = entry(packet.packet_data());

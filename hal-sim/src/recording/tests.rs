@@ -357,8 +357,8 @@ fn lines_without_a_time() {
     assert_eq!(records, [frame(0, "080:"), frame(5_500_000, "181: 00"), frame(5_500_000, "080:")]);
 }
 
-/// Big-endian order, nanoseconds, a clock offset, 16-byte padding, a packet of another link type, and blocks without a
-/// packet.
+/// Big-endian order, nanoseconds, a clock offset, 16-byte padding, packets of another link type, which are reported once
+/// and counted, and blocks without a packet.
 #[test]
 fn pcapng_as_others_write_it() {
     let block = |kind: u32, body: &[u8]| {
@@ -377,9 +377,12 @@ fn pcapng_as_others_write_it() {
     let mut data = [0; 16];
     data[..10].copy_from_slice(&[0, 0, 0x05, 0xA0, 2, 0, 0, 0, 0x43, 0x18]);
     let nanos = 1_700_000_000_000_042_999;
-    let file = [section, can, ethernet, statistics, packet(0, nanos, &data), packet(1, nanos, &data)].concat();
+    let foreign = [packet(1, nanos, &data), packet(1, nanos, &data)].concat();
+    let unknown = packet(2, nanos, &data);
+    let file = [section, can, ethernet, statistics, packet(0, nanos, &data), foreign, unknown].concat();
     let (records, errors) = read(Slow(Cursor::new(file)), Format::Candump);
-    assert_eq!(errors, ["2: the link type of the packet is not SocketCAN (227)"]);
+    let link_type = "2: the link type is not SocketCAN (227); the packets of this interface are skipped";
+    assert_eq!(errors, [link_type, "4: the packet refers to an unknown interface"]);
     assert_eq!(records, [frame(START, "5A0: 43 18")]);
     // In units of 2^-20 s.
     let binary = block(1, &numbers(&[227 << 16, 0, 0x0009_0001, 0x9400_0000, 0]));
