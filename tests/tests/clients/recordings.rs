@@ -4,7 +4,7 @@ use std::fs::File;
 use std::path::Path;
 use std::process::Command;
 
-use hal_sim::log::{Entry, ErrorClass, Record, Timestamp};
+use hal_sim::log::{Entry, ErrorClass, ErrorFrame, Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
 use protocol_core::frame::{Frame, Id};
 
@@ -14,12 +14,16 @@ use super::simulator::{PVE_SIM, Start, python, root};
 /// Microseconds since 1970: no whole millisecond.
 const START: u64 = 1_700_000_000_123_456;
 
-/// Both kinds of identifiers at their ends, remote frames, no data and all data; and an error frame.
+/// The class of a destroyed frame.
+const BUS_ERROR: u32 = 0x80;
+
+/// Both kinds of identifiers at their ends, remote frames, no data and all data; and error frames.
 fn records() -> Vec<Record> {
     let frames = ["080:", "000: 01 20", "7FF: 00 11 22 33 44 55 66 77", "5A0: R0", "5A0: R8", "00000000: FF"];
     let extended = ["1FFFFFFF: R1", "18EEFF83: 01 00 20 07 08 FF 02 20", "00000080:"];
     let frames = frames.into_iter().chain(extended).map(|text| Entry::Frame(text.parse().expect(text)));
-    let entries = frames.chain([Entry::Error(ErrorClass::BusError.into())]);
+    let errors = [ErrorClass::BusError, ErrorClass::ErrorPassive, ErrorClass::BusOff, ErrorClass::Restarted];
+    let entries = frames.chain(errors.map(|class| Entry::Error(class.into())));
     let at = |number: u64| Timestamp::from_micros(START + number * 1_000_001);
     (0..).zip(entries).map(|(number, entry)| Record { at: at(number), entry }).collect()
 }
@@ -46,9 +50,13 @@ fn hex(bytes: &[u8]) -> String {
 #[test]
 fn python_can_reads_a_log() {
     let dir = tempfile::tempdir().expect("a folder");
-    let expected: Vec<String> = records()
-        .iter()
-        .map(|Record { at, entry }| match entry {
+    let expected = |is_asc: bool| -> Vec<String> {
+        let records = records();
+        let lines = records.iter().map(|Record { at, entry }| match entry {
+            // Of a log of candump, it takes other classes for identifiers.
+            Entry::Error(ErrorFrame { class, data }) if !is_asc && *class != BUS_ERROR => {
+                format!("{at} {class:08X} data 8 {}", hex(data))
+            }
             Entry::Error(_) => format!("{at} error"),
             Entry::Frame(frame) => {
                 let (id, extended) = id(frame);
@@ -57,8 +65,9 @@ fn python_can_reads_a_log() {
                 let line = format!("{at} {id:0digits$X} {kind} {} {}", frame.len(), hex(frame.data()));
                 line.trim_end().to_owned()
             }
-        })
-        .collect();
+        });
+        lines.collect()
+    };
     for name in ["frames.log", "frames.asc"] {
         let path = dir.path().join(name);
         write(&path);
@@ -67,7 +76,7 @@ fn python_can_reads_a_log() {
         let run = output(Command::new(python()).arg(script).arg(&path).env("TZ", "UTC"));
         assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
         let read = String::from_utf8(run.stdout).expect("text");
-        assert_eq!(read.lines().collect::<Vec<_>>(), expected, "{name}");
+        assert_eq!(read.lines().collect::<Vec<_>>(), expected(name == "frames.asc"), "{name}");
     }
 }
 
@@ -95,7 +104,7 @@ fn tshark_reads_a_capture() {
     let read = String::from_utf8(run.stdout).expect("text");
     let expected = records().into_iter().map(|Record { at, entry }| match entry {
         // The class, in the place of the identifier.
-        Entry::Error(_) => format!("{at}000,,,,1,8,,1,,pve0"),
+        Entry::Error(error) => format!("{at}000,,,,1,8,,{},,pve0", u8::from(error.class == BUS_ERROR)),
         Entry::Frame(frame) => {
             let (id, extended) = id(&frame);
             let (extended, remote) = (u8::from(extended), u8::from(frame.is_remote()));
