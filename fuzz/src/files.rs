@@ -119,7 +119,8 @@ fn play(file: &Path, records: &[Record], refused: &[String]) {
     let devices = devices::named(vec![spec.parse().expect("a device")]).expect("a device");
     for from_boot_up in [false, true] {
         let (file, tolerance) = (file.to_owned(), Duration::from_millis(5));
-        let options = ReplayOptions { file, devices: devices.clone(), links: Vec::new(), tolerance, from_boot_up };
+        let options =
+            ReplayOptions { file, devices: devices.clone(), links: Vec::new(), tolerance, from_boot_up, seed: 1 };
         match replay::replay(&options) {
             Err(error) => assert_one_line(&error.to_string()),
             Ok(outcome) => {

@@ -76,6 +76,9 @@ pub struct ReplayOptions {
     pub tolerance: Duration,
     /// True to skip all entries before the first boot-up or address claim of any simulated device.
     pub from_boot_up: bool,
+    /// The seed of all random values. A simulation with this seed, the same devices and the same links wrote the
+    /// recording.
+    pub seed: u64,
 }
 
 /// The outcome of a replay.

@@ -39,7 +39,7 @@ impl ReplayBus {
     pub(super) fn new(options: &ReplayOptions, timeline: &Timeline) -> Self {
         let first = options.devices.first();
         let rate = first.and_then(|device| device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied()));
-        let mut world = World::new(rate.unwrap_or(protocol_core::controller::BitRate::Kbit250), 0);
+        let mut world = World::new(rate.unwrap_or(protocol_core::controller::BitRate::Kbit250), options.seed);
         world.record_events(true);
         let mut nodes = Vec::new();
         for device in &options.devices {

@@ -28,7 +28,7 @@ const SAMPLE: Duration = Duration::from_micros(500);
 /// Parses the options of `pve-sim replay` from a command line.
 fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
     let (mut devices, mut links) = (Vec::new(), Vec::new());
-    let (mut tolerance_ms, mut from_boot_up) = (5, false);
+    let (mut tolerance_ms, mut from_boot_up, mut seed) = (5, false, 1);
     let mut words = line.split_whitespace();
     while let Some(option) = words.next() {
         let mut value = || words.next().expect("a value");
@@ -37,6 +37,7 @@ fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
             "--link" => links.push(value().parse::<NamedLink>().expect("a link")),
             "--tolerance-ms" => tolerance_ms = value().parse().expect("a number"),
             "--from-boot-up" => from_boot_up = true,
+            "--seed" => seed = value().parse().expect("a number"),
             _ => panic!("{option}"),
         }
     }
@@ -44,7 +45,7 @@ fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
     devices::share_bit_rate(&mut devices, None);
     devices::refuse_bad_links(&devices, &links).expect("links");
     let tolerance = Duration::from_millis(tolerance_ms);
-    ReplayOptions { file: file.path().to_owned(), devices, links, tolerance, from_boot_up }
+    ReplayOptions { file: file.path().to_owned(), devices, links, tolerance, from_boot_up, seed }
 }
 
 /// Devices and a master, recorded from power-up.
@@ -64,7 +65,7 @@ impl Session {
         let options = options(line, &NamedTempFile::new().unwrap());
         let first = &options.devices[0];
         let rate = first.setup.bit_rate.unwrap_or(first.setup.kind.bit_rates()[0]);
-        let mut world = World::new(rate, 7);
+        let mut world = World::new(rate, options.seed);
         world.record_events(true);
         let master = world.add_gateway("master");
         for device in &options.devices {
@@ -349,6 +350,24 @@ fn several_devices() {
     let all = as_logged(both, &file);
     let valve = as_logged(VALVE, &file);
     assert!(valve > 30 && all > valve + 60, "{all} {valve}");
+}
+
+/// With the seed of the recorded run, the random values are the same.
+#[test]
+fn random_values_depend_on_the_seed() {
+    let valve = "--device pvea-canopen@0x20,noise=300,answer-ms=20..80";
+    let both = "--device pvea-canopen@0x20,answer-ms=20..80 --device hat1000@1,bit-rate=250k,noise=50,answer-ms=5..90 \
+                --link pvea-canopen=hat1000,noise=50";
+    for devices in [valve, both] {
+        let line = format!("{devices} --seed 3");
+        let mut session = Session::new(&line);
+        session.send(10, &["000: 01 00", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+        session
+            .send(60, &["220: 0F 00 00 20", "620: 40 01 63 01 00 00 00 00", "601: 40 04 60 00 00 00 00 00"].repeat(9));
+        let file = session.log();
+        assert!(as_logged(&line, &file) > 20);
+        assert!(replayed(devices, &file).differences > 0, "{devices}");
+    }
 }
 
 /// LSS assigns a node ID to a blank valve, and its TPDO receives another COB-ID: identifiers unknown before the log.

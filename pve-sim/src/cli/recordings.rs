@@ -7,6 +7,7 @@ use protocol_core::time::Duration;
 
 use super::UsageError;
 use super::options::{checked_links, on_one_bus};
+use crate::run::{DEFAULT_SEED, seed};
 use hal_sim::decode::DecodeOptions;
 use hal_sim::devices::{self, DeviceSpec, NamedLink};
 use hal_sim::replay::ReplayOptions;
@@ -49,6 +50,10 @@ pub(super) struct ReplayArgs {
     /// Begin with the first boot-up or address claim of a device; earlier frames are ignored
     #[arg(long)]
     from_boot_up: bool,
+
+    /// The seed of all random values, as for run: 0–18446744073709551615
+    #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED)]
+    seed: u64,
 }
 
 impl TryFrom<DecodeArgs> for DecodeOptions {
@@ -71,6 +76,7 @@ impl TryFrom<ReplayArgs> for ReplayOptions {
         devices::share_bit_rate(&mut devices, None);
         let links = checked_links(&devices, args.link)?;
         let tolerance = Duration::from_millis(args.tolerance_ms.into());
-        Ok(Self { file: args.file, devices, links, tolerance, from_boot_up: args.from_boot_up })
+        let ReplayArgs { file, from_boot_up, seed, .. } = args;
+        Ok(Self { file, devices, links, tolerance, from_boot_up, seed })
     }
 }

@@ -676,7 +676,7 @@ _pve__sim() {
             return 0
             ;;
         pve__sim__subcmd__replay)
-            opts="-h --device --link --tolerance-ms --from-boot-up --help"
+            opts="-h --device --link --tolerance-ms --from-boot-up --seed --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -691,6 +691,10 @@ _pve__sim() {
                     return 0
                     ;;
                 --tolerance-ms)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --seed)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

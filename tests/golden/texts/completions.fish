@@ -120,6 +120,7 @@ complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -s h -l help -d 
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l device -d 'A simulated device that replaces a recorded device, as for run; repeatable' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l link -d 'Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l tolerance-ms -d 'The tolerance of frame times, in milliseconds; a position may differ by the movement in that time' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l seed -d 'The seed of all random values, as for run: 0–18446744073709551615' -r
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l from-boot-up -d 'Begin with the first boot-up or address claim of a device; earlier frames are ignored'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -s h -l help -d 'Print help'
 complete -c pve-sim -n "__fish_pve_sim_using_subcommand set" -l http -d 'The address of the control interface, as in the ready line of the simulator' -r

@@ -157,6 +157,7 @@ _arguments "${_arguments_options[@]}" : \
 '*--device=[A simulated device that replaces a recorded device, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
 '*--link=[Let the spool of VALVE turn the shaft of SENSOR, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
 '--tolerance-ms=[The tolerance of frame times, in milliseconds; a position may differ by the movement in that time]:N:_default' \
+'--seed=[The seed of all random values, as for run\: 0–18446744073709551615]:N:_default' \
 '--from-boot-up[Begin with the first boot-up or address claim of a device; earlier frames are ignored]' \
 '-h[Print help]' \
 '--help[Print help]' \

@@ -127,14 +127,14 @@ fn recordings() {
     assert!(matches!(parse(args("decode a.log --device hat1000 --device hat1000")), Ok(Request::Decode(_))));
     let Ok(Request::Replay(options)) = parse(args(
         "replay a.asc --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000 --tolerance-ms 0 \
-         --from-boot-up",
+         --from-boot-up --seed 9",
     )) else {
         panic!("it is right");
     };
     assert_eq!((options.file, options.devices.len(), options.links.len()), (PathBuf::from("a.asc"), 2, 1));
-    assert_eq!((options.tolerance.as_millis(), options.from_boot_up), (0, true));
+    assert_eq!((options.tolerance.as_millis(), options.from_boot_up, options.seed), (0, true, 9));
     let Ok(Request::Replay(options)) = parse(args("replay a.asc --device pvea-canopen")) else { panic!("it is right") };
-    assert_eq!((options.tolerance.as_millis(), options.from_boot_up), (5, false));
+    assert_eq!((options.tolerance.as_millis(), options.from_boot_up, options.seed), (5, false, 1));
     for (line, part) in [
         ("replay a.log", "--device <KIND[@ID][,KEY=VALUE…]>"),
         ("replay --device hat1000", "<FILE>"),

@@ -62,6 +62,7 @@ fn replays(file: PathBuf, devices: &[Device]) -> u64 {
         links: Vec::new(),
         tolerance: Duration::from_millis(5),
         from_boot_up: false,
+        seed: 1,
     };
     let outcome: Outcome = replay(&options).expect("a log");
     assert!(outcome.is_as_logged(), "{}", outcome.report(&options));
