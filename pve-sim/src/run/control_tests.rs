@@ -37,7 +37,7 @@ impl Rig {
     }
 }
 
-fn typed(line: &str) -> PlatformEvent {
+pub(super) fn typed(line: &str) -> PlatformEvent {
     PlatformEvent::Message(ToWorld::Typed(line.to_owned(), oneshot::channel().0))
 }
 

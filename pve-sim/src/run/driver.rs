@@ -108,9 +108,14 @@ impl<O: Platform> Driver<O> {
         while !self.platform.is_ending() {
             self.turn();
         }
+        self.finish()
+    }
+
+    /// Lets the devices store their pending records, and ends the output. Nothing more is shown, because slow devices do
+    /// not wait for their next cycle.
+    fn finish(mut self) -> bool {
         self.warn_of_memories();
         self.simulation.world_mut().flush_all();
-        self.show();
         let is_stored = !self.warn_of_memories();
         self.trace.finish() && is_stored
     }

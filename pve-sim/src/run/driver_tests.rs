@@ -466,6 +466,19 @@ fn clients_that_keep_the_world_busy_hold_up_neither_trace_nor_log() {
     rig.shown.wait_for("720#00");
 }
 
+/// At the end, a slow program stores without waiting for its next cycle; it would send its heartbeat too early.
+#[test]
+fn a_run_ends_without_frames_that_the_device_does_not_send() {
+    let mut rig = Rig::new(1.0);
+    rig.send(millis(10), "620: 2B 17 10 00 64 00 00 00");
+    rig.plan(millis(20), control_tests::typed("cycle_ms 1000"));
+    rig.run_until(millis(4500));
+    let heartbeats = rig.frames_of("720: 7F").len();
+    assert!((3..6).contains(&heartbeats), "{heartbeats}");
+    assert!(rig.driver.finish());
+    assert_eq!(rig.shown.text().matches("720#7F").count(), heartbeats);
+}
+
 /// 100 requests with answers: the thread wakes up in time for two frames each.
 #[test]
 fn at_speed_1_a_client_at_work_lets_the_machine_sleep() {
