@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use protocol_core::actuator::{Position, Scale};
 use protocol_core::device::Protocol;
 use protocol_core::encoder::POSITION_MAX;
-use protocol_core::frame::{Frame, Id};
+use protocol_core::frame::{ExtendedId, Frame, Id};
 use protocol_core::wire::cob_id::{Function, classify};
 use protocol_core::wire::j1939_id::{J1939Id, Pgn};
 use protocol_core::wire::pdo_mapping::MappingEntry;
@@ -153,13 +153,28 @@ pub(super) fn fields_of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingE
             let object = Encoding::of_object(u16::from_le_bytes([low, high]), sub);
             object.into_iter().map(|object| field(32, object)).collect()
         }
-        (_, Id::Extended(id), Protocol::Isobus) => {
-            let id = J1939Id::from_raw(id.as_raw());
-            let is_avef = id.pgn() == Pgn::avef(id.source().get());
-            if is_avef { vec![field(0, (Encoding::Extend, 8)), field(8, (Encoding::Retract, 8))] } else { Vec::new() }
+        (_, Id::Extended(id), Protocol::Isobus) if is_avef(id) => {
+            vec![field(0, (Encoding::Extend, 8)), field(8, (Encoding::Retract, 8))]
         }
         _ => Vec::new(),
     }
+}
+
+/// Returns the bits that show a state in a cyclic frame from a device of this kind: the NMT state in a heartbeat, the
+/// state in force in AVEF. Returns 0 for other frames and for the boot-up message.
+pub(super) fn state_bits(frame: &Frame, kind: Kind) -> u64 {
+    match (frame.id(), kind.protocol()) {
+        (Id::Standard(id), Protocol::Canopen) if matches!(classify(id), Some((Function::Heartbeat, _))) => {
+            if matches!(frame.data(), [1..=0xFF]) { 0xFF } else { 0 }
+        }
+        (Id::Extended(id), Protocol::Isobus) if is_avef(id) => 0x0F_0000,
+        _ => 0,
+    }
+}
+
+fn is_avef(id: ExtendedId) -> bool {
+    let id = J1939Id::from_raw(id.as_raw());
+    id.pgn() == Pgn::avef(id.source().get())
 }
 
 #[cfg(test)]

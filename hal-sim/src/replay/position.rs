@@ -1,4 +1,5 @@
-//! The position tolerance: a frame may hold any position that the simulated device passes within the time tolerance.
+//! The position tolerance: a frame may hold any position that the simulated device passes within the time tolerance. A
+//! cyclic frame may also hold any state that the device has within this time.
 //!
 //! The mapping or the message of a frame defines its position fields. A log frame matches the frame of the simulated
 //! device if all other bits are equal, and if the logged values of all position fields belong to one passed position. A
@@ -9,8 +10,9 @@ use std::ops::RangeInclusive;
 
 use protocol_core::encoder::STEPS;
 use protocol_core::time::{Duration, Instant, after, since};
+use protocol_core::wire::nmt;
 
-use super::fields::bits;
+use super::fields::{bits, state_bits};
 use super::item::{Item, PATIENCE};
 use crate::Kind;
 use crate::world::{NodeId, World};
@@ -26,6 +28,8 @@ struct Sample {
     floats: bool,
     /// True if the position moved continuously since the previous sample; false after a jump.
     moved: bool,
+    /// The state that the cyclic frames show; `None` before the boot-up message.
+    state: Option<u8>,
 }
 
 /// The positions of a device over time.
@@ -102,8 +106,12 @@ impl PositionTolerance {
             let moved = std::mem::replace(&mut track.looked, at) < at;
             let Some(view) = world.view(*node) else { continue };
             let (position, floats) = (i32::from(view.position), world.floats(*node));
-            if track.samples.back().is_none_or(|last| (last.position, last.floats) != (position, floats)) {
-                track.samples.push_back(Sample { at, position, floats, moved });
+            let nmt = view.nmt.filter(|state| *state != nmt::State::Initialising).map(nmt::State::code);
+            let state = nmt.or(view.valve.and_then(|valve| valve.command).map(|state| state as u8));
+            let last = track.samples.back();
+            let moved = moved || last.is_some_and(|last| last.position == position);
+            if last.is_none_or(|last| (last.position, last.floats, last.state) != (position, floats, state)) {
+                track.samples.push_back(Sample { at, position, floats, moved, state });
             }
         }
     }
@@ -119,25 +127,37 @@ impl PositionTolerance {
         }
     }
 
-    /// Returns whether two frames match: they must be equal except for a position that the simulated device reaches
-    /// within the time tolerance.
+    /// Returns whether two frames match: they must be equal except for a position and a state that the simulated device
+    /// has within the time tolerance.
     pub(super) fn alike(&self, logged: &Item, sent: &Item) -> bool {
-        logged.frame == sent.frame || self.differ_in_position(logged, sent).unwrap_or(false)
+        logged.frame == sent.frame || self.differ_in_time(logged, sent).unwrap_or(false)
     }
 
-    fn differ_in_position(&self, logged: &Item, sent: &Item) -> Option<bool> {
+    fn differ_in_time(&self, logged: &Item, sent: &Item) -> Option<bool> {
+        let track = self.tracks.get(sent.device?)?;
         let (frame, fields) = (&logged.frame, &sent.fields);
-        let mask = fields.iter().fold(0, |mask, field| mask | field.mask());
+        let unlike = bits(frame) ^ bits(&sent.frame);
+        let position = fields.iter().fold(0, |mask, field| mask | field.mask());
+        let state = state_bits(&sent.frame, track.kind);
         let is_like = frame.len() == sent.frame.len() && !frame.is_remote();
-        if mask == 0 || !is_like || (bits(frame) ^ bits(&sent.frame)) & !mask != 0 {
+        if !is_like || unlike & !(position | state) != 0 {
             return Some(false);
         }
-        let track = self.tracks.get(sent.device?)?;
         // Near both frames: the position may not be off by the tolerance in addition to the time.
         let (first, last) = (logged.at.min(sent.at), logged.at.max(sent.at));
         let margin = self.tolerance.max(since(last, first)) + GRID;
         let from = Instant::from_ticks(last.as_ticks().saturating_sub(margin.as_ticks()));
         let until = after(first, margin);
+        if unlike & state != 0 {
+            let logged = (bits(frame) & state) >> state.trailing_zeros();
+            let has_state = |sample: &Sample| sample.state.map(u64::from) == Some(logged);
+            if !track.between(from, until).any(has_state) {
+                return Some(false);
+            }
+        }
+        if unlike & position == 0 {
+            return Some(true);
+        }
         let positions = fields.iter().map(|field| field.encoding.decode(field.read(frame)));
         let positions = positions.reduce(|one, two| *one.start().max(two.start())..=*one.end().min(two.end()))?;
         let hides_float = fields.iter().any(|field| field.encoding.encode_float().is_some());
@@ -157,7 +177,7 @@ mod tests {
     fn a_turn_is_a_circle() {
         let reaches = |name, from, to, positions| {
             let track = Track { kind: Kind::from_name(name).unwrap(), samples: VecDeque::new(), looked: Instant::MIN };
-            let sample = |position| Sample { at: Instant::MIN, position, floats: false, moved: true };
+            let sample = |position| Sample { at: Instant::MIN, position, floats: false, moved: true, state: None };
             track.reaches(&[&sample(from), &sample(to)], &positions)
         };
         let hat = |from, to, positions| reaches("hat1000", from, to, positions);

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use protocol_core::frame::{extended, standard};
 use protocol_core::time::{after, since};
+use protocol_core::wire::nmt::State;
 use tempfile::NamedTempFile;
 
 use super::*;
@@ -55,8 +56,19 @@ struct Session {
     records: Vec<Record>,
     /// The sender of each record.
     senders: Vec<Arc<str>>,
-    /// The positions of the devices over time, and whether they floated.
-    ways: Vec<(Instant, NodeId, i32, bool)>,
+    looks: Vec<Look>,
+}
+
+/// What a device has shown at an instant.
+#[derive(Clone, Copy)]
+struct Look {
+    /// The time in the log.
+    at: Timestamp,
+    node: NodeId,
+    position: i32,
+    floats: bool,
+    /// The NMT state, as in a heartbeat, or the state of an AVEF.
+    state: u8,
 }
 
 impl Session {
@@ -78,7 +90,7 @@ impl Session {
         let first = world.devices().next().unwrap();
         world.power(first, true);
         world.power_all(SUPPLY_JITTER);
-        let mut session = Self { world, master, records: Vec::new(), senders: Vec::new(), ways: Vec::new() };
+        let mut session = Self { world, master, records: Vec::new(), senders: Vec::new(), looks: Vec::new() };
         session.wait(20_000);
         session
     }
@@ -89,7 +101,14 @@ impl Session {
             self.world.run_until(after(self.world.now(), SAMPLE).min(end));
             for node in self.world.devices() {
                 let Some(view) = self.world.view(node) else { continue };
-                self.ways.push((self.world.now(), node, view.position.into(), self.world.floats(node)));
+                let command = view.valve.and_then(|valve| valve.command).map(|state| state as u8);
+                self.looks.push(Look {
+                    at: START.at(self.world.now()),
+                    node,
+                    position: view.position.into(),
+                    floats: self.world.floats(node),
+                    state: view.nmt.map(State::code).or(command).unwrap_or_default(),
+                });
             }
         }
         for event in self.world.take_events() {

@@ -10,6 +10,7 @@
 //! - Equal frames within the tolerance are swapped: each may be the other frame, logged late.
 //! - A position changes to another position that the device reaches within the tolerance: the spool moves while a frame
 //!   is late. Where the spool reverses, it may go further: the command may have been late, too.
+//! - A heartbeat or an AVEF shows another state that the device has within the tolerance: the command was logged late.
 //! - A frame is missing within the tolerance of the end: it may have been sent after the log.
 
 use super::*;
@@ -30,8 +31,7 @@ struct Recording {
     records: Vec<Record>,
     /// The indices of the device's frames.
     own: Vec<usize>,
-    /// The positions of the device over time, and whether it floats.
-    way: Vec<(u64, i32, bool)>,
+    looks: Vec<Look>,
 }
 
 impl Recording {
@@ -41,10 +41,9 @@ impl Recording {
         let is_own = |place: &usize| &*session.senders[*place] == device;
         let own: Vec<usize> = (0..session.records.len()).filter(is_own).collect();
         let node = session.world.find(device).unwrap();
-        let of_device = session.ways.iter().filter(|(_, of, ..)| *of == node);
-        let way = of_device.map(|(at, _, position, floats)| (START.at(*at).as_micros(), *position, *floats)).collect();
+        let looks = session.looks.into_iter().filter(|look| look.node == node).collect();
         let is_hat = device.starts_with("hat");
-        Self { line: line.to_owned(), is_hat, records: session.records, own, way }
+        Self { line: line.to_owned(), is_hat, records: session.records, own, looks }
     }
 
     fn frame(&self, place: usize) -> (u64, Frame) {
@@ -59,27 +58,35 @@ impl Recording {
         if frame == other {
             return true;
         }
-        let carried = carried(&other);
-        if carried.is_empty() || frame.id() != other.id() || frame.len() != other.len() || frame.is_remote() {
+        let (carried, state) = (carried(&other), state(&other));
+        if carried.is_empty() && state == 0
+            || frame.id() != other.id()
+            || frame.len() != other.len()
+            || frame.is_remote()
+        {
             return false;
         }
         let around = at.max(other_at) - AROUND..=at.min(other_at) + AROUND;
-        let near = || self.way.iter().filter(|(at, ..)| around.contains(at));
+        let near = || self.looks.iter().filter(|look| around.contains(&look.at.as_micros()));
+        // Every state near the frame, in the place of its own.
+        let states = near().map(|look| u64::from(look.state).unbounded_shl(state.trailing_zeros()) & state);
+        let states: BTreeSet<u64> = states.filter(|code| other.len() != 1 || *code != 0).collect();
         let told = |position: i32, floats: bool| {
             let mut data = *other.bytes();
             for (at, len, tell) in &carried {
                 data[*at..at + len].copy_from_slice(&tell(position, floats).to_le_bytes()[..*len]);
             }
-            other.refilled(data) == frame
+            let others = u64::from_le_bytes(data) & !state;
+            states.iter().any(|code| other.refilled((others | code).to_le_bytes()) == frame)
         };
-        let way: Vec<i32> = near().map(|(_, position, _)| *position).collect();
+        let way: Vec<i32> = near().map(|look| look.position).collect();
         // Between two samples, the position changes by at most the fastest step. A movement that reverses may also go
         // further, by the distance that it covers twice.
         let steps: Vec<i32> = way.windows(2).map(|pair| around_turn(pair[1] - pair[0], self.is_hat)).collect();
         let sum = |sign: i32| steps.iter().map(|step| (step * sign).max(0)).sum::<i32>();
         let step = steps.iter().map(|step| step.abs()).max().unwrap_or_default() + sum(1).min(sum(-1));
         way.iter().any(|at| (at - step..=at + step).any(|at| told(if self.is_hat { at & 0x3FFF } else { at }, false)))
-            || near().any(|(.., floats)| *floats) && told(16_384, true)
+            || near().any(|look| look.floats) && told(16_384, true)
     }
 
     /// Returns whether each frame of the device is present, in its order and at its time.
@@ -131,6 +138,15 @@ fn carried(frame: &Frame) -> Vec<Carried> {
         ("581", [0x43, 0x04, 0x60, 0x00, ..]) => vec![(4, 4, shaft)],
         ("0CFE1383", _) => vec![(0, 1, |at, _| 125 + on(at, 100).max(0)), (1, 1, |at, _| 125 + on(-at, 100).max(0))],
         _ => vec![],
+    }
+}
+
+/// Returns the bits of a heartbeat or an AVEF that show a state; 0 for other frames.
+fn state(frame: &Frame) -> u64 {
+    match frame.to_string().split(':').next().unwrap() {
+        "720" | "701" if frame.data() != [0] => 0xFF,
+        "0CFE1383" => 0x0F_0000,
+        _ => 0,
     }
 }
 

@@ -105,6 +105,73 @@ fn loggers_are_late_while_the_spool_floats() {
     }
 }
 
+fn has_id(record: &Record, id: &str) -> bool {
+    matches!(record.entry, Entry::Frame(frame) if frame.to_string().split(':').next() == Some(id))
+}
+
+/// Sends a command, which ends `micros` after the next frame with the identifier `cyclic`, sent every 100 ms. Returns
+/// its index in the log.
+fn send_beside(session: &mut Session, cyclic: &str, micros: i64, command: &str) -> usize {
+    let last = session.records.iter().rfind(|record| has_id(record, cyclic)).unwrap().at.as_micros();
+    let takes = timeline::length(&frame(command), 250_000).as_micros();
+    let start = (last - START.as_micros() + 100_000 - takes).saturating_add_signed(micros);
+    session.wait(start - session.world.now().as_micros());
+    session.send(20, &[command]);
+    session.records.iter().rposition(|record| record.entry == Entry::Frame(frame(command))).unwrap()
+}
+
+/// A heartbeat shows the NMT state and an AVEF the state of the valve. The log has the command a little earlier or later
+/// than it was on the bus, on the other side of the cyclic frame.
+#[test]
+fn loggers_are_late_where_a_state_changes() {
+    let mut canopen = Session::new(VALVE);
+    canopen.send(3, &["620: 2B 17 10 00 64 00 00 00"]);
+    let mut isobus = Session::new("--device pvea-isobus@0x83");
+    isobus.send(300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
+    let avc = ["FA FF 31", "FA FF 32", "00 FF 3E", "00 FF 33"].map(|avc| format!("0CFE3327: {avc} FF FF FF FF FF"));
+    let sessions = [
+        (VALVE, canopen, "720", ["000: 01 20", "000: 80 20", "000: 02 20", "000: 01 00"].map(str::to_owned)),
+        ("--device pvea-isobus@0x83", isobus, "0CFE1383", avc),
+    ];
+    for (device, mut session, cyclic, commands) in sessions {
+        let beside = [-1500, 1500, -1500, 1500].into_iter().zip(&commands);
+        let places: Vec<usize> =
+            beside.map(|(micros, command)| send_beside(&mut session, cyclic, micros, command)).collect();
+        session.wait(250_000);
+        for (place, by) in places.into_iter().zip([2400, -2400, 2400, -2400]) {
+            let at = |place: usize| session.records[place].at.as_micros();
+            let neighbour = if by > 0 { place + 1 } else { place - 1 };
+            assert!(has_id(&session.records[neighbour], cyclic) && at(place).abs_diff(at(neighbour)) < 2000);
+            as_logged(device, &moved(&session.records, by, |other| other == place));
+        }
+    }
+}
+
+/// Beside a change of the state, a heartbeat may show the state before or after it. Every other state is reported, and
+/// every change of the other heartbeats.
+#[test]
+fn a_state_beyond_the_tolerance_is_told() {
+    let mut session = Session::new(VALVE);
+    session.send(3, &["620: 2B 17 10 00 64 00 00 00"]);
+    send_beside(&mut session, "720", -1500, "000: 01 20");
+    session.wait(250_000);
+    let heartbeats = (0..session.records.len()).filter(|place| has_id(&session.records[*place], "720"));
+    let codes = [0x00, 0x04, 0x05, 0x7F, 0x85];
+    let passing = heartbeats.map(|place| {
+        codes.map(|code| {
+            let mut records = session.records.clone();
+            let Entry::Frame(heartbeat) = records[place].entry else { unreachable!() };
+            records[place].entry = Entry::Frame(heartbeat.refilled([code, 0, 0, 0, 0, 0, 0, 0]));
+            replayed(VALVE, &log(&records, Format::Candump)).is_as_logged()
+        })
+    });
+    let passing: Vec<[bool; 5]> = passing.collect();
+    assert_eq!(passing[0], [true, false, false, false, false], "the boot-up");
+    assert_eq!(passing[1], [false, false, false, true, false], "before the command");
+    assert_eq!(passing[2], [false, false, true, true, false], "beside the command");
+    assert_eq!(passing[3..], [[false, false, true, false, false]; 2], "after the command");
+}
+
 /// A frame that is early or late by nearly the tolerance holds a position near that of the simulated frame: time and
 /// position may not differ by the tolerance each.
 #[test]
