@@ -37,7 +37,8 @@ export class Trace {
     this.lines = [];
     this.fresh = [];
     this.words = [];
-    this.isPaused = false;
+    /** The lines at the time of the pause; null without a pause. */
+    this.frozen = null;
     this.hidesRepeats = true;
     /** The last frame of each identifier. */
     this.latest = new Map();
@@ -60,7 +61,7 @@ export class Trace {
       this.redraw();
     });
     byId("clear").addEventListener("click", () => this.clear());
-    byId("pause").addEventListener("click", () => this.pause(!this.isPaused));
+    byId("pause").addEventListener("click", () => this.pause(this.frozen === null));
   }
 
   /** Sets whether the list follows the latest line. */
@@ -94,7 +95,7 @@ export class Trace {
     this.lines.push(line);
     // Lines are deleted in portions, because each deletion copies the array.
     if (this.lines.length > KEPT + SHOWN) this.lines.splice(0, SHOWN);
-    if (!this.isPaused && this.passes(line)) {
+    if (this.frozen === null && this.passes(line)) {
       this.fresh.push(line);
       if (this.fresh.length > SHOWN) this.fresh.shift();
     }
@@ -109,12 +110,13 @@ export class Trace {
 
   clear() {
     this.lines = [];
+    if (this.frozen !== null) this.frozen = [];
     this.missed = 0;
     this.redraw();
   }
 
   pause(isPaused) {
-    this.isPaused = isPaused;
+    this.frozen = isPaused ? [...this.lines] : null;
     byId("pause").setAttribute("aria-pressed", isPaused);
     if (!isPaused) this.redraw();
   }
@@ -126,6 +128,11 @@ export class Trace {
     this.redraw();
   }
 
+  /** Returns the lines among which the filter chooses. */
+  choice() {
+    return this.frozen ?? this.lines;
+  }
+
   passes(line) {
     if (this.hidesRepeats && line.isRepeat) return false;
     return this.words.every((word) =>
@@ -135,7 +142,7 @@ export class Trace {
 
   redraw() {
     this.list.replaceChildren();
-    this.fresh = this.lines.filter((line) => this.passes(line)).slice(-SHOWN);
+    this.fresh = this.choice().filter((line) => this.passes(line)).slice(-SHOWN);
     this.stayAtEnd(true);
     this.drawnAt = 0;
     paint(this);
@@ -152,7 +159,7 @@ export class Trace {
     setText(byId("trace-note"), this.note());
     const isEmpty = this.list.childElementCount === 0;
     byId("trace-empty").hidden = !isEmpty;
-    if (isEmpty) setText(byId("trace-empty"), this.lines.length === 0 ? "No frames yet" : "No recorded frame matches the filter");
+    if (isEmpty) setText(byId("trace-empty"), this.choice().length === 0 ? "No frames yet" : "No recorded frame matches the filter");
   }
 
   /** Shows a line in a row: a new row, or the oldest one if the list is full. */
@@ -171,7 +178,7 @@ export class Trace {
   note() {
     const kept = `${Math.min(this.lines.length, KEPT)} frames kept`;
     const missed = this.missed > 0 ? `, ${this.missed} events missed: this page is too slow` : "";
-    return `${this.isPaused ? "paused, " : ""}${kept}${missed}`;
+    return `${this.frozen === null ? "" : "paused, "}${kept}${missed}`;
   }
 }
 

@@ -196,10 +196,31 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
     const rows = [...document.querySelectorAll("#frames li")];
     return rows.length > 0 && rows.every((row) => row.textContent.includes("5FF"));
   });
-  await page.getByRole("searchbox", { name: "Filter" }).fill("");
+
+  // Paused, filter and repeats choose among the lines from before, also after more frames than are kept.
+  const filter = page.getByRole("searchbox", { name: "Filter" });
+  await filter.fill("5fe");
+  await until(page, shows, await onTheBus());
+  const times = await page.locator("#frames time").allTextContents();
+  const showsTimes = (times) => {
+    const shown = [...document.querySelectorAll("#frames time")].map((time) => time.textContent);
+    return shown.join() === times.join();
+  };
+  await page.getByRole("button", { name: "Pause" }).press("Enter");
+  await advance(25_000);
+  await page.locator("#trace-note", { hasText: "paused, 2000 frames kept" }).waitFor();
+  await filter.fill("0x5fe");
+  await until(page, showsTimes, times);
+  await page.getByLabel("Hide repeats").press("Space");
+  await until(page, showsTimes, times.slice(0, 1));
+  await page.getByLabel("Hide repeats").press("Space");
+  await until(page, showsTimes, times);
+  await filter.fill("");
   await press(page.getByRole("button", { name: "Stop" }), "Enter");
   await page.locator("#notice", { hasText: "1 cyclic" }).waitFor();
   await (await hold(page.getByRole("button", { name: "Clear" }))).press("Enter");
+  await page.getByText("No frames yet").waitFor();
+  await page.getByRole("button", { name: "Pause" }).press("Enter");
   await until(page, () => document.querySelectorAll("#frames li").length === 0);
   await (await hold(page.locator(".skip"))).press("Enter");
   assert.equal(await page.evaluate(() => document.activeElement.id), "trace");
