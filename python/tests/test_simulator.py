@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,12 @@ def test_python_can_drives_a_valve() -> None:
         assert (state.dsm, state.solenoids, state.active_faults) == ("active", True, ())
         answers = iter(lambda: bus.recv(20), None)
         assert next(answer for answer in answers if answer.arbitration_id == TPDO and answer.data[0] == 0x0F)
+
+
+def test_a_client_without_python_can_says_what_to_install(stepped: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "can", None)
+    with pytest.raises(SimulatorError, match="needs python-can: pip install python-can"):
+        stepped.bus()
 
 
 def test_a_spool_has_measured_times() -> None:

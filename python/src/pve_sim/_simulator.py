@@ -158,7 +158,7 @@ class Simulator:
         try:
             import can
         except ImportError as error:
-            raise SimulatorError("a client of the bus needs python-can: pip install 'pve-sim[can]'") from error
+            raise SimulatorError("a client of the bus needs python-can: pip install python-can") from error
         client = can.Bus(**self.can_options, **options)
         self._clients.add(client)
         # The client keeps the simulator alive.
