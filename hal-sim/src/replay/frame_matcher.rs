@@ -5,6 +5,7 @@
 
 use std::collections::VecDeque;
 
+use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
 use super::identifier::is_cannot_claim;
@@ -14,7 +15,7 @@ use super::report::What;
 
 /// The additional tolerance of a cannot-claim: each node that loses its address delays this message randomly (SAE
 /// J1939-81).
-const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
+pub(super) const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
 
 /// The maximum number of logged frames and of sent frames that an alignment considers.
 const AHEAD: usize = 16;
@@ -129,9 +130,14 @@ impl FrameMatcher {
     }
 }
 
+/// Returns the time tolerance of a frame.
+pub(super) fn tolerance_of(frame: &Frame, tolerance: Duration) -> Duration {
+    if is_cannot_claim(frame) { tolerance + CANNOT_CLAIM } else { tolerance }
+}
+
 /// Returns the cost of pairing two frames; `None` if they cannot be a pair.
 fn pair(logged: &Item, sent: &Item, tolerance: Duration, positions: &PositionTolerance) -> Option<u32> {
-    let tolerance = if is_cannot_claim(&logged.frame) { tolerance + CANNOT_CLAIM } else { tolerance };
+    let tolerance = tolerance_of(&logged.frame, tolerance);
     let apart = since(logged.at, sent.at).max(since(sent.at, logged.at));
     let alike = apart <= tolerance + PATIENCE && positions.alike(logged, sent);
     match (alike, apart <= tolerance) {

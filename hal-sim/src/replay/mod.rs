@@ -45,8 +45,8 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
 use self::entries::{Entries, Placed};
-use self::frame_matcher::FrameMatcher;
-use self::identifier::{id_of_key, is_claim};
+use self::frame_matcher::{CANNOT_CLAIM, FrameMatcher, tolerance_of};
+use self::identifier::{id_of_key, is_cannot_claim, is_claim};
 use self::item::{Item, PATIENCE};
 use self::replay_bus::ReplayBus;
 use self::timeline::Timeline;
@@ -228,7 +228,12 @@ impl<'a> Player<'a> {
                 self.pair(self.bus.now().min(at), None);
             }
         }
-        self.bus.run_before(after(end, self.options.tolerance));
+        let latest = after(end, self.options.tolerance);
+        self.bus.run_before(latest);
+        self.collect();
+        // The last frame of the log may be a cannot-claim that the simulated device sends later.
+        self.bus.run_before(after(latest, CANNOT_CLAIM));
+        self.bus.sent.retain(|item| is_cannot_claim(&item.frame));
         self.collect();
         self.pair(Instant::MAX, Some(end));
         self.outcome.told.sort_by_key(|difference| (difference.at, difference.number));
@@ -285,7 +290,10 @@ impl<'a> Player<'a> {
         let tolerance = self.options.tolerance;
         for matcher in self.matchers.values_mut() {
             while let Some(verdict) = matcher.next(known, tolerance, &self.bus.positions) {
-                let (Some(what), latest) = (verdict.what, after(verdict.at, tolerance)) else { continue };
+                let Some(what) = verdict.what else { continue };
+                let sent = verdict.sent.as_ref();
+                let tolerance = sent.map_or(tolerance, |item| tolerance_of(&item.frame, tolerance));
+                let latest = after(verdict.at, tolerance);
                 let is_outside = end.is_some_and(|end| latest > end) || latest < self.timeline.opened();
                 if what == What::Additional && is_outside {
                     continue;

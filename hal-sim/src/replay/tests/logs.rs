@@ -166,6 +166,29 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
 
+/// A cannot-claim has a random delay, also at the end of a log: the recorded valve may have sent it earlier or later than
+/// the simulated valve.
+#[test]
+fn a_log_may_end_near_a_cannot_claim() {
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.wait(400_000);
+    session.send(300, &["18EEFF83: 00 00 00 00 00 00 00 10"]);
+    let cannot = Entry::Frame(frame("18EEFFFE: 01 00 20 07 08 FF 02 20"));
+    let place = session.records.iter().position(|record| record.entry == cannot).unwrap();
+    let (contention, at) = (session.records[place - 1].at, session.records[place].at);
+    let mut records = session.records[..place].to_vec();
+    records.push(Record { at: Timestamp::from_micros(contention.as_micros() + 2000), entry: cannot });
+    assert!(at.as_micros() - contention.as_micros() > 30_000, "the simulated valve is later");
+    as_logged(device, &log(&records, Format::Candump));
+    // The log ends before the recorded valve sends the frame, or lacks the frame.
+    records[place] = Record { at: at.at(Instant::from_millis(20)), entry: Entry::Frame(frame("0CFE1127: 00")) };
+    as_logged(device, &log(&records, Format::Candump));
+    records[place].at = at.at(Instant::from_millis(160));
+    let outcome = replayed(device, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.told[0].what), (1, What::Additional));
+}
+
 /// A blank device sends nothing without a request: a log without its frames does not match.
 #[test]
 fn a_device_of_which_nothing_is_compared_is_told() {
