@@ -4,6 +4,7 @@ use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant, after, since};
 
 use super::frames::Frames;
+use super::step::Step;
 use crate::simulation::{Heard, History};
 use crate::state::Pattern;
 
@@ -18,10 +19,14 @@ pub(super) struct Claims<'a> {
 
 /// An expected cyclic frame.
 #[derive(Clone)]
-struct Again<'a> {
+pub(super) struct Again<'a> {
+    /// The step that expects it.
+    pub(super) step: &'a Step,
     pattern: &'a Pattern,
     period: Duration,
     last: Instant,
+    /// True once the frame has come again.
+    pub(super) is_checked: bool,
 }
 
 /// A deviation from a strict scenario.
@@ -60,6 +65,7 @@ impl<'a> Claims<'a> {
     fn repeat(&mut self, heard: Heard) -> Option<Deviation> {
         let known = self.again.iter_mut().find(|again| again.pattern.matches(&heard.frame));
         let Some(again) = known else { return Some(Deviation::Unclaimed(heard)) };
+        again.is_checked = true;
         let pause = since(heard.at, std::mem::replace(&mut again.last, heard.at));
         (pause < again.period / 2).then_some(Deviation::Early(heard, pause))
     }
@@ -67,20 +73,20 @@ impl<'a> Claims<'a> {
     fn find_missing(&mut self, now: Instant) {
         let late = |again: &&Again<'_>| now > after(again.last, again.period + again.period / 2);
         if self.deviation.is_none()
-            && let Some(Again { pattern, period, last }) = self.again.iter().find(late)
+            && let Some(Again { pattern, period, last, .. }) = self.again.iter().find(late)
         {
             self.deviation = Some(Deviation::Missing { pattern: (*pattern).clone(), period: *period, last: *last });
         }
     }
 
-    /// Starts expecting a frame cyclically, every `period`; `last` is the time of the latest such frame.
-    pub(super) fn begin(&mut self, pattern: &'a Pattern, period: Duration, last: Instant) {
-        self.again.push(Again { pattern, period, last });
+    /// Starts expecting the frame of a step cyclically, every `period`; `last` is the time of the latest such frame.
+    pub(super) fn begin(&mut self, step: &'a Step, pattern: &'a Pattern, period: Duration, last: Instant) {
+        self.again.push(Again { step, pattern, period, last, is_checked: false });
     }
 
-    /// Stops expecting the cyclic frame with an identifier, or all cyclic frames if `None`.
-    pub(super) fn end(&mut self, id: Option<Id>) {
-        self.again.retain(|again| id.is_some() && again.pattern.identifier() != id);
+    /// Stops expecting the cyclic frame with an identifier, or all cyclic frames if `None`. Returns these frames.
+    pub(super) fn end(&mut self, id: Option<Id>) -> Vec<Again<'a>> {
+        self.again.extract_if(.., |again| id.is_none() || again.pattern.identifier() == id).collect()
     }
 
     /// Returns whether a deviation has been found.

@@ -278,7 +278,7 @@ fn a_frame_from_before_the_step_fulfils_nothing() {
         r#"send = "700#05", expect = "5A0#43..""#,
         r#"send = "700#05", every_ms = 100, expect = "5A0#43..""#,
         r#"plant = { supply_mv = 20000 }, expect = "5A0#43..""#,
-        r#"disturb = { frames = 1, id = 0x123 }, expect = "5A0#43..""#,
+        r#"disturb = { frames = 0 }, expect = "5A0#43..""#,
         r#"after_ms = 10, expect = "5A0#43..""#,
         r#"at_ms = 100, expect = "5A0#43..""#,
     ] {
@@ -389,7 +389,7 @@ fn identifiers_of_steps() {
     {
         passes(&format!(
             r#"{ACTIVE}, {{ stop = {stop} }}, {{ expect = {{ faults = ["time-guarding"] }} }},
-            {{ disturb = {{ frames = 1, id = {disturb} }} }}"#
+            {{ disturb = {{ frames = 1, id = {disturb} }} }}, {{ send = "220#0F00 0010", expect = "1A0" }}"#
         ));
     }
     for stop in ["0x0CFE3027", "\"0x0CFE3027\""] {

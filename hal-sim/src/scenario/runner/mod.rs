@@ -60,6 +60,8 @@ pub(crate) struct Run<'a> {
     is_forgiven: bool,
     /// The active communication faults by name, each with the step that added it.
     faults: Vec<(String, &'a Step)>,
+    /// The number of frames to destroy, with the step of the disturbance.
+    disturbed: Option<(u32, &'a Step)>,
     /// The number of the first event that no failure has shown yet.
     shown: u64,
 }
@@ -121,6 +123,7 @@ impl<'a> Run<'a> {
             failures: Vec::new(),
             is_forgiven: false,
             faults: Vec::new(),
+            disturbed: None,
             shown: 0,
         }
     }

@@ -1,5 +1,6 @@
 //! Executes the steps of a run in order, each with its start, action, expectation and prohibition.
 
+use protocol_core::frame::Id;
 use protocol_core::time::{Instant, NEVER, after};
 
 use super::{Next, Runner};
@@ -9,8 +10,8 @@ use crate::scenario::report::Failure;
 use crate::scenario::step::{Begin, Expect, Never, Step, What};
 use crate::scenario::strict::Claims;
 use crate::scenario::target::Target;
-use crate::simulation::{Command, Executed, Refusal, Reply, Ticket};
-use crate::state::FaultRecord;
+use crate::simulation::{Command, Executed, Refusal, Reply, Stopped, Ticket};
+use crate::state::{FaultRecord, digits};
 
 impl<'a, B: Target> Runner<'_, 'a, B> {
     /// Advances to `until` or to the end of the scenario. Returns whether the scenario has ended.
@@ -78,10 +79,14 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         }
         self.run.next = Next::Expect(None);
         let Some(act @ (_, command)) = &step.act else { return };
-        if let Command::Fault(_) = command {
-            // A new fault may replace an expired one.
-            let over: Vec<FaultRecord> = self.target.simulation().faults().filter(|record| record.is_over).collect();
-            self.end_faults(&over);
+        match command {
+            Command::Fault(_) => {
+                // A new fault may replace an expired one.
+                let over: Vec<_> = self.target.simulation().faults().filter(|record| record.is_over).collect();
+                self.end_faults(&over);
+            }
+            Command::Disturb(_) => self.end_disturbance(),
+            _ => {}
         }
         // Frames that devices send during the action may match the step's expectation, so they are not judged yet.
         let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
@@ -96,12 +101,21 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
     /// Processes the result of an action.
     fn acted(&mut self, step: &'a Step, act: &(&str, Command), done: Result<Reply, Refusal>) {
         self.run.claims = self.run.held_claims.take().or(self.run.claims.take());
-        match (done, &act.1, &mut self.run.claims) {
-            (Err(_), _, Some(claims)) if claims.are_broken() => {}
-            (Err(refusal), ..) => self.fail(Failure::refused(step, act, &refusal)),
-            (Ok(_), Command::Stop(which), Some(claims)) => claims.end(*which),
-            (Ok(Reply::Fault(record)), ..) => self.run.faults.push((record.name, step)),
-            (Ok(Reply::Faults(ended)), ..) => self.end_faults(&ended),
+        match (done, &act.1) {
+            (Err(_), _) if self.run.claims.as_ref().is_some_and(Claims::are_broken) => {}
+            (Err(refusal), _) => self.fail(Failure::refused(step, act, &refusal)),
+            (Ok(Reply::Stopped(Stopped { stopped })), Command::Stop(which)) => {
+                let expected = self.end_claims(*which);
+                if let (Some(id), 0, 0) = (which, stopped, expected) {
+                    let reason = format!("there is no cyclic frame \"{}\"", digits(*id));
+                    self.fail(Failure::undone(step, act.0, &reason));
+                }
+            }
+            (Ok(_), Command::Disturb(disturbance)) => {
+                self.run.disturbed = Some((disturbance.frames, step)).filter(|(frames, _)| *frames > 0);
+            }
+            (Ok(Reply::Fault(record)), _) => self.run.faults.push((record.name, step)),
+            (Ok(Reply::Faults(ended)), _) => self.end_faults(&ended),
             _ => {}
         }
     }
@@ -152,7 +166,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         } else if let (true, Some(period), Some(claims)) = (frames.are_all_there(), every, &mut self.run.claims)
             && let [(pattern, _)] = frames.wanted.as_slice()
         {
-            claims.begin(pattern, period, frames.last);
+            claims.begin(step, pattern, period, frames.last);
         }
         self.conclude(step);
     }
@@ -175,8 +189,8 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         self.run.claims.is_some() && !self.run.failures.is_empty()
     }
 
-    /// Ends the scenario: reports a pending deviation, ends the `never` checks, checks the remaining communication
-    /// faults, and compares the devices' bit rates with the bus.
+    /// Ends the scenario: reports a pending deviation, ends the `never` checks, checks that faults, disturbances and
+    /// periods were tested, and compares the devices' bit rates with the bus.
     fn end(&mut self) {
         if let Some(last) = self.run.scenario.steps.last() {
             self.settle(last);
@@ -186,6 +200,8 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
         }
         let left: Vec<FaultRecord> = self.target.simulation().faults().collect();
         self.end_faults(&left);
+        self.end_disturbance();
+        self.end_claims(None);
         self.target.simulation_mut().rates_mut().find_all();
         self.fail_unheard();
         // A strict scenario claims no frames after its end.
@@ -221,6 +237,29 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
                 self.fail(Failure::undone(step, &format!("fault {}", record.fault), reason));
             }
         }
+    }
+
+    /// Fails the step whose disturbance destroyed no frame.
+    fn end_disturbance(&mut self) {
+        if let Some((frames, step)) = self.run.disturbed.take()
+            && self.target.simulation().world().disturbance().frames == frames
+        {
+            self.fail(Failure::undone(step, "disturb", "no frame was destroyed: nothing was tested"));
+        }
+    }
+
+    /// Stops expecting the cyclic frame with an identifier, or all cyclic frames if `None`. Fails each step whose frame
+    /// did not come again, unless the scenario has failed already. Returns the number of expected cyclic frames.
+    fn end_claims(&mut self, which: Option<Id>) -> usize {
+        let has_failed = self.ends_early();
+        let Some(claims) = &mut self.run.claims else { return 0 };
+        let has_failed = has_failed || claims.are_broken();
+        let ended = claims.end(which);
+        for again in ended.iter().filter(|again| !again.is_checked && !has_failed) {
+            let reason = "the frame did not come again: its period was not checked";
+            self.fail(Failure::undone(again.step, "every_ms", reason));
+        }
+        ended.len()
     }
 
     /// Fails a step of a strict scenario if a deviation was found: an unclaimed frame, or a cyclic frame that is early

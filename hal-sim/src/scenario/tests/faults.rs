@@ -47,6 +47,22 @@ fn a_fault_that_affects_no_frame_fails() {
     passes(r#"{ fault = { lose = "220", probability = 0 } }, { after_ms = 100 }, { end = "all" }"#);
 }
 
+/// The same for a disturbance.
+#[test]
+fn a_disturbance_that_destroys_no_frame_fails() {
+    for steps in [
+        r#"{ disturb = { frames = 1, id = "221" } }, { after_ms = 200 }"#,
+        r#"{ disturb = { frames = 32, id = "221" } }, { after_ms = 200 }, { disturb = { frames = 0 } }"#,
+        r#"{ disturb = { frames = 1, id = "221" } }, { disturb = { frames = 1, id = "220" } }, { send = "220#00" }"#,
+    ] {
+        let report = fails(steps, 1);
+        assert!(report.contains("x.toml:4: disturb: failed at "), "{report}");
+        assert!(report.contains("no frame was destroyed: nothing was tested"), "{report}");
+    }
+    passes(r#"{ disturb = { frames = 9, id = "220" } }, { send = "220#00" }, { disturb = { frames = 0 } }"#);
+    passes(r#"{ disturb = { frames = 0 } }"#);
+}
+
 #[test]
 fn a_fault_that_cannot_be_is_refused() {
     for (step, reason) in [

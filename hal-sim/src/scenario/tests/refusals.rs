@@ -53,6 +53,29 @@ fn only_a_cyclic_frame_is_stopped() {
     passes(&format!(r#"{cyclic}, {{ send = "220#01", every_ms = 20 }}, {{ stop = "220" }}, {{ stop = "all" }}"#));
 }
 
+/// Only the run shows whether a rule has sent or stopped a cyclic frame.
+#[test]
+fn a_stop_of_a_frame_that_is_not_active_fails() {
+    let stops = |rule: &str, steps: &str| {
+        let text = format!(
+            "devices = [\"pvea-canopen@0x20\"]\nreactions = [{{ {rule} }}]\nsteps = [{{ expect = \"720#00\" }},\n{steps}]"
+        );
+        let outcome = Scenario::parse(&text).expect(&text).run(1);
+        outcome.failures("x.toml")
+    };
+    let stop = "{ after_ms = 200, stop = \"7F0\" }";
+    assert_eq!(stops(r#"on = "0A0", send = "7F0#", every_ms = 10"#, stop), "");
+    let never_sent = stops(r#"on = "0A0#FFFF ..", send = "7F0#", every_ms = 10"#, stop);
+    let stopped_before = stops(
+        r#"on = "0A0", stop = "220""#,
+        r#"{ send = "220#00", every_ms = 50, expect = "0A0", since_ms = 0 }, { after_ms = 200, stop = "220" }"#,
+    );
+    for (said, id) in [(never_sent, "7F0"), (stopped_before, "220")] {
+        assert!(said.contains("x.toml:4: stop: failed at "), "{said}");
+        assert!(said.contains(&format!("there is no cyclic frame \"{id}\"")), "{said}");
+    }
+}
+
 /// Conditions that a device never or always satisfies are refused with their possible values.
 #[test]
 fn a_state_that_can_never_be_is_refused() {

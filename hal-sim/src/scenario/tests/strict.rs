@@ -84,10 +84,32 @@ fn a_frame_that_comes_again_keeps_its_cycle() {
     let text = differs(&format!("{start} {{ expect = \"1A0\" }},\n{{ after_ms = 500 }}"));
     assert!(text.contains("x.toml:8: strict: ") && text.contains("no step expects  1A0: "), "{text}");
     // The cycle ends with a stop.
-    let stopped = "{ stop = \"220\" }, { stop = \"1A0\" }, { after_ms = 1000 }";
+    let stopped = "{ after_ms = 120, stop = \"220\" }, { stop = \"1A0\" }, { after_ms = 1000 }";
     agrees(&format!("{start} {stopped}"));
-    let text = differs(&format!("{start} {{ stop = \"220\" }},\n{{ after_ms = 1000 }}"));
+    let text = differs(&format!("{start} {{ after_ms = 120, stop = \"220\" }},\n{{ after_ms = 1000 }}"));
     assert!(text.contains("not received since "), "{text}");
+}
+
+/// A period that no frame was compared with is a failure, at the step that gives it.
+#[test]
+fn a_period_that_nothing_was_compared_with_fails() {
+    let start = format!("{ANSWER} {{ send = \"220#0000 0000\", every_ms = 100 }},\n");
+    let again = |period: u32| format!("{{ expect = \"1A0#0800 0000\", every_ms = {period} }}");
+    let after_that = |rest: &str| format!("{start}{}, {rest}", again(100));
+    agrees(&after_that("{ after_ms = 151 }"));
+    agrees(&after_that("{ after_ms = 200, stop = \"1A0\" }, { stop = \"220\" }"));
+    // Another step looks at the next frame.
+    agrees(&after_that("{ expect = \"1A0#0800 0000\", within_ms = 150 }, { stop = \"220\" }, { after_ms = 50 }"));
+    for steps in [
+        format!("{start}{}", again(1)),
+        format!("{start}{}, {{ after_ms = 49, stop = \"220\" }}, {{ after_ms = 300 }}", again(5000)),
+        after_that("{ stop = \"1A0\" }, { stop = \"220\" }, { after_ms = 300 }"),
+        after_that("{ stop = \"all\" }, { after_ms = 300 }"),
+    ] {
+        let text = differs(&steps);
+        assert!(text.contains("x.toml:8: every_ms: failed at "), "{steps}\n{text}");
+        assert!(text.contains("the frame did not come again: its period was not checked"), "{steps}\n{text}");
+    }
 }
 
 /// A frame received while the step's own frame waits for the bus belongs to the step.
