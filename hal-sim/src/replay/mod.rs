@@ -15,12 +15,13 @@
 //! ```
 //!
 //! A log does not contain power-ups. Each simulated device is powered on so that its first frame (boot-up or address
-//! claim) ends at the same time as in the log. A device without this frame in the log is powered on 1 s before the log.
-//! A client sends the frames of other nodes so that they end at the logged times. Such a frame may lose an arbitration
-//! that it won in the log, and is then late by the length of one frame.
+//! claim) ends at the same time as in the log. A device without this frame in the log is powered on before the log, so
+//! that its cyclic messages have the phase of the log. A client sends the frames of other nodes so that they end at the
+//! logged times. Such a frame may lose an arbitration that it won in the log, and is then late by the length of one
+//! frame.
 //!
 //! A log frame from a replayed device may remain unrecognised, for example a PDO with a changed COB-ID. The client then
-//! sends this frame, and later the simulated device sends the same identifier. The next round repeats the replay with
+//! sends this frame, and soon the simulated device sends the same identifier. The next round repeats the replay with
 //! this identifier attributed to the devices.
 
 mod attribution;
@@ -274,12 +275,12 @@ impl<'a> Player<'a> {
     }
 
     /// Records an identifier that was sent to the simulated devices and by one of them, unless it is known to be the
-    /// device's own. The two frames must be close enough for a pair: another node may use an identifier that the device
-    /// had before.
+    /// device's own. The two frames must be close: another node may use an identifier that the device had before.
     fn note_misplayed(&mut self, key: u32) {
         let (Some(played), Some(sent)) = (self.played.get(&key), self.sent.get(&key)) else { return };
-        let apart = since(*played, *sent).max(since(*sent, *played));
-        if apart <= self.options.tolerance + PATIENCE && !is_claim(key) && !self.own.contains(&key) {
+        let tolerance = self.options.tolerance;
+        let is_close = since(*played, *sent) <= tolerance && since(*sent, *played) <= tolerance + PATIENCE;
+        if is_close && !is_claim(key) && !self.own.contains(&key) {
             self.misplayed.insert(key);
         }
     }
