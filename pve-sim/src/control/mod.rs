@@ -14,11 +14,16 @@ use std::fmt;
 use hal_sim::campaign::Verdict;
 use hal_sim::simulation::{BusState, Command, Excerpt, Refusal, Reply};
 use hal_sim::state::{DeviceState, FaultRecord};
+use protocol_core::time::Instant;
 use serde::{Deserialize, Serialize};
 use tokio::sync::oneshot;
 use utoipa::ToSchema;
 
 use events::Subscription;
+
+/// The last instant of a run: 584 years, the range of the bus time in 64-bit nanoseconds, less one day in which pending
+/// frames can end.
+pub(crate) const LAST: Instant = Instant::from_ticks(u64::MAX / 1000 - 86_400_000_000);
 
 /// A message to the world, with the sender of the answer.
 #[derive(Debug)]

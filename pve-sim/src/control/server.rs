@@ -3,11 +3,14 @@
 use std::collections::VecDeque;
 
 use super::events::Events;
-use super::{Answer, Judged, JudgedCell, Message, Speed, Time};
+use super::{Answer, Judged, JudgedCell, LAST, Message, Speed, Time};
 use hal_sim::campaign::Judge;
 use hal_sim::devices::CONTROL;
 use hal_sim::simulation::{Command, Executed, Happened, Refusal, Reply, Simulation, Ticket};
-use protocol_core::time::{Instant, NEVER};
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+/// The time within which a frame is sent or withdrawn: its time limit, and the last attempt to send it.
+const SENDING: Duration = Duration::from_secs(2);
 
 /// The control server: passes commands to the simulation and replies to the callers.
 #[derive(Debug)]
@@ -68,6 +71,15 @@ impl ControlServer {
     }
 
     fn begin(&mut self, command: Command, answer: Answer<Reply>, simulation: &mut Simulation) {
+        let span = match &command {
+            Command::Advance(span) | Command::Wait(_, span) => Some(*span),
+            Command::Send(..) => Some(SENDING),
+            _ => None,
+        };
+        if span.is_some_and(|span| after(simulation.now(), span) > LAST) {
+            let reason = "virtual time reached its limit of 584 years".to_owned();
+            return drop(answer.send(Err(Refusal::Conflict(reason))));
+        }
         match simulation.execute(command) {
             Ok(Executed::Done(reply)) => drop(answer.send(Ok(reply))),
             Ok(Executed::Pending(ticket)) => self.pending.push((ticket, answer)),

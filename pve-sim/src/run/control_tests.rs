@@ -3,7 +3,7 @@
 use tokio::sync::oneshot::{self, Receiver, error::TryRecvError};
 
 use super::*;
-use crate::control::{Answer, Message};
+use crate::control::{Answer, LAST, Message};
 use hal_sim::simulation::{Command, Refusal, Reply};
 
 /// The receiver of an answer.
@@ -132,4 +132,36 @@ fn nobody_is_kept_in_mind() {
     let mut time = rig.call(millis(100), Message::Time);
     rig.run_until(millis(200));
     assert_eq!(time.try_recv().err(), Some(TryRecvError::Closed));
+}
+
+/// A call that would end after the limit of virtual time is refused, instead of never being answered.
+#[test]
+fn at_the_end_of_virtual_time_every_call_is_answered() {
+    let refusal = |mut way: Way<Reply>| match way.try_recv() {
+        Ok(Err(Refusal::Conflict(reason))) => reason,
+        other => panic!("{other:?}"),
+    };
+    let frame: Frame = "100: 01".parse().expect("a frame");
+    let millisecond = protocol_core::time::Duration::from_millis(1);
+    for (speed, before) in [(Speed::STEP, 500_000), (Speed::Factor(1e12), 0)] {
+        let mut rig = Rig::with_desk(speed.factor());
+        rig.driver.is_stepped = speed == Speed::STEP;
+        rig.driver.control = Some(ControlServer::new(speed, None, &mut rig.driver.simulation));
+        rig.driver.simulation.run_until(LAST - protocol_core::time::Duration::from_micros(before));
+        let sent = rig.call(millis(5000), |answer| Message::Execute(Command::Send(frame, None), answer));
+        let late = rig.wait_for(millis(5000), r#"{"powered": false}"#, 1 + before / 1000);
+        let last = rig.wait_for(millis(5000), r#"{"powered": false}"#, before / 1000);
+        let now = rig.wait_for(millis(5001), r#"{"powered": true}"#, 0);
+        rig.run_until(millis(5010));
+        assert_eq!(told(last)["t_us"], LAST.as_micros(), "{speed}");
+        assert_eq!(told(now)["t_us"], LAST.as_micros(), "{speed}");
+        for way in [sent, late] {
+            assert_eq!(refusal(way), "virtual time reached its limit of 584 years", "{speed}");
+        }
+        if speed == Speed::STEP {
+            let step = rig.call(millis(5020), |answer| Message::Execute(Command::Advance(millisecond), answer));
+            rig.run_until(millis(5030));
+            assert_eq!(refusal(step), "virtual time reached its limit of 584 years");
+        }
+    }
 }

@@ -10,9 +10,7 @@ use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::time::{Duration, Instant, after, since};
 
-/// The last instant of a run: 584 years, the range of the bus time in 64-bit nanoseconds, less one day in which pending
-/// frames can end.
-pub(super) const LAST: Instant = Instant::from_ticks(u64::MAX / 1000 - 86_400_000_000);
+use crate::control::LAST;
 
 /// The gap between two clock readings above which the process counts as stalled. A master that sends every 200 ms may
 /// be 50 ms late before its valve reports a fault.
