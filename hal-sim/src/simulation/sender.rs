@@ -45,6 +45,8 @@ struct Outgoing {
     ticket: Option<Ticket>,
     /// True if the frame is a transmission of a cyclic frame.
     is_cyclic: bool,
+    /// The error if the frame is withdrawn at its deadline.
+    withdrawal: &'static str,
 }
 
 /// A cyclic frame.
@@ -82,7 +84,13 @@ impl Sender {
             self.cyclic.push(Cyclic { frame, period, next: after(world.now(), period) });
         }
         let deadline = after(world.now(), PATIENCE);
-        self.waiting.push(Outgoing { frame, deadline, ticket: Some(ticket), is_cyclic: period.is_some() });
+        self.waiting.push(Outgoing {
+            frame,
+            deadline,
+            ticket: Some(ticket),
+            is_cyclic: period.is_some(),
+            withdrawal: LATE,
+        });
         self.load(world);
         Ok(())
     }
@@ -101,6 +109,7 @@ impl Sender {
                 // The current attempt to send the frame continues, but a destroyed frame is not retransmitted.
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
+                outgoing.withdrawal = STOPPED;
             } else if let Some(outgoing) = self.sending.take() {
                 world.drop_waiting(self.port);
                 outgoing.refuse(STOPPED, completed);
@@ -129,7 +138,8 @@ impl Sender {
             if outgoing.is_cyclic && outgoing.ticket.is_some() {
                 self.cyclic.retain(|cyclic| cyclic.frame.id() != outgoing.frame.id());
             }
-            outgoing.refuse(LATE, completed);
+            let reason = outgoing.withdrawal;
+            outgoing.refuse(reason, completed);
         }
         self.repeat(now);
         self.load(world);
@@ -158,7 +168,7 @@ impl Sender {
             let mut on_way = sending.iter().chain(waiting.iter());
             if !on_way.any(|outgoing| outgoing.is_cyclic && outgoing.frame.id() == frame.id()) {
                 let deadline = after(now, PATIENCE);
-                waiting.push(Outgoing { frame: *frame, deadline, ticket: None, is_cyclic: true });
+                waiting.push(Outgoing { frame: *frame, deadline, ticket: None, is_cyclic: true, withdrawal: LATE });
             }
         }
     }

@@ -518,3 +518,31 @@ fn a_controller_receives_each_frame_once() {
     let waited = simulation.run(Command::Wait(Condition::Received, Duration::from_millis(5)));
     assert!(matches!(&waited, Ok(Reply::Frame(frame)) if frame.id == 0x5A0), "{waited:?}");
 }
+
+/// The first frame is destroyed again and again, until its cycle is stopped.
+#[test]
+fn a_send_whose_cyclic_frame_is_stopped_says_so() {
+    // On the wire, in an error frame, and between two attempts.
+    for (waits, micros) in (0..2000).step_by(50).flat_map(|micros| [(false, micros), (true, micros)]) {
+        let mut simulation = Simulation::new(BitRate::Kbit250, 1);
+        let device = NamedDevice::new("boom", Kind::from_name("pvea-canopen").expect("a kind"));
+        simulation.add(&device, Memory::in_ram());
+        simulation.send_as("http");
+        simulation.power_up(Duration::from_ticks(0));
+        simulation.run_until(Instant::from_secs(1));
+        simulation
+            .execute(Command::Disturb(crate::bus::Disturbance { frames: 1_000_000, id: None }))
+            .expect("it disturbs");
+        if waits {
+            // The cyclic frame waits behind another frame.
+            simulation.execute(Command::Send("100: 00".parse().expect("a frame"), None)).expect("it is sent");
+        }
+        let send = Command::Send("101: 01".parse().expect("a frame"), Some(Duration::from_millis(10)));
+        let Ok(Executed::Pending(ticket)) = simulation.execute(send) else { panic!("it waits for the frame") };
+        simulation.run_until(Instant::from_micros(1_000_000 + micros));
+        assert!(simulation.execute(Command::Stop(None)).is_ok());
+        simulation.run_until(Instant::from_secs(4));
+        let stopped = Refusal::Conflict("the cyclic frame was stopped".to_owned());
+        assert_eq!(simulation.take_result(ticket), Some(Err(stopped)), "{waits} {micros}");
+    }
+}
