@@ -229,7 +229,7 @@ impl FaultRequest {
         let kind = self.kind()?;
         let identifiers = [&self.lose, &self.delay, &self.repeat, &self.swap, &self.corrupt, &self.destroy, &self.omit];
         let identifier = identifiers.into_iter().flatten().next();
-        let frames = identifier.map(|identifier| self.filter(identifier)).transpose()?.unwrap_or_default();
+        let frames = identifier.map(|identifier| self.filter(kind, identifier)).transpose()?.unwrap_or_default();
         let effect = self.effect(kind)?;
         if self.receivers.as_ref().is_some_and(Vec::is_empty) {
             return Err(Invalid("receivers must not be empty".to_owned()));
@@ -277,7 +277,7 @@ impl FaultRequest {
     }
 
     /// Returns the frame filter for an identifier or for `all`.
-    fn filter(&self, identifier: &Identifier) -> Result<FrameFilter, Invalid> {
+    fn filter(&self, kind: &'static str, identifier: &Identifier) -> Result<FrameFilter, Invalid> {
         let sender = self.sender.as_deref().map(Arc::from);
         let is_all = matches!(identifier, Identifier::Text(text) if text == "all");
         if is_all {
@@ -288,7 +288,7 @@ impl FaultRequest {
         }
         let extended = self.extended.or_else(|| identifier.needs_29_bits().then_some(true));
         let or_all = |Invalid(reason)| Invalid(reason + "; all selects every identifier");
-        let id = identifier.id(extended).map_err(or_all)?;
+        let id = identifier.id(extended).map_err(or_all).map_err(within(kind))?;
         let is_extended = matches!(id, Id::Extended(_));
         let mask = self.mask.as_ref().map(|mask| mask.id(Some(is_extended)).map_err(within("mask"))).transpose()?;
         Ok(FrameFilter { id: Some(id), mask: mask.map(|mask| raw(mask).0), sender })

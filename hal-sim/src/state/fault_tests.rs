@@ -87,11 +87,12 @@ fn another_fault_is_refused_in_one_line() {
         (json!({ "lose": "220", "count": 0 }), "count 0 is not valid; "),
         (json!({ "lose": "220", "for_ms": 0 }), "for_ms 0 is not valid; "),
         (json!({ "lose": "220", "from_ms": 86_400_001 }), "from_ms 86400001 is not valid; "),
-        (json!({ "lose": "" }), "id \"\" is not valid; "),
-        (json!({ "lose": "88888888" }), "id \"88888888\" is not valid; "),
+        (json!({ "lose": "" }), "lose: id \"\" is not valid; "),
+        (json!({ "omit": "88888888" }), "omit: id \"88888888\" is not valid; "),
+        (json!({ "lose": 16384, "extended": false }), "lose: id 16384 is not valid; "),
         (
             json!({ "lose": "zz" }),
-            "id \"zz\" is not valid; accepted: 0 to 2047, or a hex string as in \"220\"; \
+            "lose: id \"zz\" is not valid; accepted: 0 to 2047, or a hex string as in \"220\"; \
              29-bit identifiers need eight digits, or extended set to true; all selects every identifier",
         ),
         (json!({ "lose": "220", "mask": "zz" }), "mask: id \"zz\" is not valid; accepted: "),

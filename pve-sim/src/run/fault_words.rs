@@ -156,7 +156,7 @@ mod tests {
     fn another_line_is_refused() {
         let mut simulation = simulation();
         for (line, reason) in [
-            ("lose 88888888", "id \"88888888\" is not valid; "),
+            ("lose 88888888", "lose: id \"88888888\" is not valid; "),
             ("lose 220 x", "count \"x\" is not valid; "),
             ("lose 220 1 2", "'2' is not valid"),
             ("lose 220 1 count=2", "duplicate key 'count'"),
@@ -166,7 +166,7 @@ mod tests {
             ("corrupt 220 flags.set=1", "unknown key 'flags'"),
             ("lose 220 probability=nan", "probability \"nan\" is not valid; accepted: a number from 0 to 1"),
             ("lose 220 probability=inf", "probability \"inf\" is not valid; accepted: a number from 0 to 1"),
-            ("lose zz", "id \"zz\" is not valid; accepted: "),
+            ("lose zz", "lose: id \"zz\" is not valid; accepted: "),
             ("delay 1A0", "delay needs ms or burst_ms, such as ms=20"),
             ("end lose-220", "no fault 'lose-220'; there are no faults"),
         ] {

@@ -68,7 +68,7 @@ fn a_fault_that_cannot_be_is_refused() {
     for (step, reason) in [
         (r#"{ fault = {} }"#, "fault: a fault needs one of lose, delay, "),
         (r#"{ fault = { lose = "220", sender = "bucket" } }"#, "fault: no device or client 'bucket'; known: "),
-        (r#"{ fault = { lose = "" } }"#, "fault: id \"\" is not valid; "),
+        (r#"{ fault = { lose = "" } }"#, "fault: lose: id \"\" is not valid; "),
         (r#"{ fault = { lose = "220", probability = 1.5 } }"#, "fault.probability 1.5 is not valid; accepted: "),
         (r#"{ fault = { loose = "220" } }"#, "fault: unknown key 'loose'; did you mean 'lose'?"),
         (r#"{ end = "lose-220" }"#, "end: no fault 'lose-220'; there are no faults"),

@@ -54,9 +54,9 @@ fn a_refused_fault_changes_nothing() {
             r#"{"lose": "220", "sender": "the gateway, listening"}"#,
             "no device or client 'the gateway, listening'; known: boom, the gateway, http",
         ),
-        (r#"{"lose": ""}"#, "id \"\" is not valid; "),
+        (r#"{"lose": ""}"#, "lose: id \"\" is not valid; "),
         (r#"{"lose": "220", "probability": 2}"#, "probability 2 is not valid; "),
-        (r#"{"lose": "220", "lose": "221"}"#, ""),
+        (r#"{"lose": "220", "lose": "221"}"#, "duplicate member lose"),
         (r#"{"insert": "220#00", "name": "boom"}"#, "the name of an insert fault must not be"),
         (r#"{"loss": "220"}"#, "unknown key 'loss'"),
     ] {
