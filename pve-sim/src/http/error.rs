@@ -1,5 +1,6 @@
 //! Error responses as JSON, and the extractors of request bodies, queries and names.
 
+use std::fmt;
 use std::time::Duration;
 
 use axum::Json;
@@ -8,15 +9,15 @@ use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::de::{self, DeserializeOwned, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 use tokio::time::timeout;
 use utoipa::ToSchema;
 
 use hal_sim::simulation::Refusal;
 use hal_sim::state::Invalid;
-use hal_sim::state::schema::{Schemas, with_whole_numbers};
+use hal_sim::state::schema::Schemas;
 
 /// The JSON body of an error response; the request has changed nothing.
 #[derive(Debug, Serialize, ToSchema)]
@@ -92,6 +93,9 @@ const fn status(refusal: &Refusal) -> StatusCode {
     }
 }
 
+/// The maximum size of a request body, in bytes.
+pub(super) const BODY_MAX: usize = 64 * 1024;
+
 /// The time limit for receiving the body of a request.
 const BODY_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -103,43 +107,111 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> fo
     type Rejection = Failure;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
-        use axum::extract::rejection::JsonRejection::JsonSyntaxError;
+        use axum::extract::rejection::JsonRejection::MissingJsonContentType;
+
         let (parts, body) = request.into_parts();
         let collected = Bytes::from_request(Request::from_parts(parts.clone(), body), state);
         let Ok(collected) = timeout(BODY_TIMEOUT, collected).await else {
             return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body was not received in time".to_owned()));
         };
-        let bytes = collected.map_err(|error| Failure::Request(error.status(), error.body_text()))?;
-        let request = Request::from_parts(parts, bytes.clone().into());
-        let value = match Json::<Value>::from_request(request, state).await {
-            Ok(Json(value)) => with_whole_numbers(value),
-            Err(JsonSyntaxError(error)) => return Err(not_json(&error)),
-            Err(error) => return Err(Failure::Request(error.status(), error.body_text())),
+        let bytes = collected.map_err(|error| {
+            let reason = match error.status() {
+                StatusCode::PAYLOAD_TOO_LARGE => format!("the body is too large; accepted: up to {BODY_MAX} bytes"),
+                _ => "the body was not received".to_owned(),
+            };
+            Failure::Request(error.status(), reason)
+        })?;
+        let request = Request::from_parts(parts, bytes.into());
+        let value = match Json::<Unique>::from_request(request, state).await {
+            Ok(Json(Unique(value))) => value,
+            Err(MissingJsonContentType(_)) => {
+                let reason = "the body must have the Content-Type application/json".to_owned();
+                return Err(Failure::Request(StatusCode::UNSUPPORTED_MEDIA_TYPE, reason));
+            }
+            Err(error) => return Err(not_json(&error)),
         };
         Schemas::of::<T>().check(&T::name(), &value, "null").map_err(Invalid::from)?;
-        // The text is parsed first, because a JSON value has only the last of duplicate members.
-        match serde_json::from_slice(&bytes) {
-            Err(error) if !error.to_string().starts_with(TWICE) => serde_json::from_value(value),
-            read => read,
-        }
-        .map(Self)
-        .map_err(|error| not_json(&error))
+        serde_json::from_value(value).map(Self).map_err(|error| Failure::bad_request(error.to_string()))
     }
 }
-
-/// The beginning of the message about a duplicate member.
-const TWICE: &str = "duplicate field `";
 
 /// Creates the error for invalid JSON or a duplicate member, without the framework's own wording.
 fn not_json(error: &dyn std::error::Error) -> Failure {
     let first = std::iter::successors(Some(error), |error| error.source()).last();
     let reason = first.map_or_else(String::new, ToString::to_string);
-    let twice = reason.strip_prefix(TWICE).and_then(|rest| rest.split_once('`'));
-    Failure::bad_request(match twice {
-        Some((member, _)) => format!("duplicate member {member}"),
-        None if reason.contains(" must be ") => reason,
-        None => format!("the body is not JSON: {reason}"),
+    Failure::bad_request(match reason.rsplit_once(" at line ") {
+        Some((duplicate, _)) if duplicate.contains(DUPLICATE) => duplicate.to_owned(),
+        _ => format!("the body is not JSON: {reason}"),
     })
+}
+
+/// The message about a duplicate member, after its place and before its name.
+const DUPLICATE: &str = "duplicate member ";
+
+/// A JSON value without duplicate members, of which [`Value`] would keep the last. Whole numbers are integers, because
+/// JSON does not distinguish 8.0 from 8.
+struct Unique(Value);
+
+impl<'de> Deserialize<'de> for Unique {
+    fn deserialize<D: Deserializer<'de>>(value: D) -> Result<Self, D::Error> {
+        value.deserialize_any(UniqueVisitor).map(Self)
+    }
+}
+
+struct UniqueVisitor;
+
+impl<'de> Visitor<'de> for UniqueVisitor {
+    type Value = Value;
+
+    fn expecting(&self, text: &mut fmt::Formatter<'_>) -> fmt::Result {
+        text.write_str("JSON")
+    }
+
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
+        /// The limit up to which every whole number has an exact representation.
+        const EXACT: f64 = (1_u64 << 53) as f64;
+        let is_whole = value.fract() == 0.0 && value.abs() < EXACT;
+        Ok(if is_whole { (value as i64).into() } else { value.into() })
+    }
+
+    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
+        let mut list = Vec::new();
+        while let Some(Unique(item)) = items.next_element()? {
+            list.push(item);
+        }
+        Ok(list.into())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Value, A::Error> {
+        let mut object = Map::new();
+        while let Some((key, Unique(value))) = members.next_entry::<String, _>()? {
+            if object.contains_key(&key) {
+                return Err(de::Error::custom(format_args!("{DUPLICATE}{key}")));
+            }
+            object.insert(key, value);
+        }
+        Ok(object.into())
+    }
 }
 
 /// The query of a request.
@@ -151,7 +223,7 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequestParts<
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Failure> {
         let pairs = axum::extract::Query::<Vec<(String, String)>>::from_request_parts(parts, state).await;
-        let axum::extract::Query(pairs) = pairs.map_err(|error| Failure::bad_request(error.body_text()))?;
+        let axum::extract::Query(pairs) = pairs.map_err(|_| Failure::bad_request("the query is not valid"))?;
         let schemas = Schemas::of::<T>();
         let mut query = Map::new();
         for (key, text) in pairs {
@@ -176,7 +248,7 @@ impl<S: Send + Sync> FromRequestParts<S> for Name {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Failure> {
         match axum::extract::Path::from_request_parts(parts, state).await {
             Ok(axum::extract::Path(name)) => Ok(Self(name)),
-            Err(error) => Err(Failure::bad_request(error.body_text())),
+            Err(_) => Err(Failure::bad_request("the name in the path is not UTF-8")),
         }
     }
 }

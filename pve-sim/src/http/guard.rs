@@ -1,13 +1,14 @@
 //! The guard of the control interface: refuses requests for a host name that another site has bound to this address
-//! (DNS rebinding), and cross-site requests.
+//! (DNS rebinding), cross-site requests, and queries and bodies that a call would ignore.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 use axum::Extension;
+use axum::body::HttpBody as _;
 use axum::extract::Request;
 use axum::http::uri::Authority;
-use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
@@ -23,6 +24,23 @@ pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, req
     match check(&request, connection.local()) {
         Ok(()) => next.run(request).await,
         Err(refusal) => Failure::Request(StatusCode::FORBIDDEN, refusal).into_response(),
+    }
+}
+
+/// Passes on a request without a query; for calls without parameters.
+pub(super) async fn without_query(request: Request, next: Next) -> Response {
+    match request.uri().query().filter(|query| !query.is_empty()) {
+        Some(query) => Failure::bad_request(format!("unknown query '{query}'; this call has none")).into_response(),
+        None => next.run(request).await,
+    }
+}
+
+/// Passes on a request without a body, or with a method that has one.
+pub(super) async fn without_body(request: Request, next: Next) -> Response {
+    let reads = matches!(*request.method(), Method::POST | Method::PATCH);
+    match reads || request.body().is_end_stream() {
+        true => next.run(request).await,
+        false => Failure::bad_request("this call has no body").into_response(),
     }
 }
 

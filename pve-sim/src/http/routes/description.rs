@@ -81,7 +81,7 @@ fn describe<T: ToSchema + 'static>(schemas: &mut Value) {
 fn add_refusals(call: &mut Value) {
     let has_body = call["requestBody"].is_object();
     let refusals = [
-        ("400", has_body || call["parameters"].is_array(), "An invalid value"),
+        ("400", true, "An invalid value, or a query or body that the call does not have"),
         (
             "403",
             true,

@@ -21,14 +21,11 @@ use axum::{Json, Router, middleware};
 use tokio::sync::oneshot;
 
 use super::connection::Connection;
-use super::error::Failure;
-use super::guard::guard;
+use super::error::{BODY_MAX, Failure};
+use super::guard::{guard, without_body, without_query};
 use crate::control::{Answer, Message};
 use crate::inbox::{ToWorld, WorldSender};
 use hal_sim::simulation::{Command, Reply};
-
-/// The maximum size of a request body, in bytes.
-const BODY: usize = 64 * 1024;
 
 /// The sender by which a call reaches the world, and the connection of its client.
 #[derive(Clone, Debug)]
@@ -79,20 +76,23 @@ pub(super) fn router(world: WorldSender) -> Router {
         .route("/bus/disturb", post(bus::disturb))
         .route("/bus/faults", get(bus::faults).post(bus::add_fault).delete(bus::end_faults))
         .route("/bus/faults/{name}", delete(bus::end_fault))
-        .route("/bus/frames", post(frames::send).delete(frames::stop))
         .route("/wait", post(wait::wait))
         .route("/time", get(time::show).post(time::advance))
         .route("/cell", get(cell::show))
-        .route("/trace", get(trace::show))
         .route("/events", get(events::follow))
-        .route("/openapi.json", get(description::show));
+        .route("/openapi.json", get(description::show))
+        .route("/bus/frames", post(frames::send))
+        .route_layer(middleware::from_fn(without_query))
+        .route("/bus/frames", delete(frames::stop))
+        .route("/trace", get(trace::show))
+        .route_layer(middleware::from_fn(without_body));
     Router::new()
         .nest("/api/v1", api)
         .route("/", get(panel::page))
         .route("/panel/{name}", get(panel::file))
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
-        .layer(DefaultBodyLimit::max(BODY))
+        .layer(DefaultBodyLimit::max(BODY_MAX))
         .layer(middleware::from_fn(guard))
         .with_state(world)
 }

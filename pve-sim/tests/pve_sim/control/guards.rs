@@ -22,6 +22,12 @@ impl Rig {
         (status, serde_json::from_str(body).unwrap_or_else(|error| panic!("{error}: {answer}")))
     }
 
+    /// Returns the status of a request for a head.
+    fn head(&self, path: &str) -> u16 {
+        let url = format!("http://{}{path}", self.host);
+        self.agent.head(url).call().expect("an answer").status().as_u16()
+    }
+
     fn with(&self, method: &str, path: &str, headers: &str, body: &str) -> (u16, Value) {
         self.raw(&format!(
             "{method} {path} HTTP/1.1\r\n{headers}Connection: close\r\nContent-Length: {}\r\n\r\n{body}",
@@ -84,13 +90,52 @@ fn every_refusal_is_json() {
         rig.refused(method, path, None, 405);
     }
     let long = format!(r#"{{"on": false, "x": "{}"}}"#, "x".repeat(70_000));
-    rig.refused("POST", "/devices/pvea-canopen/power", Some(&long), 413);
+    let refused = rig.refused("POST", "/devices/pvea-canopen/power", Some(&long), 413);
+    assert_eq!(refused, "the body is too large; accepted: up to 65536 bytes");
     rig.refused("POST", "/time", Some("{"), 400);
-    rig.refused("GET", "/devices/%ff", None, 400);
+    assert_eq!(rig.refused("GET", "/devices/%ff", None, 400), "the name in the path is not UTF-8");
     let own = format!("Host: {}\r\n", rig.host);
+    let (_, answer) = rig.with("POST", "/api/v1/time", &own, "{}");
+    assert_eq!(answer["error"], "the body must have the Content-Type application/json");
+    let half = format!("POST /api/v1/time HTTP/1.1\r\n{own}{JSON}Transfer-Encoding: chunked\r\n\r\nx\r\n");
+    assert_eq!(rig.raw(&half), (400, json!({"error": "the body was not received"})));
     let (status, answer) = rig.with("GET", "/other", &own, "");
     assert_eq!((status, answer["error"].is_string()), (404, true));
     assert_eq!(rig.get("/time"), json!({"now_us": 10_000, "speed": "step"}));
+}
+
+/// A misspelt address of one fault, for example, must not end all of them.
+#[test]
+fn what_a_call_does_not_read_is_refused() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
+    rig.post("/bus/faults", json!({"lose": "220"}));
+    rig.send_every(1000, "100: ");
+    let own = format!("Host: {}\r\n", rig.host);
+    let off = "/api/v1/devices/valve/power?on=false";
+    for (method, path, body) in [
+        ("DELETE", "/api/v1/bus/faults?name=lose-220", ""),
+        ("DELETE", "/api/v1/bus/faults/lose-220?x", ""),
+        ("GET", "/api/v1/devices?x=1", ""),
+        ("HEAD", "/api/v1/events?x=1", ""),
+        ("POST", off, SWITCH_OFF),
+        ("POST", "/api/v1/bus/frames?id=100", r#"{"id": "100", "data": ""}"#),
+        ("DELETE", "/api/v1/bus/frames", r#"{"id": "100"}"#),
+        ("DELETE", "/api/v1/bus/faults", r#"{"name": "lose-221"}"#),
+        ("GET", "/api/v1/trace?limit=1", "{}"),
+    ] {
+        let (status, answer) = match method {
+            "HEAD" => (rig.head(path), json!({"error": ""})),
+            _ => rig.with(method, path, &format!("{own}{JSON}"), body),
+        };
+        assert_eq!((status, answer["error"].is_string()), (400, true), "{method} {path} {body}: {answer}");
+    }
+    assert_eq!(rig.with("GET", "/nothing?x=1", &own, "").0, 404);
+    assert_eq!(rig.with("PUT", "/api/v1/bus?x=1", &own, "").0, 405);
+    assert_eq!(rig.with("GET", "/api/v1/bus?", &own, "").0, 200, "an empty query");
+    assert_eq!(rig.with("GET", "/api/v1/trace?limit=1", &own, "").0, 200);
+    assert_eq!(rig.device("valve")["powered"], true);
+    assert_eq!(rig.get("/bus/faults").as_array().map(Vec::len), Some(1));
+    assert_eq!(rig.done("DELETE", "/bus/frames?id=100", None), json!({"stopped": 1}));
 }
 
 #[test]
