@@ -6,11 +6,12 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use protocol_core::actuator::Position;
+use protocol_core::device::plant::WORDS;
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 use utoipa::openapi::{RefOr, schema};
 
-use super::{Invalid, words};
+use super::{FaultRequest, Invalid, words};
 use crate::Kind;
 
 /// The nullable properties of each schema. All other optional properties may be missing but not null.
@@ -181,10 +182,24 @@ fn restrict(name: &str, schema: &mut Value) {
             schema["oneOf"][0]["minimum"] = Position::MIN.raw().into();
             schema["oneOf"][0]["maximum"] = Position::MAX.raw().into();
         }
+        "CommunicationFault" => {
+            schema["oneOf"] = FaultRequest::kinds().map(|kind| json!({ "required": [kind] })).collect();
+        }
+        "Profile" => {
+            let numeric = WORDS.iter().filter(|word| word.values.range().is_some()).map(|word| word.name);
+            schema["properties"]["word"]["enum"] = numeric.collect();
+        }
+        "Points" => {
+            schema["oneOf"][1]["minItems"] = 1.into();
+            schema["oneOf"][1]["items"]["minItems"] = 2.into();
+            schema["oneOf"][1]["items"]["maxItems"] = 2.into();
+        }
+        "Limits" | "LedCondition" => schema["minProperties"] = 1.into(),
         "Wait" => {
             schema["anyOf"] = json!([
                 { "required": ["device", "state"], "maxProperties": 3 },
                 { "required": ["frame"], "maxProperties": 2 },
+                { "properties": { "received": { "enum": [true] } }, "required": ["received"], "maxProperties": 2 },
             ]);
         }
         _ => {}
@@ -408,21 +423,6 @@ fn is_within(schema: &Value, value: &Value) -> bool {
 /// Returns whether a list has the number of items that its schema requires, if any.
 fn has_length(schema: &Value, value: &Value) -> bool {
     schema["maxItems"].as_u64().zip(value.as_array()).is_none_or(|(items, list)| list.len() as u64 == items)
-}
-
-/// Converts whole numbers in a value to integers, because JSON does not distinguish 8.0 from 8.
-pub fn with_whole_numbers(value: Value) -> Value {
-    /// The limit up to which every whole number has an exact representation.
-    const EXACT: f64 = (1_u64 << 53) as f64;
-    match value {
-        Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
-            Some(float) if float.fract() == 0.0 && float.abs() < EXACT => (float as i64).into(),
-            _ => Value::Number(number),
-        },
-        Value::Array(items) => items.into_iter().map(with_whole_numbers).collect(),
-        Value::Object(members) => members.into_iter().map(|(key, value)| (key, with_whole_numbers(value))).collect(),
-        value => value,
-    }
 }
 
 /// Formats the path of a value: `steps[2].plant.supply_mv`.

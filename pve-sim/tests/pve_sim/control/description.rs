@@ -24,6 +24,7 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
             let fits = options.iter().filter(|option| mismatch(description, option, value, path).is_none()).count();
             match fits {
                 0 => return wrong(several),
+                2.. if several == "oneOf" && schema["properties"].is_object() => return wrong(several),
                 // With members beside them, choices express dependencies.
                 _ if schema["properties"].is_object() => {}
                 _ => return None,
@@ -59,8 +60,12 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
     {
         return wrong("limits");
     }
-    if let Some((items, length)) = value.as_array().zip(schema["maxItems"].as_u64())
-        && (items.len() as u64 > length || schema["minItems"].as_u64().is_some_and(|least| least > items.len() as u64))
+    let is_within = |length: usize, least: &str, most: &str| {
+        schema[least].as_u64().is_none_or(|least| length as u64 >= least)
+            && schema[most].as_u64().is_none_or(|most| length as u64 <= most)
+    };
+    if value.as_array().is_some_and(|items| !is_within(items.len(), "minItems", "maxItems"))
+        || value.as_object().is_some_and(|members| !is_within(members.len(), "minProperties", "maxProperties"))
     {
         return wrong("length");
     }
@@ -179,12 +184,9 @@ fn every_refusal_is_described() {
     for (path, calls) in paths {
         for (method, call) in calls.as_object().expect("calls") {
             let described = call["responses"].as_object().expect("responses");
-            let mut wanted = vec!["200", "403", "405", "503"];
+            let mut wanted = vec!["200", "400", "403", "405", "503"];
             if call["requestBody"].is_object() {
                 wanted.extend(["408", "413", "415"]);
-            }
-            if call["requestBody"].is_object() || call["parameters"].is_array() {
-                wanted.push("400");
             }
             if path.contains("{name}") {
                 wanted.push("404");
@@ -292,7 +294,7 @@ fn what_is_described_is_what_is_accepted() {
             {
                 // Any text is a possible name, and the device itself refuses an unknown fault.
                 let is_text = value.is_string() && matches!(&**key, "name" | "kind" | "data" | "id");
-                if is_text || key == "faults" || value == json!({}) {
+                if is_text || key == "faults" {
                     continue;
                 }
                 let (accepted, described) = (is_accepted(json!({key: value})), described(&value));
@@ -313,6 +315,40 @@ fn what_is_described_is_what_is_accepted() {
         }
     }
     assert!(numbers >= 8, "{numbers}");
+}
+
+/// What depends on other members, or on the number of members or items.
+#[test]
+fn each_form_of_a_body_is_described() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
+    let description = rig.get("/openapi.json");
+    let points = |points: Value| json!({"profile": {"word": "supply_mv", "points": points}});
+    for (call, name, body, accepted) in [
+        ("POST /wait", "Wait", json!({"device": "valve", "state": {}, "within_ms": 1}), true),
+        ("POST /wait", "Wait", json!({"frame": {"id": 1}, "within_ms": 1}), true),
+        ("POST /wait", "Wait", json!({"received": true, "within_ms": 1}), true),
+        ("POST /wait", "Wait", json!({"received": false, "within_ms": 1}), false),
+        ("POST /wait", "Wait", json!({"received": true, "device": "valve", "state": {}, "within_ms": 1}), false),
+        ("POST /wait", "Wait", json!({"received": true, "frame": {"id": 1}, "within_ms": 1}), false),
+        ("POST /wait", "Wait", json!({"device": "valve", "within_ms": 1}), false),
+        ("POST /wait", "Wait", json!({"within_ms": 1}), false),
+        ("POST /wait", "Wait", json!({"device": "valve", "state": {"position": {}}, "within_ms": 1}), false),
+        ("POST /wait", "Wait", json!({"device": "valve", "state": {"led": {}}, "within_ms": 1}), false),
+        ("PATCH /devices/valve/plant", "PlantChange", points(json!([[0, 24_000]])), true),
+        ("PATCH /devices/valve/plant", "PlantChange", points(json!([])), false),
+        ("PATCH /devices/valve/plant", "PlantChange", points(json!([[0]])), false),
+        ("PATCH /devices/valve/plant", "PlantChange", points(json!([[0, 1, 2]])), false),
+        ("PATCH /devices/valve/plant", "PlantChange", json!({"profile": {"word": "spool", "points": [[0, 1]]}}), false),
+        ("POST /bus/faults", "CommunicationFault", json!({"lose": "220"}), true),
+        ("POST /bus/faults", "CommunicationFault", json!({"count": 1}), false),
+        ("POST /bus/faults", "CommunicationFault", json!({"lose": "220", "swap": "220"}), false),
+    ] {
+        let (method, path) = call.split_once(' ').expect("a call");
+        let (status, answer) = rig.call(method, path, Some(&body.to_string()));
+        assert_eq!(status != 400, accepted, "{body}: {answer}");
+        let mismatch = mismatch(&description, &description["components"]["schemas"][name], &body, name);
+        assert_eq!(mismatch.is_none(), accepted, "{body}: {mismatch:?}");
+    }
 }
 
 /// Returns an object with the members of another one added.
@@ -383,6 +419,28 @@ fn refusals_name_the_member_and_what_is_accepted() {
         ),
         ("PATCH", "/devices/valve/plant", "[]", "the body [] is not valid; accepted: an object"),
         ("PATCH", "/devices/valve/plant", r#"{"bus_off": true, "bus_off": true}"#, "duplicate member bus_off"),
+        ("PATCH", "/devices/valve/plant", r#"{"supply_mv": 8000.0, "supply_mv": 9000}"#, "duplicate member supply_mv"),
+        ("PATCH", "/devices/valve/plant", r#"{"spool": {"fault": "stuck", "fault": "ok"}}"#, "duplicate member fault"),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"profile": {"word": "supply_mv", "points": [[0, 1]], "points": [[0, 2]]}}"#,
+            "duplicate member points",
+        ),
+        ("POST", "/bus/frames", r#"{"id": 544.0, "id": 545, "data": "00"}"#, "duplicate member id"),
+        ("POST", "/bus/faults", r#"{"lose": "123", "count": 1.0, "count": 7}"#, "duplicate member count"),
+        (
+            "POST",
+            "/wait",
+            r#"{"device": "valve", "state": {"position": {"min": 0, "min": 5}}, "within_ms": 0}"#,
+            "duplicate member min",
+        ),
+        (
+            "POST",
+            "/wait",
+            r#"{"received": true, "within_ms": 1, "x` at line": 1, "x` at line": 1}"#,
+            "duplicate member x` at line",
+        ),
         (
             "POST",
             "/wait",
