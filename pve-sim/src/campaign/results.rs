@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufRead, BufReader, BufWriter, Seek as _, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, BufWriter, Read as _, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use hal_sim::campaign::{CellResult, Verdict};
@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::manifest::{FORMAT, Manifest};
 use crate::output::CommandError;
+use crate::run::open_exclusively;
 
 /// A line of a results file.
 #[derive(Debug, Serialize, Deserialize)]
@@ -110,7 +111,7 @@ pub(super) fn quoted(word: &str) -> String {
     }
 }
 
-/// A writer that appends rows to a results file.
+/// A writer that appends rows to a results file. The file is locked against other writers until this value is dropped.
 #[derive(Debug)]
 pub(super) struct Writer {
     path: PathBuf,
@@ -120,22 +121,20 @@ pub(super) struct Writer {
 impl Writer {
     /// Creates a results file, or replaces an earlier one. Refuses to replace any other file with contents.
     pub(super) fn create(path: &Path, manifest: &Manifest) -> Result<Self, CommandError> {
-        let is_replaceable = match path.metadata() {
-            Err(_) => true,
-            Ok(meta) => !meta.is_file() || meta.len() == 0 || Reader::open(path).is_ok(),
-        };
-        if !is_replaceable {
+        let file = open(path)?;
+        if !has_no_results(path, &file)? && Reader::open(path).is_err() {
             return Err(CommandError::of(path, "not a results file, so it is not replaced; use another --results"));
         }
-        let file = File::create(path).map_err(|error| CommandError::of(path, error))?;
-        let mut writer = Self { path: path.to_owned(), file: BufWriter::new(file) };
-        writer.write(&Line::Manifest(Cow::Borrowed(manifest)))?;
-        Ok(writer)
+        Self::begin(path, file, manifest)
     }
 
-    /// Opens the results of an interrupted campaign for appending after the last complete row. Returns the numbers of
-    /// the complete rows.
+    /// Opens the results of an interrupted campaign for appending after the last complete row; creates a missing file.
+    /// Returns the numbers of the complete rows.
     pub(super) fn resume(path: &Path, manifest: &Manifest) -> Result<(Self, BTreeSet<usize>), CommandError> {
+        let mut file = open(path)?;
+        if has_no_results(path, &file)? {
+            return Ok((Self::begin(path, file, manifest)?, BTreeSet::new()));
+        }
         let mut reader = Reader::open(path)?;
         let found = &reader.manifest;
         if !found.is_of_campaign_of(manifest) || found.shard != manifest.shard {
@@ -145,10 +144,21 @@ impl Writer {
         }
         let rows = reader.by_ref().map(|row| Ok(row?.row)).collect::<Result<_, CommandError>>()?;
         let of = |error: io::Error| CommandError::of(path, error);
-        let mut file = OpenOptions::new().write(true).open(path).map_err(of)?;
         file.set_len(reader.complete).map_err(of)?;
         file.seek(SeekFrom::End(0)).map_err(of)?;
         Ok((Self { path: path.to_owned(), file: BufWriter::new(file) }, rows))
+    }
+
+    /// Replaces the contents of the file by a manifest.
+    fn begin(path: &Path, file: File, manifest: &Manifest) -> Result<Self, CommandError> {
+        let of = |error: io::Error| CommandError::of(path, error);
+        // A file that is not a regular one cannot be truncated.
+        if file.metadata().map_err(of)?.len() > 0 {
+            file.set_len(0).map_err(of)?;
+        }
+        let mut writer = Self { path: path.to_owned(), file: BufWriter::new(file) };
+        writer.write(&Line::Manifest(Cow::Borrowed(manifest)))?;
+        Ok(writer)
     }
 
     /// Appends a row, and flushes the file to the operating system.
@@ -164,6 +174,31 @@ impl Writer {
         };
         write().map_err(|error| CommandError::of(&self.path, error))
     }
+}
+
+/// Opens or creates a file for writing, with a lock against other writers. Keeps its contents.
+fn open(path: &Path) -> Result<File, CommandError> {
+    let file = open_exclusively(OpenOptions::new().write(true).create(true).truncate(false), path);
+    let file = file.map_err(|error| CommandError::of(path, error))?;
+    file.ok_or_else(|| CommandError::of(path, "another pve-sim is writing to this file; use another --results"))
+}
+
+/// Returns whether a file is not regular, is empty, or ends within its manifest, as after a full disk.
+fn has_no_results(path: &Path, file: &File) -> Result<bool, CommandError> {
+    let of = |error: io::Error| CommandError::of(path, error);
+    let found = file.metadata().map_err(of)?;
+    if !found.is_file() || found.len() == 0 {
+        return Ok(true);
+    }
+    let text = first_line(&mut BufReader::new(File::open(path).map_err(of)?)).map_err(of)?;
+    Ok(text.starts_with(b"{\"manifest\":") && !text.ends_with(b"\n") && found.len() == text.len() as u64)
+}
+
+/// Reads a line of up to 1 MiB, because a file of another kind may be one endless line.
+fn first_line(file: &mut impl BufRead) -> io::Result<Vec<u8>> {
+    let mut text = Vec::new();
+    file.take(1 << 20).read_until(b'\n', &mut text)?;
+    Ok(text)
 }
 
 /// A reader of a results file, row by row.
@@ -184,14 +219,11 @@ impl Reader {
     pub(super) fn open(path: &Path) -> Result<Self, CommandError> {
         let file = File::open(path).map_err(|error| CommandError::of(path, error))?;
         let mut file = BufReader::new(file);
-        // Any other file may be one endless line.
-        let mut text = Vec::new();
-        let first = io::Read::take(&mut file, 1 << 20).read_until(b'\n', &mut text);
-        let complete = first.map_err(|error| CommandError::of(path, error))? as u64;
+        let text = first_line(&mut file).map_err(|error| CommandError::of(path, error))?;
         match serde_json::from_slice(&text) {
             Ok(Line::Manifest(manifest)) if manifest.format == FORMAT && text.ends_with(b"\n") => {
                 let (path, manifest) = (path.to_owned(), manifest.into_owned());
-                Ok(Self { path, file, manifest, line: 1, lowest: 0, complete })
+                Ok(Self { path, file, manifest, line: 1, lowest: 0, complete: text.len() as u64 })
             }
             _ => Err(CommandError::of(path, "not a results file in the format of this version")),
         }

@@ -41,16 +41,16 @@ pub(super) fn run_campaign(
 ) -> Result<bool, CommandError> {
     let Prepared { campaign, manifest, live, .. } = prepare(plan, options.seed, !options.no_fork)?;
     let manifest = Manifest { shard: options.shard, ..manifest };
-    let (writer, done) = if options.resume && results.metadata().is_ok_and(|meta| meta.len() > 0) {
-        Writer::resume(results, &manifest)?
-    } else {
-        (Writer::create(results, &manifest)?, BTreeSet::new())
+    // The file stays locked until it has been read for the report.
+    let (mut writer, done) = match options.resume {
+        true => Writer::resume(results, &manifest)?,
+        false => (Writer::create(results, &manifest)?, BTreeSet::new()),
     };
     let is_own = |row: &usize| options.shard.is_none_or(|shard| shard.has(*row)) && !done.contains(row);
     let rows: Vec<usize> = (0..manifest.rows).filter(is_own).collect();
     let jobs = options.jobs.map_or_else(processors, usize::from);
     let kept = format!("the complete rows are in {}", results.display());
-    run_rows(campaign, live, rows, jobs, writer).map_err(|stopped| match stopped {
+    run_rows(campaign, live, rows, jobs, &mut writer).map_err(|stopped| match stopped {
         Stopped::Failed(error) => error,
         Stopped::Interrupted => {
             CommandError::Failed(format!("interrupted; {kept}; the same command with --resume continues"))
@@ -66,7 +66,7 @@ fn run_rows(
     live: Option<Live>,
     rows: Vec<usize>,
     jobs: usize,
-    mut writer: Writer,
+    writer: &mut Writer,
 ) -> Result<(), Stopped<CommandError>> {
     let cells = Arc::new(AtomicU64::new(0));
     let mut progress = Progress::new(rows.len());

@@ -67,13 +67,34 @@ fn a_torn_file_goes_on_behind_its_last_complete_row() {
     let (manifest, rows) = (manifest(3), [row(0, 2), row(1, 2), row(2, 2)].map(short));
     let whole = written(&path("whole"), &manifest, &rows);
     let starts: Vec<usize> = whole.match_indices("{\"row\":{").map(|(place, _)| place).collect();
-    for length in (starts[0]..whole.len()).step_by(7) {
+    // The file may end within its manifest.
+    for length in ("{\"manifest\":".len()..whole.len()).step_by(7) {
         fs::write(path("torn"), &whole[..length]).expect("a file");
         let (mut writer, done) = Writer::resume(&path("torn"), &manifest).expect("results");
-        let complete = starts.iter().filter(|start| **start <= length).count() - 1;
+        let complete = starts.iter().filter(|start| **start <= length).count().saturating_sub(1);
         assert_eq!(done, (0..complete).collect(), "{length}");
         rows[complete..].iter().for_each(|row| writer.append(row).expect("a row"));
+        drop(writer);
         assert!(fs::read_to_string(path("torn")).expect("text") == whole, "{length}");
+        fs::write(path("torn"), &whole[..length]).expect("a file");
+        assert!(written(&path("torn"), &manifest, &rows) == whole, "{length}");
+    }
+}
+
+#[test]
+fn a_results_file_has_one_writer() {
+    let (_folder, path) = folder();
+    let ours = manifest(1);
+    for second in [Writer::create, |path: &Path, ours: &Manifest| Writer::resume(path, ours).map(|(writer, _)| writer)]
+    {
+        let mut first = Writer::create(&path("results"), &ours).expect("a file");
+        let refused = second(&path("results"), &ours).map(drop).expect_err("the first writer is there").to_string();
+        assert!(refused.ends_with("another pve-sim is writing to this file; use another --results"), "{refused}");
+        first.append(&row(0, 2)).expect("a row");
+        let text = fs::read_to_string(path("results")).expect("text");
+        assert_eq!(text.matches("{\"row\":{").count(), 1, "{text}");
+        drop(first);
+        assert!(second(&path("results"), &ours).is_ok());
     }
 }
 

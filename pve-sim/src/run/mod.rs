@@ -45,7 +45,7 @@ pub use options::{ColorChoice, LogOptions, RunOptions};
 pub(crate) use options::{DEFAULT_HTTP, DEFAULT_SEED, seed};
 pub use platform::Platform;
 pub use stdin::Lines;
-pub(crate) use system::Signals;
+pub(crate) use system::{Signals, open_exclusively};
 
 use std::fmt::Display;
 use std::io;

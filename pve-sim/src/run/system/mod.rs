@@ -10,7 +10,7 @@
 //! | clients limited by the files that may be open | yes | yes | no such limit |
 //! | a second name of a file is recognised | links | links | symbolic links |
 //! | the file of stdout or stderr is recognised | yes | yes | no |
-//! | a log has one writer | by a lock | by a lock | by how it is opened |
+//! | a log or a results file has one writer | by a lock | by a lock | by how it is opened |
 //! | wake-ups without slack | yes | no | no |
 //!
 //! Windows and macOS are compile-tested only.
@@ -22,8 +22,8 @@ mod own;
 #[path = "windows.rs"]
 mod own;
 
-pub(crate) use own::Signals;
 pub(super) use own::{
-    HAS_JOBS, Modes, disable_timer_slack, interrupt, is_output, is_same_file, max_open_files, open_exclusively,
-    suspend, wait_for_foreground, wait_for_hangup, wait_for_input,
+    HAS_JOBS, Modes, disable_timer_slack, interrupt, is_output, is_same_file, max_open_files, suspend,
+    wait_for_foreground, wait_for_hangup, wait_for_input,
 };
+pub(crate) use own::{Signals, open_exclusively};

@@ -177,7 +177,7 @@ pub(in crate::run) fn disable_timer_slack() {
 
 /// Opens a file for writing, with a lock against other calls of this function; `None` when another process has it. File
 /// systems without locks are not protected.
-pub(in crate::run) fn open_exclusively(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
+pub(crate) fn open_exclusively(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
     let file = options.open(path)?;
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),

@@ -96,7 +96,7 @@ pub(in crate::run) const fn disable_timer_slack() {}
 
 /// Opens a file for writing, while others may only read it; `None` when another process has it open. A lock would also
 /// prevent others from reading.
-pub(in crate::run) fn open_exclusively(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
+pub(crate) fn open_exclusively(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
     const FILE_SHARE_READ: u32 = 1;
     const ERROR_SHARING_VIOLATION: i32 = 32;
 
