@@ -10,6 +10,7 @@ use utoipa::openapi::schema::{Object, Schema, Type};
 use utoipa::{PartialSchema, ToSchema};
 
 use super::identifier::{IdentifierOrAll, raw};
+use super::schema::FAULT_KINDS;
 use super::{Identifier, Invalid, Pattern};
 use crate::bus::{ALWAYS, Corruption, Delay, Fault, FaultKind, FaultState, FrameFilter, Masks};
 
@@ -191,9 +192,6 @@ impl From<FaultState> for FaultRecord {
     }
 }
 
-/// The keys of the fault kinds.
-const KINDS: [&str; 9] = ["lose", "delay", "repeat", "swap", "corrupt", "insert", "masquerade", "destroy", "omit"];
-
 /// The kinds that affect the frames of an identifier.
 const FILTERED: &[&str] = &["lose", "delay", "repeat", "swap", "corrupt", "destroy", "omit"];
 
@@ -218,7 +216,7 @@ const PARAMETERS: [(&str, &[&str]); 14] = [
 impl FaultRequest {
     /// Returns the keys of the fault kinds.
     pub fn kinds() -> impl Iterator<Item = &'static str> {
-        KINDS.into_iter()
+        FAULT_KINDS.into_iter()
     }
 
     /// Converts the request to a fault, with an empty name if none was given.
@@ -257,8 +255,8 @@ impl FaultRequest {
     fn kind(&self) -> Result<&'static str, Invalid> {
         let keys = serde_json::to_value(self).unwrap_or_default();
         let is_given = |key: &str| !keys[key].is_null();
-        let mut given = KINDS.into_iter().filter(|kind| is_given(kind));
-        let kinds = KINDS.join(", ");
+        let mut given = FAULT_KINDS.into_iter().filter(|kind| is_given(kind));
+        let kinds = FAULT_KINDS.join(", ");
         let kind = match (given.next(), given.next()) {
             (Some(kind), None) => kind,
             (Some(one), Some(other)) => {

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 use utoipa::openapi::{RefOr, schema};
 
-use super::{FaultRequest, Invalid, words};
+use super::{Invalid, words};
 use crate::Kind;
 
 /// The nullable properties of each schema. All other optional properties may be missing but not null.
@@ -19,6 +19,10 @@ const NULLABLE: &[(&str, &[&str])] = &[
     ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
     ("Spool", &["fault"]),
 ];
+
+/// The keys of the kinds of a communication fault, of which a fault has exactly one.
+pub(super) const FAULT_KINDS: [&str; 9] =
+    ["lose", "delay", "repeat", "swap", "corrupt", "insert", "masquerade", "destroy", "omit"];
 
 /// Schemas by name, in draft 2020-12.
 #[derive(Clone, Debug)]
@@ -183,7 +187,7 @@ fn restrict(name: &str, schema: &mut Value) {
             schema["oneOf"][0]["maximum"] = Position::MAX.raw().into();
         }
         "CommunicationFault" => {
-            schema["oneOf"] = FaultRequest::kinds().map(|kind| json!({ "required": [kind] })).collect();
+            schema["oneOf"] = FAULT_KINDS.iter().map(|kind| json!({ "required": [kind] })).collect();
         }
         "Profile" => {
             let numeric = WORDS.iter().filter(|word| word.values.range().is_some()).map(|word| word.name);
