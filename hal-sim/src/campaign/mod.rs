@@ -33,6 +33,8 @@ mod run;
 mod verdict;
 
 #[cfg(test)]
+mod instant_tests;
+#[cfg(test)]
 mod oracle_tests;
 #[cfg(test)]
 mod plan_tests;

@@ -96,20 +96,17 @@ impl<'a> StateEye<'a> {
         holds
     }
 
-    /// Returns the first instant at which movement alone can fulfil the condition; `limit` at the latest.
+    /// Returns the next instant at which movement alone can fulfil the condition, or the next event, which can begin a
+    /// movement; `limit` at the latest.
     fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
-        let (node, kind) = self.device;
+        let (node, world) = (self.device.0, simulation.world());
         if self.wanted.condition.position.is_none() {
             return limit;
         }
-        let state = DeviceState::peek(node, kind, simulation.world());
-        match self.wanted.condition.wanted_positions(&state) {
-            Some(range) => {
-                let now = simulation.now();
-                simulation.world().next_inside(node, &range, limit).max(after(now, Duration::from_ticks(1))).min(limit)
-            }
-            None => limit,
-        }
+        let position = world.peek(node).map(|view| view.position);
+        let Some(range) = self.wanted.condition.wanted_positions(position) else { return limit };
+        let tick = after(simulation.now(), Duration::from_ticks(1));
+        world.next_inside(node, &range, simulation.next().max(tick).min(limit)).max(tick).min(limit)
     }
 }
 
@@ -186,24 +183,6 @@ impl<'a> Oracles<'a> {
             if safety.end(self.effect).is_some_and(|end| now >= end) {
                 safety.proved = safety.since;
             }
-        }
-    }
-
-    /// Returns the next instant at which a state must be checked without an event; `limit` at the latest.
-    pub(super) fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
-        let mut due = limit;
-        if self.detected.is_none()
-            && let Some(Seeker::State(eye)) = &self.proof
-        {
-            due = eye.due(simulation, due);
-        }
-        match &self.safe {
-            Some(Safety { eye, since: None, proved: None, .. }) => eye.due(simulation, due),
-            Some(safety @ Safety { proved: None, .. }) => {
-                let tick = after(simulation.now(), Duration::from_ticks(1));
-                safety.end(self.effect).map_or(due, |end| end.max(tick).min(due))
-            }
-            _ => due,
         }
     }
 
@@ -293,6 +272,27 @@ impl Watch for Oracles<'_> {
 
     fn step(&mut self, simulation: &mut Simulation) {
         self.look(simulation);
+    }
+
+    /// Returns the next instant at which a state must be checked.
+    fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
+        if self.fault.is_none() {
+            return limit;
+        }
+        let mut due = limit;
+        if self.detected.is_none()
+            && let Some(Seeker::State(eye)) = &self.proof
+        {
+            due = eye.due(simulation, due);
+        }
+        match &self.safe {
+            Some(Safety { eye, since: None, proved: None, .. }) => eye.due(simulation, due),
+            Some(safety @ Safety { proved: None, .. }) => {
+                let tick = after(simulation.now(), Duration::from_ticks(1));
+                safety.end(self.effect).map_or(due, |end| end.max(tick).min(due))
+            }
+            _ => due,
+        }
     }
 }
 

@@ -49,4 +49,8 @@ impl<W: Watch> Watch for Both<'_, W> {
         self.0.step(simulation);
         self.1.step(simulation);
     }
+
+    fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
+        self.1.due(simulation, self.0.due(simulation, limit))
+    }
 }

@@ -192,8 +192,8 @@ impl StateCondition {
     }
 
     /// Returns the accepted positions if the current position is not one of them.
-    pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
-        let (wanted, found) = (self.position.flatten()?, state.position?);
+    pub fn wanted_positions(&self, position: Option<i16>) -> Option<RangeInclusive<i16>> {
+        let (wanted, found) = (self.position.flatten()?, position?);
         Some(wanted.range()).filter(|range| !range.contains(&found))
     }
 }
@@ -270,7 +270,7 @@ impl StateWatch {
     pub fn look(&mut self, world: &mut World) -> (DeviceState, bool) {
         let state = DeviceState::of(self.node, self.kind, world);
         let holds = self.condition.holds(&state);
-        let wanted = if holds { None } else { self.condition.wanted_positions(&state) };
+        let wanted = if holds { None } else { self.condition.wanted_positions(state.position) };
         self.moves_there = wanted.map_or(NEVER, |range| match world.has_free_spool(self.node) {
             true => world.next_inside(self.node, &range, NEVER),
             false => world.outside_until(self.node, &range),

@@ -21,6 +21,12 @@ pub(crate) trait Watch {
 
     /// Observes the simulation after each of its steps, and may replace the simulation with a clone.
     fn step(&mut self, _simulation: &mut Simulation) {}
+
+    /// Returns the next instant at which [`step`](Self::step) must be called even without an event; later than now, and
+    /// `limit` at the latest.
+    fn due(&self, _simulation: &Simulation, limit: Instant) -> Instant {
+        limit
+    }
 }
 
 /// The observer that ignores everything.
@@ -201,7 +207,14 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
                 return true;
             }
             let (limit, due) = (end.min(until), self.run.reactions.due());
-            if self.target.go(limit.min(due)) && limit < due {
+            let watched = self.watch.due(self.target.simulation(), limit.min(due));
+            let has_arrived = self.target.go(watched);
+            if has_arrived && watched < limit.min(due) {
+                // As at a pause, nothing has happened.
+                self.watch.step(self.target.simulation_mut());
+                continue;
+            }
+            if has_arrived && limit < due {
                 // At a pause, nothing has happened. A look would sample linked shafts and change their rounding.
                 if until < end {
                     return false;
