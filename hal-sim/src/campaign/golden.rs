@@ -7,7 +7,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::master::{Master, Subject};
-use super::oracles::{SAMPLE, next_sample};
+use super::oracles::{Oracles, SAMPLE, next_sample};
 use super::plan::Plan;
 use super::rig::Rig;
 use crate::scenario::Target as _;
@@ -29,13 +29,32 @@ pub struct CampaignError(pub(super) String);
 pub(super) struct Golden {
     pub(super) seed: u64,
     devices: Vec<NodeId>,
-    /// The states of all devices at each sample instant, from 0.
-    samples: Vec<Sample>,
+    /// The states of all devices in each sampling interval, from 0.
+    intervals: Vec<Interval>,
     /// The instants of the faults.
     pub(super) instants: Vec<Instant>,
     /// The last frame with each identifier that is sent within the observation time after every fault instant, by
     /// [`Frame::key`].
     pub(super) identifiers: BTreeMap<u32, Frame>,
+}
+
+/// The states of a device in a sampling interval of the golden run, both ends included.
+#[derive(Clone, Debug)]
+struct Interval {
+    min: i16,
+    max: i16,
+    states: Vec<u32>,
+}
+
+impl Interval {
+    const EMPTY: Self = Self { min: i16::MAX, max: i16::MIN, states: Vec::new() };
+
+    fn add(&mut self, Sample { position, state }: Sample) {
+        (self.min, self.max) = (self.min.min(position), self.max.max(position));
+        if !self.states.contains(&state) {
+            self.states.push(state);
+        }
+    }
 }
 
 /// The part of a device's state that is compared with the golden run.
@@ -75,18 +94,17 @@ impl Golden {
         let from = after(Instant::from_ticks(0), Duration::from_millis(plan.instants.from_ms.into()));
         let to = after(Instant::from_ticks(0), Duration::from_millis(plan.instants.to_ms.into()));
         let end = after(to, plan.observe + SAMPLE);
-        let mut frames = Frames { from, to, ends: Vec::new(), identifiers: BTreeMap::new() };
-        let mut samples = Vec::new();
+        let states = States { devices, intervals: Vec::new() };
+        let mut record = Record { from, to, ends: Vec::new(), identifiers: BTreeMap::new(), states };
         let mut now = Instant::from_ticks(0);
         while now <= end {
             if now > from && !rig.oracles.have_begun() {
-                rig.pass(from, &mut frames);
+                rig.pass(from, &mut record);
                 rig.oracles.begin(None, rig.target.simulation());
             }
-            rig.pass(now, &mut frames);
+            rig.pass(now, &mut record);
             rig.oracles.look(rig.target.simulation());
-            let world = rig.target.simulation().world();
-            samples.extend(devices.iter().map(|node| Sample::of(world.peek(*node).as_ref())));
+            record.states.add(rig.target.simulation());
             if let Some(detected) = rig.oracles.detected() {
                 let at_ms = after(from, detected).as_millis();
                 return Err(CampaignError(format!(
@@ -110,11 +128,11 @@ impl Golden {
             let reason = format!("detected: no frame {} comes without a fault, so its end proves nothing", digits(id));
             return Err(CampaignError(reason));
         }
-        let (instants, identifiers) = frames.finish(plan, end);
+        let (instants, identifiers, States { devices, intervals }) = record.finish(plan, end);
         if instants.is_empty() {
             return Err(CampaignError("instants: no frame ends between from_ms and to_ms".to_owned()));
         }
-        Ok(Self { seed, devices, samples, instants, identifiers })
+        Ok(Self { seed, devices, intervals, instants, identifiers })
     }
 
     /// Returns power, NMT state, device state machine and active faults of each device, as bits.
@@ -127,49 +145,82 @@ impl Golden {
         self.devices.iter().map(|node| Sample::of(simulation.world().peek(*node).as_ref()).state)
     }
 
-    /// Returns whether the bits of each device, as in [`states`](Self::states), are those in `before` or those of any
-    /// sample of the golden run between two instants.
+    /// Returns whether the bits of each device, as in [`states`](Self::states), are those in `before` or those at any
+    /// time of the golden run between two instants.
     pub(super) fn is_among(&self, before: &[u32], (from, to): (Instant, Instant), simulation: &Simulation) -> bool {
-        let golden = self.between(number(from), number(to));
+        let golden = self.between(from, to);
         self.states(simulation).iter().zip(before).enumerate().all(|(place, (state, before))| {
-            state == before || golden.clone().any(|samples| samples[place].state & LASTING == *state)
+            let mut states = golden.clone().flat_map(|intervals| &intervals[place].states);
+            state == before || states.any(|golden| golden & LASTING == *state)
         })
     }
 
-    /// Returns whether each device matches the golden run at the current sample instant. A change may come up to one
-    /// sample early or late, because an additional frame on the bus delays other frames.
-    pub(super) fn is_as(&self, simulation: &Simulation) -> bool {
-        let now = number(simulation.now());
-        let golden = self.between(now.saturating_sub(1), now + 1);
+    /// Returns whether each device matches the golden run now. A change may come up to one sampling interval early or
+    /// late, because an additional frame on the bus delays other frames.
+    fn is_as(&self, simulation: &Simulation) -> bool {
+        let now = simulation.now();
+        let golden = self.between(earlier(now, SAMPLE), earlier(after(now, SAMPLE), Duration::from_ticks(1)));
         self.devices.iter().enumerate().all(|(place, node)| {
             let found = Sample::of(simulation.world().peek(*node).as_ref());
-            let mut near = golden.clone().map(|samples| samples[place]);
-            let positions = near.clone().map(|sample| i32::from(sample.position));
-            let (min, max) = positions.fold((i32::MAX, i32::MIN), |(min, max), it| (min.min(it), max.max(it)));
-            let is_near = (min - TOLERANCE..=max + TOLERANCE).contains(&i32::from(found.position));
-            is_near && near.any(|sample| sample.state == found.state)
+            let mut near = golden.clone().map(|intervals| &intervals[place]);
+            let (min, max) =
+                near.clone().fold((i16::MAX, i16::MIN), |(min, max), it| (min.min(it.min), max.max(it.max)));
+            let range = i32::from(min) - TOLERANCE..=i32::from(max) + TOLERANCE;
+            range.contains(&found.position.into()) && near.any(|it| it.states.contains(&found.state))
         })
     }
 
-    /// Returns the states of all devices at the samples with the numbers from `first` to `last`.
-    fn between(&self, first: usize, last: usize) -> impl Iterator<Item = &[Sample]> + Clone {
-        let samples = self.samples.chunks(self.devices.len());
-        samples.take(last + 1).skip(first)
+    /// Compares the devices with the golden run, as [`is_as`](Self::is_as) does, until the oracles have an effect of the
+    /// fault.
+    pub(super) fn compare(&self, oracles: &mut Oracles<'_>, simulation: &Simulation) {
+        if !oracles.has_effect() && !self.is_as(simulation) {
+            oracles.note_effect(simulation.now());
+        }
+    }
+
+    /// Returns the states of all devices in the sampling intervals of two instants and in those between.
+    fn between(&self, first: Instant, last: Instant) -> impl Iterator<Item = &[Interval]> + Clone {
+        self.intervals.chunks(self.devices.len()).take(number(last) + 1).skip(number(first))
     }
 }
 
-/// Returns the number of the last sample up to an instant.
+/// Returns an instant minus a time, at least 0.
+fn earlier(instant: Instant, span: Duration) -> Instant {
+    Instant::from_ticks(instant.as_ticks().saturating_sub(span.as_ticks()))
+}
+
+/// Returns the number of the sampling interval that contains an instant or begins with it.
 fn number(at: Instant) -> usize {
     (at.as_ticks() / SAMPLE.as_ticks()) as usize
 }
 
-/// The frames of a golden run.
-struct Frames {
+/// The states of the devices in a golden run.
+struct States {
+    devices: Vec<NodeId>,
+    intervals: Vec<Interval>,
+}
+
+impl States {
+    /// Adds the states of all devices now. An instant between two intervals belongs to both.
+    fn add(&mut self, simulation: &Simulation) {
+        let (now, devices) = (simulation.now(), self.devices.len());
+        let (first, last) = (number(earlier(now, Duration::from_ticks(1))), number(now));
+        self.intervals.resize(self.intervals.len().max((last + 1) * devices), Interval::EMPTY);
+        for (place, node) in self.devices.iter().enumerate() {
+            let sample = Sample::of(simulation.world().peek(*node).as_ref());
+            (first..=last).for_each(|number| self.intervals[number * devices + place].add(sample));
+        }
+    }
+}
+
+/// The frames and states of a golden run.
+struct Record {
     from: Instant,
     to: Instant,
     /// The ends of the frames from the first to the last fault instant.
     ends: Vec<Instant>,
     identifiers: BTreeMap<u32, Seen>,
+    states: States,
 }
 
 /// The frames with one identifier.
@@ -180,7 +231,7 @@ struct Seen {
     gap: Duration,
 }
 
-impl Watch for Frames {
+impl Watch for Record {
     fn event(&mut self, happened: &Happened) {
         let (Some(frame), at) = (happened.event.frame(), happened.event.at) else { return };
         if (self.from..=self.to).contains(&at) && self.ends.last() != Some(&at) {
@@ -193,10 +244,14 @@ impl Watch for Frames {
             (seen.frame, seen.last) = (*frame, at);
         }
     }
+
+    fn step(&mut self, simulation: &mut Simulation) {
+        self.states.add(simulation);
+    }
 }
 
-impl Frames {
-    fn finish(self, plan: &Plan, end: Instant) -> (Vec<Instant>, BTreeMap<u32, Frame>) {
+impl Record {
+    fn finish(self, plan: &Plan, end: Instant) -> (Vec<Instant>, BTreeMap<u32, Frame>, States) {
         let grid = plan.instants;
         let instants = match grid.step_ms {
             None => self.ends,
@@ -207,6 +262,6 @@ impl Frames {
         };
         let comes = |seen: &Seen| seen.gap.max(since(end, seen.last)) < plan.observe;
         let identifiers = self.identifiers.into_iter().filter(|(_, seen)| comes(seen));
-        (instants, identifiers.map(|(key, seen)| (key, seen.frame)).collect())
+        (instants, identifiers.map(|(key, seen)| (key, seen.frame)).collect(), self.states)
     }
 }

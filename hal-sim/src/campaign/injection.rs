@@ -65,6 +65,11 @@ impl<'a> Injection<'a> {
         }
     }
 
+    /// Returns whether the fault has switched or reset the power of a device.
+    pub(super) fn has_switched(&self) -> bool {
+        self.has_changed && matches!(self.fault.command, Command::Power(..))
+    }
+
     /// Returns the number of frames that a communication fault affected; for a plant or power fault, 1 if the plant or
     /// the power changed.
     pub(super) fn struck(&self, simulation: &Simulation) -> u64 {

@@ -1,6 +1,17 @@
-//! Instants: the exact times of positions.
+//! Instants: effects that end before the next sample, and the exact times of positions.
 
 use super::*;
+use crate::simulation::Simulation;
+
+const ISOBUS: &str = r#"
+devices = ["pvea-isobus@0x80,name=valve"]
+steps = [{ expect = "18EEFF80" }, { at_ms = 1500 }]
+"#;
+
+const SENSOR: &str = r#"
+devices = ["hat1000@1,bit-rate=250k,name=hat"]
+steps = [{ expect = "701#00" }, { send = "000#0101" }, { at_ms = 1500 }]
+"#;
 
 /// A master that stops its valve at an EMCY or a missing heartbeat.
 const VALVE: &str = r#"
@@ -32,6 +43,67 @@ fn plan(scenario: &str, fault: &str, step_ms: u32, oracles: &str) -> Plan {
 fn cells(plan: &Plan) -> Vec<CellResult> {
     let campaign = Campaign::new(plan).unwrap_or_else(|error| panic!("{error}"));
     (0..10).map(|number| campaign.numbered(number).and_then(|cell| campaign.cell(cell)).expect("a cell")).collect()
+}
+
+/// A proof that never comes, and a safe state that is never reached.
+const NEVER_SAFE: &str = "detected = { expect = \"7F0\", within_ms = 100 }";
+
+const BETWEEN: [(&str, &str); 9] = [
+    (ISOBUS, "{ plant = { internal_fault = true }, for_ms = 3 }"),
+    (ISOBUS, "{ power = { on = false }, for_ms = 5 }"),
+    (ISOBUS, "{ power = { reset = \"watchdog\" } }"),
+    (ISOBUS, "{ plant = { lever = 16384 }, for_ms = 3 }"),
+    (SENSOR, "{ power = { on = false }, for_ms = 5 }"),
+    (SENSOR, "{ power = { reset = \"watchdog\" } }"),
+    (SENSOR, "{ insert = \"000#8101\" }"),
+    (SENSOR, "{ insert = \"000#8201\" }"),
+    (VALVE, "{ plant = { internal_fault = true }, for_ms = 3 }"),
+];
+
+#[test]
+fn an_effect_that_ends_before_the_next_sample_is_found() {
+    for (scenario, fault) in BETWEEN {
+        let plan = plan(scenario, fault, 7, NEVER_SAFE);
+        let silent: Vec<CellResult> =
+            cells(&plan).into_iter().filter(|cell| cell.verdict == Verdict::NoEffect).collect();
+        assert!(silent.is_empty(), "{fault}: {silent:?}");
+    }
+}
+
+/// Runs a cell whose controller is outside.
+fn judged(campaign: &'static Campaign<'static>, number: u64, is_exact: bool) -> CellResult {
+    let cell = campaign.numbered(number).expect("a cell");
+    let (mut simulation, mut judge) = Judge::new(campaign, cell, is_exact).expect("a row");
+    simulation.power_up(crate::Duration::from_millis(0));
+    loop {
+        go(&mut simulation, &mut judge);
+        if let Some(result) = judge.result() {
+            return result.clone();
+        }
+    }
+}
+
+fn go(simulation: &mut Simulation, judge: &mut Judge) {
+    simulation.go(judge.due());
+    while let Some(happened) = simulation.take_event() {
+        judge.event(&happened);
+    }
+    simulation.poll();
+    judge.poll(simulation);
+}
+
+#[test]
+fn an_effect_before_the_next_sample_is_found_with_a_controller_outside() {
+    for (scenario, fault) in BETWEEN.into_iter().filter(|(scenario, _)| *scenario == ISOBUS) {
+        // Without an exact controller, positions are not compared.
+        let is_exact = if fault.contains("lever") { vec![true] } else { vec![true, false] };
+        let plan = Box::leak(Box::new(plan(scenario, fault, 7, NEVER_SAFE)));
+        let campaign = Box::leak(Box::new(Campaign::new(plan).unwrap_or_else(|error| panic!("{error}"))));
+        for (number, is_exact) in (0..10).flat_map(|number| is_exact.iter().map(move |is_exact| (number, *is_exact))) {
+            let result = judged(campaign, number, is_exact);
+            assert_ne!(result.verdict, Verdict::NoEffect, "{fault}, exact: {is_exact}: {result:?}");
+        }
+    }
 }
 
 #[test]

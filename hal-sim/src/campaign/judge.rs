@@ -37,7 +37,7 @@ impl Judge {
     /// row.
     ///
     /// An *exact* controller acts at the same instants in each run. With an exact controller, the devices are compared
-    /// with the golden run at each sample. Otherwise power, NMT state, device state machine and active faults must have
+    /// with the golden run at each call. Otherwise power, NMT state, device state machine and active faults must have
     /// their values just before the fault, or any of their values in the golden run during the observation.
     #[must_use]
     pub fn new(campaign: &'static Campaign<'static>, cell: Cell, is_exact: bool) -> Option<(Simulation, Self)> {
@@ -91,10 +91,8 @@ impl Judge {
         }
         self.before.get_or_insert_with(|| self.golden.states(simulation));
         self.observation.inject(simulation, &mut self.oracles);
-        let is_sample = self.observation.poll(simulation);
-        if !self.oracles.has_effect() && self.differs(is_sample, simulation) {
-            self.oracles.note_effect(now);
-        }
+        self.observation.poll(simulation);
+        self.compare(simulation);
         self.oracles.look(simulation);
         self.due = match self.observation.next(simulation, &self.oracles) {
             ControlFlow::Break(observed) => {
@@ -105,10 +103,15 @@ impl Judge {
         };
     }
 
-    fn differs(&self, is_sample: bool, simulation: &Simulation) -> bool {
+    fn compare(&mut self, simulation: &Simulation) {
         match &self.before {
-            Some(before) if !self.is_exact => !self.golden.is_among(before, (self.cell.at, self.end()), simulation),
-            _ => is_sample && !self.golden.is_as(simulation),
+            Some(before) if !self.is_exact => {
+                let period = (self.cell.at, self.end());
+                if !self.oracles.has_effect() && !self.golden.is_among(before, period, simulation) {
+                    self.oracles.note_effect(simulation.now());
+                }
+            }
+            _ => self.golden.compare(&mut self.oracles, simulation),
         }
     }
 }

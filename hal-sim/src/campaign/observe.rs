@@ -15,7 +15,7 @@ use super::plan::Plan;
 use super::rig::Rig;
 use super::verdict::Observed;
 use crate::scenario::runner::Watch;
-use crate::simulation::Simulation;
+use crate::simulation::{Happened, Simulation};
 
 /// The faults of a run, each with its instant, in the order of time. The oracles begin at the first instant, and their
 /// limits count from the last instant. Both rules also apply to an instant without a fault (`None`).
@@ -44,6 +44,9 @@ impl<'a> Observation<'a> {
         let now = target.simulation().now();
         while let Some((_, fault)) = self.to_come.next_if(|(at, _)| *at <= now) {
             let injection = fault.map(|fault| Injection::begin(fault, target));
+            if injection.as_ref().is_some_and(Injection::has_switched) {
+                oracles.note_effect(now);
+            }
             oracles.begin(injection.as_ref().and_then(|injection| injection.name.clone()), target.simulation());
             self.injections.extend(injection);
         }
@@ -85,6 +88,30 @@ pub(super) trait Spectator: Watch {
 
 impl Spectator for () {}
 
+/// The observers of a run from its first fault on.
+struct Observers<'r, 'a> {
+    oracles: &'r mut Oracles<'a>,
+    golden: &'r Golden,
+    spectator: &'r mut dyn Spectator,
+}
+
+impl Watch for Observers<'_, '_> {
+    fn event(&mut self, happened: &Happened) {
+        self.oracles.event(happened);
+        self.spectator.event(happened);
+    }
+
+    fn step(&mut self, simulation: &mut Simulation) {
+        self.golden.compare(self.oracles, simulation);
+        self.oracles.step(simulation);
+        self.spectator.step(simulation);
+    }
+
+    fn due(&self, simulation: &Simulation, limit: Instant) -> Instant {
+        self.oracles.due(simulation, limit)
+    }
+}
+
 /// Injects faults into a run that has reached the instant of the first fault, and observes the run until the verdict is
 /// decided. Returns the run and the observations.
 pub(super) fn observe<'a, T: Subject>(
@@ -102,14 +129,14 @@ pub(super) fn observe<'a, T: Subject>(
             ControlFlow::Break(observed) => return (rig, observed),
             ControlFlow::Continue(due) => due,
         };
-        rig.pass(due, spectator);
-        if observation.poll(&mut rig.target) {
-            let simulation = rig.target.simulation();
+        let Rig { run, target, oracles } = &mut rig;
+        run.pass(target, due, &mut Observers { oracles, golden, spectator });
+        let is_sample = observation.poll(target);
+        let simulation = target.simulation();
+        if is_sample {
             spectator.sample(golden, simulation);
-            if !rig.oracles.has_effect() && !golden.is_as(simulation) {
-                rig.oracles.note_effect(due);
-            }
         }
-        rig.oracles.look(rig.target.simulation());
+        golden.compare(oracles, simulation);
+        oracles.look(simulation);
     }
 }
