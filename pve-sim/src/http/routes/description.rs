@@ -85,7 +85,7 @@ fn add_refusals(call: &mut Value) {
         (
             "403",
             true,
-            "The Host is neither loopback nor the address of this server, or the request comes from a page of another origin",
+            "The Host is neither loopback nor the address of this server, or a page of another origin sends the request (a GET without Origin is served)",
         ),
         ("405", true, "Method not supported"),
         ("408", has_body, "The body was not received within 10 s"),
