@@ -12,7 +12,7 @@ use super::block::Party;
 use super::diagnostics::fault;
 use super::object::angle;
 use super::valve::{command, state, stroke};
-use super::{Context, hex, lss, sdo};
+use super::{Context, hex, lss, mapping, sdo};
 use crate::Kind;
 
 pub(super) fn explain(id: StandardId, frame: &Frame, context: &Context<'_>) -> Option<String> {
@@ -48,8 +48,16 @@ fn of_node(function: Function, node: u8, frame: &Frame, context: &Context<'_>) -
     let data = frame.data();
     match function {
         Function::Emcy => emergency(frame, context.kind(node)).map(from_device),
-        Function::Tpdo1 => Some(from_device(tpdo(data, context.kind(node)))),
-        Function::Rpdo1 => Some(to_device(rpdo(data))),
+        Function::Tpdo1 => {
+            let kind = context.kind(node);
+            let default = if let Some(Kind::Hat(_)) = kind { &SENSOR_TPDO[..] } else { &VALVE_TPDO };
+            let is_default = context.known.mappings.is_default(node, mapping::TPDO, default);
+            Some(from_device(if is_default { tpdo(data, kind) } else { format!("TPDO {}", hex(data)) }))
+        }
+        Function::Rpdo1 => {
+            let is_default = context.known.mappings.is_default(node, mapping::RPDO, &VALVE_RPDO);
+            Some(to_device(if is_default { rpdo(data) } else { format!("RPDO {}", hex(data)) }))
+        }
         Function::SdoAnswer => {
             let bytes = frame.eight()?;
             let segment = context.known.blocks.segment(node, Party::Server, bytes);
@@ -169,6 +177,11 @@ const fn error_class(code: u16) -> &'static str {
         _ => "error",
     }
 }
+
+/// The default mappings (SPEC 4.5, 9): the number of entries, and the entries.
+const VALVE_RPDO: [u32; 3] = [2, 0x6040_0010, 0x6300_0110];
+const VALVE_TPDO: [u32; 3] = [2, 0x6041_0010, 0x6301_0110];
+const SENSOR_TPDO: [u32; 2] = [1, 0x6004_0020];
 
 /// Explains an RPDO by the default mapping: control word and set-point.
 fn rpdo(data: &[u8]) -> String {

@@ -1,14 +1,14 @@
 //! Explains the meaning of a frame in one short line for the trace.
 //!
 //! An explanation depends only on the frame and the table of devices, so that a trace can begin at any frame. There are
-//! two exceptions that need earlier frames: a segment of an SDO block transfer looks like other frames, and the
-//! response to a node ID write by UDS does not identify its sender. PDOs are decoded by the default mapping and
-//! identifiers (SPEC 4.1).
+//! three exceptions that need earlier frames: a segment of an SDO block transfer looks like other frames, the response to
+//! a node ID write by UDS does not identify its sender, and a PDO whose mapping was changed does not follow the default
+//! mapping. PDOs are decoded by the default mapping and identifiers (SPEC 4.1).
 //!
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
 //! sdo       SDO requests and responses                          lss      LSS requests and responses
-//! block     SDO block transfers in progress
+//! block     SDO block transfers in progress                     mapping     changed PDO mappings
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
 //! recorded  unnamed devices of a recording, and its error frames
@@ -23,6 +23,7 @@ mod diagnostics;
 mod highlight;
 mod isobus;
 mod lss;
+mod mapping;
 mod object;
 mod recorded;
 mod sdo;
@@ -41,6 +42,7 @@ use protocol_core::frame::{Frame, Id};
 
 use self::block::Blocks;
 use self::highlight::tells_fault;
+use self::mapping::Mappings;
 use self::recorded::Evidence;
 use self::uds::Writes;
 use crate::Kind;
@@ -63,6 +65,7 @@ pub struct Explainer {
     /// The devices, whose node IDs the caller keeps up to date.
     pub nodes: Vec<Node>,
     blocks: Blocks,
+    mappings: Mappings,
     writes: Writes,
     /// The devices that were [learned](Self::learn), with the evidence for their kinds, by node ID or address.
     learned: BTreeMap<u8, (Node, Evidence)>,
@@ -75,10 +78,11 @@ impl Explainer {
         Self { nodes, ..Self::default() }
     }
 
-    /// Records a frame, after the frame itself has been explained. Later segments of an SDO block transfer and the
-    /// answer to a node ID write can then be explained.
+    /// Records a frame, after the frame itself has been explained. Later segments of an SDO block transfer, the answer to
+    /// a node ID write, and PDOs with a changed mapping can then be explained.
     pub fn observe(&mut self, frame: &Frame) {
         self.blocks.observe(frame);
+        self.mappings.observe(frame);
         self.writes.observe(frame);
     }
 

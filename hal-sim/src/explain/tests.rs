@@ -456,6 +456,58 @@ fn who_sent_it_decides_whose_it_is() {
     assert_eq!(explainer().explain_and_mark(&asked, Some("the gateway")).1, Mark::Plain);
 }
 
+/// Explains a frame after other frames.
+fn after(before: &[&str], text: &str) -> String {
+    let mut explainer = explainer();
+    before.iter().for_each(|text| explainer.observe(&frame(text)));
+    explainer.explain(&frame(text), None)
+}
+
+/// The text of PDOs by the default mapping would be wrong.
+#[test]
+fn a_pdo_with_another_mapping_is_bytes() {
+    const TPDO: &str = "1A0: 00 40 0F 00";
+    const RPDO: &str = "220: 00 40 0F 00";
+    const BYTES: &str = "valve: TPDO 00 40 0F 00";
+    let (default, rpdo) = (after(&[], TPDO), after(&[], RPDO));
+    assert!(default.contains("status word") && rpdo.contains("control word"));
+    // 0x6301, then 0x6041.
+    let swapped = ["620: 23 00 1A 01 10 01 01 63", "5A0: 60 00 1A 01 00 00 00 00"];
+    assert_eq!(after(&swapped, TPDO), BYTES);
+    assert_eq!(after(&swapped, RPDO), rpdo, "another mapping");
+    assert_eq!(after(&swapped, "1A1: 09 00 00 00"), after(&[], "1A1: 09 00 00 00"), "another node");
+    assert_eq!(
+        after(&["620: 23 00 16 01 10 01 00 63", "5A0: 60 00 16 01 00 00 00 00"], RPDO),
+        "master → valve: RPDO 00 40 0F 00"
+    );
+    assert_eq!(after(&["5A0: 43 00 1A 01 10 01 01 63"], TPDO), BYTES, "a read shows it, too");
+    assert_eq!(after(&["5A0: 4F 00 1A 00 03 00 00 00"], TPDO), BYTES, "the number of entries");
+    let sensor = ["601: 23 00 1A 01 20 00 02 10", "581: 60 00 1A 01 00 00 00 00"];
+    assert_eq!(after(&sensor, "181: 00 10 00 00"), "angle: TPDO 00 10 00 00");
+
+    // The default, as tools write it, and a request that is refused or has no answer.
+    let written = [
+        "620: 2F 00 1A 00 00 00 00 00",
+        "5A0: 60 00 1A 00 00 00 00 00",
+        "620: 23 00 1A 01 10 00 41 60",
+        "5A0: 60 00 1A 01 00 00 00 00",
+        "620: 2F 00 1A 00 02 AA AA AA",
+        "5A0: 60 00 1A 00 00 00 00 00",
+    ];
+    assert_eq!(after(&written, TPDO), default);
+    assert_eq!(after(&[swapped[0], "5A0: 80 00 1A 01 41 00 04 06"], TPDO), default);
+    assert_eq!(after(&swapped[..1], TPDO), default);
+    let read = ["581: 4F 00 1A 00 01 00 00 00", "581: 43 00 1A 01 20 00 04 60"];
+    assert_eq!(after(&read, "181: 00 10 00 00"), "angle: TPDO position 4096 (90.00°)");
+
+    // A boot-up restores what was stored.
+    let (save, load, boot) = ("5A0: 60 10 10 01 00 00 00 00", "5A0: 60 11 10 01 00 00 00 00", "720: 00");
+    assert_eq!(after(&[&swapped[..], &[boot]].concat(), TPDO), default);
+    assert_eq!(after(&[&swapped[..], &[save, boot]].concat(), TPDO), BYTES);
+    assert_eq!(after(&[&swapped[..], &[save, boot, load]].concat(), TPDO), BYTES, "until the next start");
+    assert_eq!(after(&[&swapped[..], &[save, load, save, boot]].concat(), TPDO), default, "the load outlives the save");
+}
+
 #[test]
 fn requests_and_answers_count_each_time_and_cyclic_frames_do_not() {
     for cyclic in
