@@ -191,8 +191,8 @@ impl<O: Platform> Driver<O> {
         self.warn(warning);
         if self.simulation.now() >= due {
             self.execute_next();
-            // While clients always have a message due, the driver never waits.
-            if now >= self.last_flush + MAX_SLEEP {
+            // While clients always have a message due, the driver never waits. Otherwise the next wait flushes.
+            if now >= self.last_flush + 2 * MAX_SLEEP {
                 self.flush();
                 self.last_flush = now;
             }
