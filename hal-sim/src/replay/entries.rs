@@ -51,7 +51,7 @@ impl Entries {
                 jump = Some(if is_later { later } else { "time more than a day before the previous entry" });
             }
             // One microsecond later, so that each time has one shift.
-            let shift = if is_back { self.earlier } else { (last + 1).saturating_sub(at) };
+            let shift = if is_back { self.earlier } else { last.saturating_add(1).saturating_sub(at) };
             self.earlier = std::mem::replace(&mut self.shift, shift);
         }
         let at = at.saturating_add(self.shift);

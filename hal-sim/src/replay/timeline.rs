@@ -244,10 +244,11 @@ impl Timeline {
 }
 
 /// Returns whether a frame may be the first frame with other data, because it has the same identifier. A heartbeat is
-/// excluded, because it shares the identifier of the boot-up message.
+/// excluded, because it shares the identifier of the boot-up message; so is an answer to node guarding, with its toggle
+/// bit.
 fn is_like(first: &Frame, frame: &Frame) -> bool {
     let is_heartbeat = matches!(frame.id(), Id::Standard(id) if matches!(classify(id), Some((Function::Heartbeat, _))))
-        && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
+        && matches!(frame.data(), [state] if matches!(state & 0x7F, 0x04 | 0x05 | 0x7F));
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }
 

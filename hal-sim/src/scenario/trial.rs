@@ -61,6 +61,13 @@ impl Trial {
         if let (None, Some(period)) = (&table.send, table.every_ms) {
             self.expect_again(expect.as_mut(), millis(period))?;
         }
+        if let Some(Expect { what: What::Frames(frames), every: None, .. }) = &expect
+            && self.strict
+        {
+            // The expected frame is no longer a cyclic one.
+            let is_expected = |id: &Id| frames.iter().any(|frame| frame.identifier() == Some(*id));
+            self.cyclic.retain(|id| self.ever_cyclic.contains(id) || !is_expected(id));
+        }
         let note = table.note.take();
         let act = self.act(device, table)?;
         Ok(Step { line, note, begin, act, expect, never })

@@ -19,7 +19,7 @@ use hal_sim::simulation::Refusal;
 use hal_sim::state::Invalid;
 use hal_sim::state::schema::Schemas;
 
-/// The JSON body of an error response; the request has changed nothing.
+/// The JSON body of an error response. Nothing has changed, except for the time until a cancelled call ended.
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct Error {
     /// The reason.

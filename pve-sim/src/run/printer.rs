@@ -15,11 +15,9 @@ const QUEUE: usize = 4096;
 /// The maximum number of bytes in one write, not counting the last line.
 const BATCH: usize = 64 * 1024;
 
-/// The time limit for writing the pending texts at the end of a run.
+/// The time limit for writing the pending texts at the end of a run, and then for the message that it has expired:
+/// stderr may have no reader, too.
 const END_TIMEOUT: Duration = Duration::from_secs(2);
-
-/// The time limit for the message that [`END_TIMEOUT`] has expired: stderr may have no reader, too.
-const NOTE_TIMEOUT: Duration = Duration::from_millis(100);
 
 const UNREAD: &str = "pve-sim: stdout was not read in time";
 
@@ -103,7 +101,7 @@ impl Printer {
             stderr.note(&format!("{UNREAD}: the end of the trace is missing"));
             drop(alive);
         });
-        let _ = told.recv_timeout(NOTE_TIMEOUT);
+        let _ = told.recv_timeout(END_TIMEOUT);
         false
     }
 }
@@ -129,11 +127,17 @@ impl<O: Write> Writer<O> {
                 self.take(text, &mut batch);
             }
             self.print(&mut batch);
-            let lost = self.lost.swap(0, Ordering::Relaxed);
-            if lost > 0 && self.stdout.is_some() {
-                self.is_cut.store(true, Ordering::Relaxed);
-                self.stderr.note(&format!("{UNREAD}: dropped {lost} lines of the trace"));
-            }
+            self.tell_lost();
+        }
+        // Lines can be dropped after the last text was taken.
+        self.tell_lost();
+    }
+
+    fn tell_lost(&self) {
+        let lost = self.lost.swap(0, Ordering::Relaxed);
+        if lost > 0 && self.stdout.is_some() {
+            self.is_cut.store(true, Ordering::Relaxed);
+            self.stderr.note(&format!("{UNREAD}: dropped {lost} lines of the trace"));
         }
     }
 

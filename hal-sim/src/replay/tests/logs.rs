@@ -81,6 +81,21 @@ fn a_wrong_boot_up_is_not_skipped() {
     }
 }
 
+/// Another device with the node ID answered node guarding before the valve was powered up.
+#[test]
+fn answers_to_node_guarding_are_no_boot_up() {
+    let records = at_rest().records;
+    let later = |record: &Record| Record { at: record.at.at(Instant::from_secs(10)), ..*record };
+    let guarding = ["720: R0", "720: 85", "720: R0", "720: 05", "720: R0", "720: FF"].map(|text| frame(text));
+    let before = guarding.into_iter().zip(1..).map(|(frame, place)| Record {
+        at: records[0].at.at(Instant::from_millis(place * 100)),
+        entry: Entry::Frame(frame),
+    });
+    let both: Vec<Record> = before.chain(records.iter().map(later)).collect();
+    let outcome = replayed(&format!("{VALVE} --from-boot-up"), &log(&both, Format::Candump));
+    assert_eq!((outcome.differences, outcome.skipped), (0, 6), "{:?}", outcome.told);
+}
+
 /// The logger started later: the valve had already booted.
 #[test]
 fn a_log_may_begin_after_the_boot_up() {
@@ -236,6 +251,11 @@ fn a_clock_that_is_adjusted_is_told() {
     let claims = [0, YEARS].map(|micros| Record { at: Timestamp::from_micros(micros), entry: claim });
     let outcome = replayed("--device pvea-isobus@0x83", &log(&claims, Format::Candump));
     assert_eq!((outcome.compared, outcome.unread.len()), (2, 1));
+    // Enormous times.
+    for first in [i64::MAX as u64 - 1, i64::MAX as u64, u64::MAX] {
+        let moved = times(&|at, _| if at == 0 { first } else { 1_000_000_000_000 - 200_000_000_000 * at as u64 % 5 });
+        assert!(!replayed(VALVE, &log(&moved, Format::Candump)).unread.is_empty());
+    }
     // A single wrong time.
     let moved = times(&|at, micros| if at == place { 7 } else { YEARS + micros });
     let outcome = replayed(VALVE, &log(&moved, Format::Candump));

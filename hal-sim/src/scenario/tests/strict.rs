@@ -141,6 +141,9 @@ fn a_strict_scenario_that_cannot_look_is_refused() {
         );
     }
     assert!(refusal("{ expect = \"720\", every_ms = 0 }").1.starts_with("every_ms 0 is not valid"));
+    // The second expectation has ended the cycle.
+    let ended = "{ expect = \"720\", every_ms = 100 }, { expect = \"720\" },\n{ stop = \"720\" }";
+    assert_eq!(refusal(ended), (Some(5), "stop: there is no cyclic frame \"720\"; accepted: \"all\"".to_owned()));
     // Not strict: the step sends no frame.
     assert!(refused("{ expect = \"720\", every_ms = 100 }").starts_with("every_ms is only valid together with send"));
 }
