@@ -86,7 +86,7 @@ fn a_wrong_boot_up_is_not_skipped() {
 fn answers_to_node_guarding_are_no_boot_up() {
     let records = at_rest().records;
     let later = |record: &Record| Record { at: record.at.at(Instant::from_secs(10)), ..*record };
-    let guarding = ["720: R0", "720: 85", "720: R0", "720: 05", "720: R0", "720: FF"].map(|text| frame(text));
+    let guarding = ["720: R0", "720: 85", "720: R0", "720: 05", "720: R0", "720: FF"].map(frame);
     let before = guarding.into_iter().zip(1..).map(|(frame, place)| Record {
         at: records[0].at.at(Instant::from_millis(place * 100)),
         entry: Entry::Frame(frame),
