@@ -8,7 +8,7 @@
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
 //! sdo       SDO requests and responses                          lss      LSS requests and responses
-//! block     SDO block transfers in progress                     mapping     changed PDO mappings
+//! block     SDO block transfers in progress                     mapping  changed PDO mappings
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
 //! recorded  unnamed devices of a recording, and its error frames

@@ -82,6 +82,7 @@ pub(super) fn router(world: WorldSender) -> Router {
         .route("/events", get(events::follow))
         .route("/openapi.json", get(description::show))
         .route("/bus/frames", post(frames::send))
+        // A route layer applies to the routes above: those below have a query.
         .route_layer(middleware::from_fn(without_query))
         .route("/bus/frames", delete(frames::stop))
         .route("/trace", get(trace::show))
