@@ -104,9 +104,7 @@ impl Trace {
     pub(super) fn note(&mut self, note: &str) {
         self.layout.finish(&mut self.text);
         for line in note.lines() {
-            self.text.push_str("-- ");
-            self.text.push_str(line);
-            self.text.push('\n');
+            let _ = writeln!(self.text, "-- {}", in_one_line(line));
         }
     }
 
@@ -235,7 +233,7 @@ impl Failure {
         // Writing to a string cannot fail.
         let _ = writeln!(out, "  {file}:{line}: {headline}: failed at {}", time(*at));
         for line in note.iter().flat_map(|note| note.lines()) {
-            let _ = writeln!(out, "    -- {line}");
+            let _ = writeln!(out, "    -- {}", in_one_line(line));
         }
         for line in details {
             let _ = writeln!(out, "    {line}");

@@ -140,6 +140,18 @@ fn results_for_ci() {
     assert!(text.contains("&lt;-  720: 00"), "the frames before: {text}");
 }
 
+/// Neither a terminal nor an XML reader gets the control characters and noncharacters of a note.
+#[test]
+fn a_note_with_odd_characters_is_shown_escaped() {
+    let odd = WRONG.replacen("{ expect", "{ note = \"red\\u001b[31m\\ufffe\", expect", 1);
+    let (folder, paths) = files(&[("odd.toml", &odd)]);
+    let junit = folder.path().join("results.xml").display().to_string();
+    let (_, told) = run(&["--verbose", "--junit", &junit, &paths[0]]);
+    assert_eq!(told.matches("-- red\\u{1b}[31m\\u{fffe}\n").count(), 2, "{told}");
+    let text = fs::read_to_string(&junit).expect("the results");
+    assert!(text.contains("-- red\\u{1b}[31m\\u{fffe}\n") && !text.contains('\u{FFFE}'), "{text}");
+}
+
 #[test]
 fn results_that_cannot_be_written_are_exit_1_with_one_line() {
     let (folder, paths) = files(&[("right.toml", RIGHT)]);
