@@ -4,7 +4,7 @@
 use heapless::Vec;
 
 use crate::frame::{Frame, Id, extended};
-use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, id, single_frame};
+use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, POSITIVE, READ, WRITE, id, single_frame};
 
 /// The identifier of the node ID. No other identifier is writable.
 pub const NODE_ID: Identifier = 0x1001;
@@ -44,6 +44,10 @@ pub enum Reaction {
 pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Identifiers) -> Reaction {
     let Some((request, length_agrees)) = single_frame(data) else { return Reaction::Nothing };
     let service = request.first().copied().unwrap_or(0);
+    if service & POSITIVE != 0 {
+        // Two devices would otherwise answer each other's answers for ever.
+        return Reaction::Nothing;
+    }
     let answer_id = match request {
         [WRITE, high, low, ..] if Identifier::from_be_bytes([*high, *low]) == NODE_ID => node_id_answer(),
         _ => id(own, source).into(),
