@@ -74,18 +74,17 @@ impl Writes {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into a waiting write of the same kind. The new value then replaces the old value;
-    /// the faults of two DM3s are combined. The write in progress does not change, because its record is already
-    /// encoded.
+    /// Appends a write. It replaces a waiting write of the same kind, so that the last of several requesters of a record
+    /// has the last word; the faults of two DM3s are combined. The write in progress does not change, because its record
+    /// is already encoded.
     pub fn request(&mut self, write: Write) {
-        let mut waiting = self.queue.iter_mut().skip(usize::from(self.in_flight));
-        if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
-            let kept = if write.requester == Requester::Dm3 { waiting.value } else { 0 };
-            waiting.value = kept | write.value;
-        } else {
-            // Cannot fail, because there is room for every kind.
-            let _ = self.queue.push(write);
-        }
+        let begun = usize::from(self.in_flight);
+        let place = self.queue.iter().skip(begun).position(|waiting| waiting.is_like(write));
+        let replaced = place.map(|place| self.queue.remove(place.saturating_add(begun)));
+        let kept =
+            replaced.filter(|replaced| replaced.requester == Requester::Dm3).map_or(0, |replaced| replaced.value);
+        // Cannot fail, because there is room for every kind.
+        let _ = self.queue.push(write.with(kept | write.value));
     }
 
     /// Inserts a write before all others. The write must complete a request whose first write has just ended.
@@ -143,7 +142,7 @@ mod tests {
     const LOG: Write = Write::new(RecordKey::FaultLog, Requester::Device);
 
     #[test]
-    fn writes_of_one_kind_wait_once_and_keep_their_turn() {
+    fn writes_of_one_kind_wait_once() {
         let mut writes = Writes::new();
         for ticket in 0..100 {
             writes.request(SAVE.with(ticket));
@@ -173,6 +172,27 @@ mod tests {
         assert_eq!(writes.end(RecordKey::FaultLog), Some(LOG));
         assert!(!writes.contains(LOG));
         assert!(writes.iter().any(|waiting| waiting.requester == Requester::Sdo));
+    }
+
+    #[test]
+    fn the_last_of_several_requesters_has_the_last_word() {
+        let mut writes = Writes::new();
+        let order = |requester, address| Write::new(RecordKey::LocalLayer, requester).with(address);
+        writes.request(LOG);
+        assert_eq!(writes.begin(), Some(LOG));
+        for order in [
+            order(Requester::CommandedAddress, 0x85),
+            order(Requester::Uds, 0x86),
+            order(Requester::CommandedAddress, 0x87),
+        ] {
+            writes.request(order);
+        }
+        assert_eq!(writes.end(RecordKey::FaultLog), Some(LOG));
+        for order in [order(Requester::Uds, 0x86), order(Requester::CommandedAddress, 0x87)] {
+            assert_eq!(writes.begin(), Some(order));
+            assert_eq!(writes.end(RecordKey::LocalLayer), Some(order));
+        }
+        assert!(writes.is_idle());
     }
 
     #[test]
