@@ -143,8 +143,8 @@ impl embedded_can::nb::Can for ClientEnd {
 
 impl Controller for ClientEnd {
     #[inline(always)]
-    fn is_idle(&self) -> bool {
-        self.taken.is_none()
+    fn holds(&self, which: Filter) -> bool {
+        self.taken.is_some_and(|frame| which.passes(&frame))
     }
 
     fn abort(&mut self, _: Filter) {}

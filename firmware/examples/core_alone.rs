@@ -54,8 +54,8 @@ mod image {
     }
 
     impl Controller for Mailbox {
-        fn is_idle(&self) -> bool {
-            self.taken.is_none()
+        fn holds(&self, which: Filter) -> bool {
+            self.taken.is_some_and(|frame| which.passes(&frame))
         }
 
         fn abort(&mut self, _: Filter) {}

@@ -127,12 +127,13 @@ mod image {
     }
 
     impl protocol_core::controller::Controller for Controller {
-        fn is_idle(&self) -> bool {
-            !REGISTERS.to_send.is_full()
+        fn holds(&self, which: Filter) -> bool {
+            let held = REGISTERS.to_send.key.load(Relaxed);
+            REGISTERS.to_send.is_full() && (held ^ which.key) & which.mask & !Mailbox::FULL == 0
         }
 
         fn abort(&mut self, which: Filter) {
-            if (REGISTERS.to_send.key.load(Relaxed) ^ which.key) & which.mask & !Mailbox::FULL == 0 {
+            if self.holds(which) {
                 REGISTERS.to_send.key.store(0, Relaxed);
             }
         }

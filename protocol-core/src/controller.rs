@@ -8,8 +8,8 @@ use crate::frame::Frame;
 
 /// A CAN controller for the [`pump`](crate::pump::pump).
 pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
-    /// Returns whether the controller has sent all its frames.
-    fn is_idle(&self) -> bool;
+    /// Returns whether the controller holds an unsent frame that passes `which`. A frame on the wire is unsent.
+    fn holds(&self, which: Filter) -> bool;
 
     /// Drops the pending transmit frames that pass `which`. A frame on the wire is not dropped, but it is not repeated
     /// after an error.

@@ -1,6 +1,6 @@
 //! The pump, which moves frames between a controller and a device. Board and simulator share it.
 
-use crate::controller::Controller;
+use crate::controller::{Controller, Filter};
 use crate::device::{Device, Effect};
 use crate::time::Instant;
 
@@ -19,6 +19,23 @@ where
     any
 }
 
+/// Tells the device which of its frames the controller has sent.
+///
+/// The [pump] does this by itself. A platform does it before a call of [`Device::sense`] that does not directly follow the
+/// pump, because what a device does with an input depends on the frames that are still unsent. The frames of a controller
+/// that goes bus-off must still be there.
+pub fn note_sent<D, C>(device: &mut D, can: &C, now: Instant)
+where
+    D: Device + ?Sized,
+    C: Controller,
+{
+    if can.holds(Filter::ALL) {
+        device.sent_except(&|which| can.holds(which), now);
+    } else {
+        device.all_sent(now);
+    }
+}
+
 /// Passes the received frames and the time to the device, and the device's frames to the controller.
 ///
 /// Returns an effect that the platform must carry out. The platform calls the pump when a frame was received or sent,
@@ -30,6 +47,7 @@ where
     D: Device + ?Sized,
     C: Controller,
 {
+    note_sent(device, can, now);
     receive(device, can, now);
     device.poll(now);
     // The filters are set before answers are sent, so that a client that has received its answer can rely on the
@@ -51,7 +69,7 @@ where
                 }
             }
         }
-        if !can.is_idle() {
+        if can.holds(Filter::ALL) {
             return device.next_effect(false);
         }
         if !device.all_sent(now) {

@@ -49,8 +49,8 @@ impl embedded_can::nb::Can for FreeBus {
 }
 
 impl Controller for FreeBus {
-    fn is_idle(&self) -> bool {
-        true
+    fn holds(&self, _: Filter) -> bool {
+        false
     }
 
     fn abort(&mut self, _: Filter) {

@@ -130,7 +130,7 @@ fn lengths_and_forms() {
 }
 
 /// Requests and the code they are refused with, in the order of the checks; empty: no answer at all.
-const REFUSALS: [(&str, &str); 43] = [
+const REFUSALS: [(&str, &str); 44] = [
     // no answer
     ("", ""),
     ("00", ""),
@@ -138,6 +138,9 @@ const REFUSALS: [(&str, &str); 43] = [
     ("08 22 F0 10", ""),
     ("10 22 F0 10", ""),
     ("FF", ""),
+    // answers
+    ("03 62 F0 10", ""),
+    ("03 7F 22 11", ""),
     // byte 0 against the DLC, before the service
     ("01", "00 13"),
     ("02 22", "22 13"),
@@ -151,7 +154,6 @@ const REFUSALS: [(&str, &str); 43] = [
     ("01 3E", "3E 11"),
     ("02 10 03", "10 11"),
     ("03 27 F0 10", "27 11"),
-    ("03 62 F0 10", "62 11"),
     ("07 19 00 00 00 00 00 00", "19 11"),
     // the length, before the identifier
     ("01 22", "22 13"),

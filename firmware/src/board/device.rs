@@ -9,7 +9,7 @@ use nvm::Contents;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::{AnyDevice, Device, Effect, Restart, StartCause};
 use protocol_core::memory::{Image, StoreError};
-use protocol_core::pump::{pump, receive};
+use protocol_core::pump::{note_sent, pump, receive};
 use protocol_core::time::NEVER;
 use static_cell::StaticCell;
 
@@ -101,6 +101,7 @@ impl Board {
             if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
+            note_sent(device, &self.link.can, now);
             let answer = self.look(events, device);
             if self.link.settle(&mut self.wake_up).await {
                 // The wait took time, so received frames take effect at the present time.

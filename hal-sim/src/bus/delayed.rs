@@ -102,10 +102,10 @@ impl DelayedFrames {
         self.0.iter().filter(|delayed| delayed.is_own).count() >= MAX_ANSWERS
     }
 
-    /// Returns whether the application has no pending frame here: no slow answer, and no frame that waits for a free
-    /// mailbox. Frames delayed by a fault do not count, because the application considers them sent.
-    pub(super) fn is_idle(&self) -> bool {
-        self.0.iter().all(|delayed| delayed.is_copy || delayed.is_sent())
+    /// Returns whether a frame that passes `which` is pending for the application: a slow answer, or a frame that waits
+    /// for a free mailbox. Frames delayed by a fault do not count, because the application considers them sent.
+    pub(super) fn holds(&self, which: Filter) -> bool {
+        self.0.iter().any(|delayed| !delayed.is_copy && !delayed.is_sent() && which.passes(&delayed.frame))
     }
 
     /// Takes the frames that a fault delays, and drops all other frames.

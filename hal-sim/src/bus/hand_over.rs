@@ -46,8 +46,8 @@ impl Can for DeviceCan<'_> {
 
 impl Controller for DeviceCan<'_> {
     #[inline]
-    fn is_idle(&self) -> bool {
-        self.bus.port(self.id).is_idle()
+    fn holds(&self, which: Filter) -> bool {
+        self.bus.port(self.id).holds(which)
     }
 
     fn abort(&mut self, which: Filter) {

@@ -127,6 +127,7 @@ impl Bus {
         }
         if to == BusErrorMode::BusOff {
             port.ready_at = Nanos::MAX;
+            port.was_bus_off = true;
             // The software of an external controller starts the recovery.
             let recovers = port.external.is_none() && !port.held;
             self.leave(id);

@@ -62,6 +62,8 @@ pub struct Port {
     /// True if the port is forced bus-off.
     pub(super) held: bool,
     pub(super) recovery: Option<Recovery>,
+    /// True if the controller has gone bus-off since the last [`take_bus_off`](Self::take_bus_off).
+    pub(super) was_bus_off: bool,
     pub(super) contends: Contends,
     /// The state of an external controller.
     pub(super) external: Option<Box<External>>,
@@ -141,6 +143,7 @@ impl Port {
             suspended: false,
             held: false,
             recovery: None,
+            was_bus_off: false,
             contends: Contends::No,
         }
     }
@@ -161,6 +164,11 @@ impl Port {
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
         self.confinement.mode()
+    }
+
+    /// Returns whether the controller has gone bus-off since the last call, even if it has recovered since.
+    pub(crate) const fn take_bus_off(&mut self) -> bool {
+        std::mem::replace(&mut self.was_bus_off, false)
     }
 
     /// Returns the error counters.
@@ -290,8 +298,8 @@ impl embedded_can::nb::Can for Port {
 }
 
 impl Controller for Port {
-    fn is_idle(&self) -> bool {
-        self.transmit.is_empty() && self.delayed.is_idle()
+    fn holds(&self, which: Filter) -> bool {
+        self.transmit.holds(which) || self.delayed.holds(which)
     }
 
     fn abort(&mut self, which: Filter) {

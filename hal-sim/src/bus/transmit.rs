@@ -133,6 +133,11 @@ impl Transmit {
     pub(super) fn is_empty(&self) -> bool {
         self.pending.is_empty()
     }
+
+    /// Returns whether a frame that passes `which` is pending.
+    pub(super) fn holds(&self, which: Filter) -> bool {
+        self.pending.iter().any(|pending| which.passes(&pending.frame))
+    }
 }
 
 impl Pending {

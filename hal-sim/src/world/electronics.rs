@@ -3,7 +3,7 @@
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use protocol_core::wire::cob_id::{Function, LSS_ANSWER, classify};
-use protocol_core::wire::j1939_id::{J1939Id, Pgn};
+use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
 use protocol_core::wire::uds;
 
 use super::Change;
@@ -13,8 +13,8 @@ use super::Change;
 pub struct Electronics {
     /// The time from power-on to the start of the application (A).
     pub boot: Duration,
-    /// The minimum and maximum delay of an answer (A). Answers are SDO, LSS and UDS responses, and J1939
-    /// acknowledgements, DM2 and transport protocol messages.
+    /// The minimum and maximum delay of an answer (A). Answers are SDO, LSS and UDS responses, J1939 acknowledgements,
+    /// aborts of the transport protocol, and a DM2 in one frame.
     pub answer: (Duration, Duration),
     /// The cycle time of the application, which reads frames and inputs and sends frames only once per cycle (A). With
     /// 0, the application reacts immediately.
@@ -91,8 +91,11 @@ pub(super) fn is_answer(frame: &Frame) -> bool {
             id.as_raw() == LSS_ANSWER || classify(id).is_some_and(|(function, _)| function == Function::SdoAnswer)
         }
         Id::Extended(id) => {
-            let is_j1939 =
-                |id: J1939Id| [Pgn::ACKNOWLEDGEMENT, Pgn::DM2, Pgn::TP_CONNECTION, Pgn::TP_DATA].contains(&id.pgn());
+            // A broadcast in several packets has its own times.
+            let is_j1939 = |id: J1939Id| match id.pgn() {
+                Pgn::TP_CONNECTION => id.destination() != Address::GLOBAL,
+                pgn => [Pgn::ACKNOWLEDGEMENT, Pgn::DM2].contains(&pgn),
+            };
             uds::parse_id(id.as_raw()).is_some() || J1939Id::of(frame).is_some_and(is_j1939)
         }
     }

@@ -188,6 +188,8 @@ impl Device for Probe {
         !self.out.is_empty()
     }
 
+    fn sent_except(&mut self, _: &dyn Fn(Filter) -> bool, _: Instant) {}
+
     /// Returns the requested effects in order, once all frames are sent.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
         (all_sent && !self.effects.is_empty()).then(|| self.effects.remove(0))

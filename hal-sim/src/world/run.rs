@@ -5,6 +5,7 @@ use std::sync::Arc;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Effect;
 use protocol_core::memory::{Record, RecordKey};
+use protocol_core::pump::note_sent;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use crate::bus::DeviceCan;
@@ -215,15 +216,19 @@ impl World {
         let Node { port, power, inputs, write, frames_dropped, electronics, rough, .. } = &mut nodes[id.0];
         let (port_id, Power::On(device)) = (*port, power) else { return None };
         let port = bus.port_mut(port_id);
-        if port.mode() != inputs.bus {
-            inputs.bus = port.mode();
-            if inputs.bus == BusErrorMode::BusOff {
-                bus.drop_pending(port_id, now);
+        let (mode, was_bus_off) = (port.mode(), port.take_bus_off());
+        let has_new_inputs = std::mem::take(&mut electronics.has_new_inputs) || rough.is_rough_shaft(inputs);
+        if has_new_inputs || was_bus_off || mode != inputs.bus {
+            note_sent(&mut **device, &DeviceCan::new(bus, port_id, now), now);
+            // A slow application notices a bus-off that has begun and ended between two cycles.
+            let missed = (was_bus_off && mode != BusErrorMode::BusOff).then_some(BusErrorMode::BusOff);
+            for mode in missed.into_iter().chain([mode]) {
+                if mode == BusErrorMode::BusOff && inputs.bus != mode {
+                    bus.drop_pending(port_id, now);
+                }
+                inputs.bus = mode;
+                device.sense(&rough.sensed(inputs, now), now);
             }
-            device.sense(&rough.sensed(inputs, now), now);
-        }
-        if std::mem::take(&mut electronics.has_new_inputs) || rough.is_rough_shaft(inputs) {
-            device.sense(&rough.sensed(inputs, now), now);
         }
         let effect = device.pump(&mut DeviceCan::new(bus, port_id, now), now);
         if effect.is_some() {

@@ -103,6 +103,10 @@ pub trait Device {
     /// Records that the controller has sent all its frames by `now`. Returns whether another frame can be sent now.
     fn all_sent(&mut self, now: Instant) -> bool;
 
+    /// Records that the controller has sent its frames by `now`, except those for which `is_held` returns true for a
+    /// filter that passes them.
+    fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool, now: Instant);
+
     /// Returns the next effect. Stores and bit rates do not wait for the bus. A restart requires `all_sent`, so that
     /// the answer to the request for the restart is not dropped.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect>;

@@ -88,6 +88,9 @@ pub trait Application: Storing + Sized {
     /// frames, such as the deadline.
     fn all_sent(&mut self, base: &mut Base) -> bool;
 
+    /// See [`Device::sent_except`]. Returns what [`all_sent`](Self::all_sent) returns.
+    fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool, base: &mut Base) -> bool;
+
     /// Returns whether a pending frame may be sent now.
     fn has_frame(&self) -> bool;
 
@@ -395,6 +398,13 @@ impl<A: Application> Device for Runtime<A> {
             self.finish();
         }
         self.application.has_frame()
+    }
+
+    fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool, now: Instant) {
+        self.base.go_to(now);
+        if self.application.sent_except(is_held, &mut self.base) {
+            self.finish();
+        }
     }
 
     #[inline]

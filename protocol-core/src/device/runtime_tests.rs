@@ -119,6 +119,10 @@ impl Application for Obedient {
         true
     }
 
+    fn sent_except(&mut self, _: &dyn Fn(Filter) -> bool, _: &mut Base) -> bool {
+        true
+    }
+
     fn has_frame(&self) -> bool {
         self.pending
     }

@@ -74,17 +74,23 @@ impl Writes {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write. It replaces a waiting write of the same kind, so that the last of several requesters of a record
-    /// has the last word; the faults of two DM3s are combined. The write in progress does not change, because its record
-    /// is already encoded.
+    /// Appends a write, or merges it into a waiting write of the same kind. The new value then replaces the old value;
+    /// the faults of two DM3s are combined. A commanded address moves to the end, because the last of several orders for
+    /// the address must win. The write in progress does not change, because its record is already encoded.
     pub fn request(&mut self, write: Write) {
         let begun = usize::from(self.in_flight);
-        let place = self.queue.iter().skip(begun).position(|waiting| waiting.is_like(write));
-        let replaced = place.map(|place| self.queue.remove(place.saturating_add(begun)));
-        let kept =
-            replaced.filter(|replaced| replaced.requester == Requester::Dm3).map_or(0, |replaced| replaced.value);
-        // Cannot fail, because there is room for every kind.
-        let _ = self.queue.push(write.with(kept | write.value));
+        if write.requester == Requester::CommandedAddress
+            && let Some(place) = self.queue.iter().skip(begun).position(|waiting| waiting.is_like(write))
+        {
+            self.queue.remove(place.saturating_add(begun));
+        }
+        if let Some(waiting) = self.queue.iter_mut().skip(begun).find(|waiting| waiting.is_like(write)) {
+            let kept = if write.requester == Requester::Dm3 { waiting.value } else { 0 };
+            waiting.value = kept | write.value;
+        } else {
+            // Cannot fail, because there is room for every kind.
+            let _ = self.queue.push(write);
+        }
     }
 
     /// Inserts a write before all others. The write must complete a request whose first write has just ended.
@@ -142,7 +148,7 @@ mod tests {
     const LOG: Write = Write::new(RecordKey::FaultLog, Requester::Device);
 
     #[test]
-    fn writes_of_one_kind_wait_once() {
+    fn writes_of_one_kind_wait_once_and_keep_their_turn() {
         let mut writes = Writes::new();
         for ticket in 0..100 {
             writes.request(SAVE.with(ticket));
@@ -175,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_of_several_requesters_has_the_last_word() {
+    fn the_last_of_several_orders_for_the_address_wins() {
         let mut writes = Writes::new();
         let order = |requester, address| Write::new(RecordKey::LocalLayer, requester).with(address);
         writes.request(LOG);

@@ -60,16 +60,9 @@ impl AddressClaim {
     /// The wait lasts [`CLAIM_WAIT`] for the addresses 128–247, which self-configurable controllers may also choose.
     /// Other addresses need no wait.
     pub const fn sent(&mut self, now: Instant) {
-        if self.is_begun() {
+        if matches!(self.state, State::Begun) {
             self.state = State::Waiting { until: delayed(now, self.wait()) };
         }
-    }
-
-    /// Returns whether the first claim is unsent.
-    #[inline]
-    #[must_use]
-    pub const fn is_begun(&self) -> bool {
-        matches!(self.state, State::Begun)
     }
 
     /// Returns the NAME.

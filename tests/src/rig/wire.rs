@@ -74,8 +74,8 @@ impl embedded_can::nb::Can for Wire {
 }
 
 impl Controller for Wire {
-    fn is_idle(&self) -> bool {
-        self.port.is_idle()
+    fn holds(&self, which: Filter) -> bool {
+        self.port.holds(which)
     }
 
     fn abort(&mut self, which: Filter) {

@@ -10,3 +10,4 @@ mod fork;
 mod invariants;
 mod isobus_faults;
 mod power_cuts;
+mod sent_frames;

@@ -178,8 +178,8 @@ impl embedded_can::nb::Can for Can1 {
 }
 
 impl Controller for Can1 {
-    fn is_idle(&self) -> bool {
-        transmit::with(|transmission| transmission.is_idle()).unwrap_or(true)
+    fn holds(&self, which: Filter) -> bool {
+        transmit::with(|transmission| transmission.holds(which)).unwrap_or(false)
     }
 
     fn abort(&mut self, which: Filter) {

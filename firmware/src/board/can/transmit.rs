@@ -65,9 +65,9 @@ pub(in crate::board) fn retry() -> bool {
 }
 
 impl Transmission {
-    /// Returns whether no frame is pending.
-    pub(super) fn is_idle(&self) -> bool {
-        self.tx.is_idle() && self.staged.is_none()
+    /// Returns whether a frame that passes a filter is pending.
+    pub(super) fn holds(&self, which: Filter) -> bool {
+        self.staged.is_some_and(|frame| which.passes(&frame)) || occupied().any(|mailbox| passes(which, mailbox))
     }
 
     /// Accepts a frame for transmission. Returns the less urgent frame that the new frame displaces, if any.
@@ -95,12 +95,9 @@ impl Transmission {
     /// Drops the frames that pass a filter. A frame on the wire is not repeated after an error.
     pub(super) fn abort(&mut self, which: Filter) {
         self.staged.take_if(|frame| which.passes(frame));
-        let status = CAN1.tsr().read();
-        for mailbox in (0..3).filter(|mailbox| !status.tme(*mailbox)) {
-            if which.passes(&Frame::remote(identifier(mailbox), 0)) {
-                // `bxcan` would busy-wait for the end of a frame on the wire.
-                CAN1.tsr().write(|tsr| tsr.set_abrq(mailbox, true));
-            }
+        for mailbox in occupied().filter(|mailbox| passes(which, *mailbox)) {
+            // `bxcan` would busy-wait for the end of a frame on the wire.
+            CAN1.tsr().write(|tsr| tsr.set_abrq(mailbox, true));
         }
     }
 
@@ -126,4 +123,15 @@ impl Transmission {
         let status = self.tx.transmit(&frame)?;
         Ok(status.dequeued_frame().and_then(convert))
     }
+}
+
+/// Returns the mailboxes that hold a frame.
+fn occupied() -> impl Iterator<Item = usize> {
+    let status = CAN1.tsr().read();
+    (0..3).filter(move |mailbox| !status.tme(*mailbox))
+}
+
+/// Returns whether the frame in a mailbox passes a filter.
+fn passes(which: Filter, mailbox: usize) -> bool {
+    which.passes(&Frame::remote(identifier(mailbox), 0))
 }

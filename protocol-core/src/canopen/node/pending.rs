@@ -400,6 +400,22 @@ impl<P: Product> Node<P> {
         pending.emcys.sent();
     }
 
+    /// Records that the controller has sent the frames that it no longer holds. The answers stay, because several may
+    /// have one identifier.
+    pub(crate) fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool) {
+        let is_sent = |key: &mut u32| !is_held(Filter::exactly(*key));
+        let pending = &mut self.pending;
+        let boot_up = self.objects.node_id.map(|node_id| u32::from(node_id.raw_id(Function::Heartbeat)));
+        if pending.boot_up == BootUp::Taken && boot_up.is_none_or(|mut key| is_sent(&mut key)) {
+            pending.boot_up = BootUp::Done;
+        }
+        pending.heartbeat.taken.take_if(is_sent);
+        pending.tpdo.taken.take_if(is_sent);
+        if self.objects.emcy.key().is_some_and(|mut key| is_sent(&mut key)) {
+            pending.emcys.sent();
+        }
+    }
+
     /// Encodes the TPDO, with the sample of its due time or a new sample, and marks it as taken by the controller.
     // `inline(never)` saves 6 instructions on an SDO transfer with a sensor.
     #[inline(never)]

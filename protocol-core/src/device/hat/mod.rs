@@ -244,6 +244,11 @@ impl Application for HatSensor {
         true
     }
 
+    fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool, _: &mut Base) -> bool {
+        self.node.sent_except(is_held);
+        true
+    }
+
     #[inline]
     fn has_frame(&self) -> bool {
         self.node.has_frame()

@@ -32,6 +32,9 @@ pub(super) struct MessageSet(u8);
 impl MessageSet {
     pub(super) const EMPTY: Self = Self(0);
     pub(super) const CLAIM: Self = Self(Message::Claim.bit());
+    pub(super) const DM1: Self = Self(Message::Dm1.bit());
+    /// The messages that outlast bus-off.
+    pub(super) const LASTING: Self = Self::CLAIM.union(Self::DM1);
     pub(super) const ALL: Self = Self(0xFF);
 
     #[inline]
@@ -58,6 +61,14 @@ impl MessageSet {
     #[inline]
     pub(super) fn first(self) -> Option<Message> {
         Message::ALL.into_iter().find(|message| self.contains(*message))
+    }
+
+    pub(super) const fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    pub(super) const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
     }
 
     #[inline]

@@ -114,7 +114,7 @@ impl<const DM2: usize> Node<DM2> {
     /// Restarts the node with this NAME and address, as after power-up. A running broadcast is abandoned. The bus state
     /// and the count of dropped frames stay.
     pub fn restart(&mut self, name: Name, own: Address) {
-        self.give_up_all();
+        self.give_up_all(MessageSet::EMPTY);
         let Self { bus_off, dropped, .. } = *self;
         *self = Self::new(self.rules, name, own);
         self.bus_off = bus_off;
@@ -142,14 +142,11 @@ impl<const DM2: usize> Node<DM2> {
         self.dropped
     }
 
-    /// Sets whether the controller is bus-off. Bus-off drops all answers, and all pending messages except DM1 and an
-    /// unsent first claim. DM1 reports the state at the time of its transmission.
+    /// Sets whether the controller is bus-off. Bus-off drops all answers, and all pending messages except DM1 and claims.
+    /// These report the state at the time of their transmission.
     pub fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
-            self.give_up_all();
-            if self.claim.is_begun() {
-                self.pending.insert(Message::Claim);
-            }
+            self.give_up_all(MessageSet::LASTING);
         }
         self.bus_off = bus_off;
         self.permit();
@@ -237,17 +234,33 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Records that the controller has sent all its frames by `now`.
     pub fn all_sent(&mut self, now: Instant) {
-        if self.in_controller.contains(Message::Claim) {
+        self.note_sent(self.in_controller, now);
+        self.answers.sent();
+    }
+
+    /// Records that the controller has sent the messages that it no longer holds by `now`. The answers stay, because
+    /// several may have one identifier.
+    pub fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool, now: Instant) {
+        let mut sent = self.in_controller;
+        for message in Message::ALL {
+            if sent.contains(message) && is_held(Filter::exactly(self.key_of(message))) {
+                sent.remove(message);
+            }
+        }
+        self.note_sent(sent, now);
+    }
+
+    fn note_sent(&mut self, sent: MessageSet, now: Instant) {
+        if sent.contains(Message::Claim) {
             self.claim.sent(now);
         }
-        if self.in_controller.contains(Message::Packet) {
+        if sent.contains(Message::Packet) {
             self.bam.sent(now);
         }
-        if self.in_controller.contains(Message::Dm1) && self.dm1.sent() == Outcome::Pending {
+        if sent.contains(Message::Dm1) && self.dm1.sent() == Outcome::Pending {
             self.pending.insert(Message::Dm1);
         }
-        self.in_controller = MessageSet::EMPTY;
-        self.answers.sent();
+        self.in_controller = self.in_controller.without(sent);
         self.schedule();
     }
 

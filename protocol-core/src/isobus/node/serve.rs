@@ -72,7 +72,7 @@ impl<const DM2: usize> Node<DM2> {
 
     #[inline]
     fn serve_request(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
-        let Some(request) = Request::of(id, frame) else { return Indication::Nothing };
+        let Some(request) = Request::of(id, frame).filter(|_| !self.bus_off) else { return Indication::Nothing };
         if request.pgn != Pgn::ADDRESS_CLAIMED {
             return self.serve_other_request(request);
         }
@@ -106,7 +106,7 @@ impl<const DM2: usize> Node<DM2> {
         let Some(name) = frame.eight().map(|bytes| Name::from_bytes(*bytes)) else { return Indication::Nothing };
         match self.claim.contend(id.source(), name, now) {
             Outcome::Lost => {
-                self.give_up_all();
+                self.give_up_all(MessageSet::DM1);
                 self.groups.lose();
                 // Cannot fail, because the list is empty.
                 let _ = self.aborts.push(Filter::ALL);
@@ -157,9 +157,9 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Queues a message. An older message in the controller is aborted.
     ///
-    /// During bus-off only DM1 is queued. DM1 is then encoded after recovery, with the state at that time.
+    /// During bus-off only DM1 and claims are queued. They are then encoded after recovery, with the state at that time.
     pub(super) fn queue(&mut self, message: Message) {
-        if self.bus_off && message != Message::Dm1 {
+        if self.bus_off && !MessageSet::LASTING.contains(message) {
             return;
         }
         self.abort(message);
@@ -200,15 +200,11 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Drops all answers, a running broadcast, and all pending messages except DM1. Counts the answers and the
-    /// broadcast as dropped. Stops tracking the frames in the controller.
-    pub(super) fn give_up_all(&mut self) {
-        let dm1 = self.pending.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
-        self.pending = MessageSet::EMPTY;
+    /// Drops all answers, a running broadcast, and all unsent messages except those in `keep`. Counts the answers and
+    /// the broadcast as dropped. Stops tracking the frames in the controller.
+    pub(super) fn give_up_all(&mut self, keep: MessageSet) {
+        self.pending = self.pending.union(self.in_controller).intersection(keep);
         self.in_controller = MessageSet::EMPTY;
-        if dm1 {
-            self.pending.insert(Message::Dm1);
-        }
         self.aborts.clear();
         let dropped = self.answers.clear().saturating_add(u32::from(self.bam.cancel()));
         self.count_dropped(dropped);

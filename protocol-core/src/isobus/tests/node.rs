@@ -402,7 +402,7 @@ fn another_controller_under_the_own_address() {
     }
 }
 
-/// In bus-off only DM1 and an unsent first claim stay pending.
+/// In bus-off only DM1 and claims stay pending.
 #[test]
 fn bus_off() {
     let mut rig = Rig::claimed();
@@ -422,7 +422,7 @@ fn bus_off() {
     rig.expect(&[]);
     rig.node.set_bus_off(false);
     rig.pump();
-    rig.expect(&["18FECA83: 10 FF 00 F0 E1 01 FF FF"]);
+    rig.expect(&[CLAIM, "18FECA83: 10 FF 00 F0 E1 01 FF FF"]);
     rig.advance(PERIOD.as_millis());
     assert_eq!(rig.sent.last().copied(), Some(frame("18FECA83: 10 FF 00 F0 E1 01 FF FF")));
 

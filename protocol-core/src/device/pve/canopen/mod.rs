@@ -179,6 +179,11 @@ impl Application for CanopenValve {
         false
     }
 
+    fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool, _: &mut Base) -> bool {
+        self.node.sent_except(is_held);
+        false
+    }
+
     #[inline]
     fn has_frame(&self) -> bool {
         self.node.has_frame()

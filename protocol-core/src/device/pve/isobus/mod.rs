@@ -66,6 +66,18 @@ impl IsobusValve {
         &self.auxiliary.valve
     }
 
+    /// Ends a watchdog reset, which is momentary, once DM1 has reported its fault. Returns true, because the deadline
+    /// may have changed.
+    fn end_reported(&mut self, base: &Base) -> bool {
+        let valve = &mut self.auxiliary.valve;
+        if valve.is_active(Fault::Internal)
+            && self.node.reported().is_some_and(|trouble| trouble.dtc == codes(Fault::Internal).dtc)
+        {
+            valve.set_internal(InternalCause::Watchdog, false, base.now());
+        }
+        true
+    }
+
     /// Reports the fault changes to DM1 and to the fault log. A waiting DM3 will not clear a fault that has occurred
     /// again.
     fn report_changes(&mut self, base: &mut Base) {
@@ -205,14 +217,12 @@ impl Application for IsobusValve {
 
     fn all_sent(&mut self, base: &mut Base) -> bool {
         self.node.all_sent(base.now());
-        let valve = &mut self.auxiliary.valve;
-        // A watchdog reset is momentary: its cause ends once DM1 has reported the fault.
-        if valve.is_active(Fault::Internal)
-            && self.node.reported().is_some_and(|trouble| trouble.dtc == codes(Fault::Internal).dtc)
-        {
-            valve.set_internal(InternalCause::Watchdog, false, base.now());
-        }
-        true
+        self.end_reported(base)
+    }
+
+    fn sent_except(&mut self, is_held: &dyn Fn(Filter) -> bool, base: &mut Base) -> bool {
+        self.node.sent_except(is_held, base.now());
+        self.end_reported(base)
     }
 
     #[inline]

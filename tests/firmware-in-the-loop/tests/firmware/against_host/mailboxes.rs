@@ -143,8 +143,9 @@ impl embedded_can::nb::Can for Mailboxes {
 }
 
 impl Controller for Mailboxes {
-    fn is_idle(&self) -> bool {
-        self.mailboxes.is_empty() && self.staged.is_none()
+    fn holds(&self, which: Filter) -> bool {
+        let mut held = self.mailboxes.iter().chain(&self.staged);
+        held.any(|waiting| which.passes(&waiting.frame))
     }
 
     fn abort(&mut self, which: Filter) {
