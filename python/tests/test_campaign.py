@@ -79,7 +79,11 @@ def test_a_careful_controller_is_seen_to_detect(plan: Path) -> None:
     assert result.detected_us is not None
     assert 2_000_000 < result.detected_us < 2_002_000
     assert (result.safe_us, result.struck) == (2_000_000, 1)
-    assert not supply.run(careless).passed
+    missed = supply.run(careless)
+    assert not missed.passed
+    # Also without `.passed`.
+    assert result
+    assert not missed
     assert lost.run(careful).struck == 20
 
 
@@ -109,6 +113,27 @@ def test_a_controller_that_fails_hangs(plan: Path) -> None:
     assert result.verdict == "hung"
     assert isinstance(result.error, ZeroDivisionError)
     assert not result.passed
+
+
+def test_a_check_that_fails_after_the_verdict_fails_the_test(plan: Path) -> None:
+    def checks(sim: Simulator) -> None:
+        try:
+            careful(sim)
+        finally:
+            raise AssertionError("the controller's own check")
+
+    def fails(sim: Simulator) -> None:
+        try:
+            careful(sim)
+        finally:
+            raise ZeroDivisionError
+
+    supply = pve_sim.campaign(plan)[0]
+    with pytest.raises(AssertionError, match="own check"):
+        supply.run(checks)
+    result = supply.run(fails)
+    assert (result.verdict, type(result.error)) == ("safe", ZeroDivisionError)
+    assert supply.run(careful).error is None
 
 
 def test_a_plan_that_cannot_be_read_is_refused(plan: Path) -> None:

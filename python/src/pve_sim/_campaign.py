@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ._binary import find_binary
-from ._errors import InvalidValue, StartError
+from ._errors import Conflict, InvalidValue, StartError
 from ._simulator import Simulator
 
 #: A controller that drives the valves of a simulator in stepped time. It may return at any time, or never.
@@ -27,13 +27,17 @@ class CellResult:
     safe_us: int | None
     #: The number of frames that a communication fault affected; 1 for any other fault once it has acted.
     struck: int
-    #: The exception of a controller that failed; the verdict is then "hung".
+    #: The exception of a controller that failed. If it failed before the verdict, the verdict is "hung".
     error: Exception | None = None
 
     @property
     def passed(self) -> bool:
         """Whether no limit of the plan is broken."""
         return self.verdict in ("no-effect", "safe")
+
+    def __bool__(self) -> bool:
+        """Whether the cell passed: `assert cell.run(controller)` must not accept each verdict."""
+        return self.passed
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,9 @@ class Cell:
 
         Once the cell is decided, the controller's next call that takes time raises `Conflict`, which ends the
         controller. If the controller returns earlier, time continues without it.
+
+        Raises:
+            AssertionError: the controller's own check failed after the verdict.
         """
         with self.simulator() as sim:
             error: Exception | None = None
@@ -70,14 +77,19 @@ class Cell:
                 controller(sim)
             except Exception as raised:  # noqa: BLE001
                 error = raised
-            if error is not None and not _answer(sim)["decided"]:
-                return CellResult("hung", None, None, 0, error)
             answer = _answer(sim)
+            if error is not None and not answer["decided"]:
+                return CellResult("hung", None, None, 0, error)
+            if isinstance(error, AssertionError):
+                raise error
+            if isinstance(error, Conflict):
+                error = None
             while not answer["decided"]:
                 sim.advance(max(1, (answer["until_us"] - sim.now_us()) // 1000))
                 answer = _answer(sim)
             result = answer["result"]
-            return CellResult(*(result[key] for key in ("verdict", "detected_us", "safe_us", "struck")))
+            keys = ("verdict", "detected_us", "safe_us", "struck")
+            return CellResult(**{key: result[key] for key in keys}, error=error)
 
 
 def _answer(sim: Simulator) -> dict[str, Any]:
