@@ -160,3 +160,50 @@ def test_each_cell_is_a_test_with_a_readable_id(plan: Path, pytester: pytest.Pyt
     result.assert_outcomes(passed=2, failed=2, deselected=2)
     result.stdout.fnmatch_lines(["*test_controller[[]lose 220, count 1@500ms] PASSED*"])
     result.stdout.fnmatch_lines(["*test_controller[[]lose 220, count 20@520ms] FAILED*"])
+
+
+def test_several_plans_of_one_test_run_all(plan: Path, pytester: pytest.Pytester) -> None:
+    other = plan.with_name("other.toml")
+    other.write_text(PLAN.replace("supply_mv = 8000", "supply_mv = 24500").replace("to_ms = 520", "to_ms = 500"))
+    pytester.makepyfile(f"""
+        import pytest
+
+        @pytest.mark.pve_sim_campaign({str(plan)!r})
+        class TestBoth:
+            @pytest.mark.pve_sim_campaign({str(other)!r})
+            def test_it(self, pve_sim_cell):
+                pass
+    """)
+    result = pytester.runpytest_subprocess("--strict-markers", "-v")
+    result.assert_outcomes(passed=9)
+    result.stdout.fnmatch_lines(["*test_it[[]valve: supply_mv = 8000@500ms] PASSED*"])
+    result.stdout.fnmatch_lines(["*test_it[[]valve: supply_mv = 24500@500ms] PASSED*"])
+
+
+def test_devices_beside_a_plan_are_refused(plan: Path, pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(f"""
+        import pytest
+
+        pytestmark = pytest.mark.pve_sim("pvea-canopen@0x21", speed="step")
+
+        @pytest.mark.pve_sim_campaign({str(plan)!r})
+        def test_devices_of_the_module(pve_sim_cell):
+            pass
+
+        @pytest.mark.pve_sim("hat3000")
+        @pytest.mark.pve_sim_campaign({str(plan)!r})
+        def test_both(pve_sim_cell, pve_sim):
+            pass
+    """)
+    pytester.runpytest_subprocess("--strict-markers").assert_outcomes(passed=12)
+    pytester.makepyfile(f"""
+        import pytest
+
+        @pytest.mark.pve_sim("hat3000")
+        @pytest.mark.pve_sim_campaign({str(plan)!r})
+        def test_ignored(pve_sim_cell):
+            pass
+    """)
+    result = pytester.runpytest_subprocess("--strict-markers")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*marker pve_sim has no effect: the devices of pve_sim_cell are those of the plan*"])

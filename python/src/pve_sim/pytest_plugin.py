@@ -33,10 +33,16 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Runs a test with the marker `pve_sim_campaign` for each cell of its plan."""
-    if (marker := metafunc.definition.get_closest_marker("pve_sim_campaign")) is not None:
-        cells = campaign(*marker.args, **marker.kwargs)
-        metafunc.parametrize("pve_sim_cell", cells, ids=str)
+    """Runs a test with the marker `pve_sim_campaign` for each cell of its plan, or of all its plans."""
+    markers = list(metafunc.definition.iter_markers("pve_sim_campaign"))
+    if not markers:
+        return
+    own = any(marker.name == "pve_sim" for marker in metafunc.definition.own_markers)
+    if own and "pve_sim" not in metafunc.fixturenames:
+        reason = "the marker pve_sim has no effect: the devices of pve_sim_cell are those of the plan"
+        pytest.fail(f"{metafunc.definition.nodeid}: {reason}", pytrace=False)
+    cells = [cell for marker in markers for cell in campaign(*marker.args, **marker.kwargs)]
+    metafunc.parametrize("pve_sim_cell", cells, ids=str)
 
 
 @pytest.fixture
