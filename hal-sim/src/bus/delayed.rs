@@ -31,6 +31,8 @@ pub(super) struct Delayed {
     pub(super) is_overtaken: bool,
     /// True if the frame is a copy made by a fault.
     pub(super) is_copy: bool,
+    /// The fault that counts an affected frame at the handover of this frame, its first copy.
+    pub(super) counted_by: Option<FaultId>,
     /// True if the slow application itself delays the frame.
     pub(super) is_own: bool,
     /// True if this frame must be sent before the frame with which it was swapped.
@@ -53,7 +55,16 @@ pub(super) enum Wait {
 impl Delayed {
     /// Creates the handover of an unaffected frame.
     pub(super) const fn new(frame: Frame, due: Instant) -> Self {
-        Self { frame, due, wait: Wait::Time, is_overtaken: false, is_copy: false, is_own: false, is_next: false }
+        Self {
+            frame,
+            due,
+            wait: Wait::Time,
+            is_overtaken: false,
+            is_copy: false,
+            counted_by: None,
+            is_own: false,
+            is_next: false,
+        }
     }
 
     /// Delays the handover further.
@@ -160,6 +171,16 @@ impl DelayedFrames {
         })
     }
 
+    /// Returns the number of frames that `fault` has affected but not yet counted: they wait for their exchange, or
+    /// their first copy is pending.
+    pub(super) fn uncounted(&self, fault: FaultId) -> usize {
+        let is_uncounted = |delayed: &&Delayed| match delayed.wait {
+            Wait::Next(_, swaps) => swaps == fault,
+            _ => delayed.counted_by == Some(fault),
+        };
+        self.0.iter().filter(is_uncounted).count()
+    }
+
     /// Places the frame at index `swapped` after the sender's next frame. `next` is the index of the next frame if a
     /// fault delays it, otherwise the number of delayed frames.
     pub(super) fn follow(&mut self, swapped: usize, next: usize) {
@@ -170,9 +191,9 @@ impl DelayedFrames {
         self.0.insert(next.min(self.0.len()), swapped);
     }
 
-    /// Hands the due frames to the controller; a refused frame waits for a free mailbox. Returns whether any frame was
-    /// accepted.
-    pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant) -> bool {
+    /// Hands the due frames to the controller; a refused frame waits for a free mailbox. Calls `count` for each fault
+    /// that counts an accepted frame. Returns whether any frame was accepted.
+    pub(super) fn release(&mut self, transmit: &mut Transmit, now: Instant, mut count: impl FnMut(FaultId)) -> bool {
         let (mut place, mut has_released) = (0, false);
         while let Some(delayed) = self.0.get(place).copied() {
             if delayed.wait == Wait::Sent
@@ -186,6 +207,7 @@ impl DelayedFrames {
             } else if let Ok(overtaken) = transmit.put(delayed.frame) {
                 has_released = true;
                 self.0.remove(place);
+                delayed.counted_by.into_iter().for_each(&mut count);
                 if let Some(frame) = overtaken {
                     self.0.insert(0, Delayed { wait: Wait::Room, ..Delayed::new(frame, now) });
                     place += 1;

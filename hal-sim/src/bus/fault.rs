@@ -282,6 +282,12 @@ impl FaultKind {
     pub(super) const fn acts_at_sender(&self) -> bool {
         matches!(self, Self::Delay { .. } | Self::Repeat { .. } | Self::Swap { .. } | Self::Corrupt(_))
     }
+
+    /// Returns whether an affected frame counts later: when its first copy is handed over to the controller, or when
+    /// the frame is exchanged.
+    pub(super) const fn counts_later(&self) -> bool {
+        matches!(self, Self::Repeat { .. } | Self::Swap { .. })
+    }
 }
 
 impl FrameFilter {

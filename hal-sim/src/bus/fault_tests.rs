@@ -9,18 +9,18 @@ use super::fault::{Corruption, Delay, Fault, FaultKind, FrameFilter, Masks};
 use super::rig::{RATE, Rig, bits, frame};
 use super::*;
 
-const START: Instant = Instant::from_micros(10_000);
+pub(super) const START: Instant = Instant::from_micros(10_000);
 
-const fn millis(ms: u64) -> Duration {
+pub(super) const fn millis(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
 
-fn length(frame: &protocol_core::frame::Frame) -> u32 {
+pub(super) fn length(frame: &protocol_core::frame::Frame) -> u32 {
     FrameBits::of(frame).on_wire()
 }
 
 /// Creates a fault that affects frames with the identifier 220h.
-fn of_220(kind: FaultKind) -> Fault {
+pub(super) fn of_220(kind: FaultKind) -> Fault {
     let frames = FrameFilter { id: Some(standard(0x220).into()), ..FrameFilter::default() };
     Fault { frames, ..Fault::new("test", kind) }
 }
@@ -107,6 +107,37 @@ fn a_frame_is_repeated() {
     rig.run_for(millis(30));
     let ends: Vec<Instant> = rig.ended.iter().map(|(at, _)| *at).collect();
     assert_eq!(ends, [0, 7, 14].map(|ms| START + millis(ms) + bits(length(&sent))));
+}
+
+/// A frame whose first copy is still to come counts towards the limit, but is not affected yet.
+#[test]
+fn a_repetition_counts_when_the_first_copy_is_sent() {
+    let mut rig = rig_with(count_one(FaultKind::Repeat { times: 2, after: millis(50) }));
+    for byte in 1..=2 {
+        rig.send(0, frame(0x220, &[byte]));
+        rig.run_for(millis(10));
+    }
+    assert_eq!(struck(&rig), (0, false));
+    rig.run_for(millis(40));
+    assert_eq!(struck(&rig), (1, true));
+    rig.run_for(millis(100));
+    assert_eq!(struck(&rig), (1, true));
+    assert_eq!(rig.frames(), [1, 2, 1, 1].map(|byte| frame(0x220, &[byte])));
+}
+
+/// The copies of a device without power are dropped.
+#[test]
+fn a_repetition_without_a_copy_does_not_count() {
+    let mut rig = rig_with(count_one(FaultKind::Repeat { times: 1, after: millis(50) }));
+    rig.send(0, frame(0x220, &[1]));
+    rig.run_for(millis(10));
+    rig.bus.disconnect(PortId(0), rig.now);
+    rig.run_for(millis(100));
+    assert_eq!(struck(&rig), (0, false));
+    rig.send(1, frame(0x220, &[2]));
+    rig.run_for(millis(100));
+    assert_eq!(struck(&rig), (1, true));
+    assert_eq!(rig.frames(), [1, 2, 2].map(|byte| frame(0x220, &[byte])));
 }
 
 #[test]
@@ -329,13 +360,13 @@ fn count_one(kind: FaultKind) -> Fault {
     Fault { count: Some(1), ..of_220(kind) }
 }
 
-fn named(name: &str, fault: Fault) -> Fault {
+pub(super) fn named(name: &str, fault: Fault) -> Fault {
     Fault { name: name.into(), ..fault }
 }
 
-const SWAP: FaultKind = FaultKind::Swap { within: millis(1000) };
+pub(super) const SWAP: FaultKind = FaultKind::Swap { within: millis(1000) };
 
-fn delay(ms: u64) -> FaultKind {
+pub(super) fn delay(ms: u64) -> FaultKind {
     FaultKind::Delay { delay: Delay::Constant(millis(ms)), overtake: false }
 }
 

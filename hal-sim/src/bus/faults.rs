@@ -145,26 +145,25 @@ impl Faults {
     }
 
     /// Applies the faults between the sending application and its controller. Returns the resulting frames and the
-    /// events of the faults that have an effect. `held` returns the number of frames that a fault holds back for a
-    /// swap. `held` is `None` if the sender already has such a frame.
+    /// events of the faults that have an effect. `can_swap` is false if the sender already has a frame that waits for
+    /// its exchange. `uncounted` returns the number of frames that a fault has affected but not yet counted.
     pub(super) fn at_sender(
         &mut self,
         sender: &Arc<str>,
         frame: &Frame,
-        held: Option<impl Fn(FaultId) -> usize>,
+        can_swap: bool,
+        uncounted: impl Fn(FaultId) -> usize,
         now: Instant,
     ) -> (Vec<Delayed>, Vec<Event>) {
         let (mut frames, mut events) = (vec![Delayed::new(*frame, now)], Vec::new());
         for active in &mut self.list {
-            let is_swap = matches!(active.fault.kind, FaultKind::Swap { .. });
-            let can_swap = || {
-                let held = held.as_ref().map(|held| held(active.id));
-                held.is_some_and(|held| active.left.is_none_or(|left| held < left as usize))
-            };
-            if active.fault.kind.acts_at_sender() && (!is_swap || can_swap()) && active.strikes(sender, frame, now) {
+            let kind = &active.fault.kind;
+            let (acts, counts_later) = (kind.acts_at_sender(), kind.counts_later());
+            let can_act = acts && (can_swap || !matches!(kind, FaultKind::Swap { .. }));
+            let has_left = || !counts_later || active.left.is_none_or(|left| uncounted(active.id) < left as usize);
+            if can_act && has_left() && active.strikes(sender, frame, now) {
                 let effect = active.act(&mut frames, now);
-                if is_swap || effect.is_none() {
-                    // A swap counts when the frames are exchanged.
+                if counts_later || effect.is_none() {
                     active.miss();
                 }
                 events.extend(effect.map(|effect| active.event(sender, frame, now, effect)));
@@ -173,8 +172,8 @@ impl Faults {
         (frames, events)
     }
 
-    /// Counts a frame that was exchanged with the next frame of its sender.
-    pub(super) fn count_swap(&mut self, id: FaultId) {
+    /// Counts a frame that was exchanged with the next frame of its sender, or whose first copy was handed over.
+    pub(super) fn count(&mut self, id: FaultId) {
         if let Some(active) = self.list.iter_mut().find(|active| active.id == id) {
             active.count();
         }
@@ -305,7 +304,11 @@ impl Active {
             }
             FaultKind::Repeat { times, after: interval } => {
                 let first = Delayed { wait: Wait::Time, is_overtaken: true, is_copy: true, ..frames[0] };
-                let copy = |number: u32| Delayed { due: after(first.due, *interval * number), ..first };
+                let copy = |number: u32| Delayed {
+                    due: after(first.due, *interval * number),
+                    counted_by: (number == 1).then_some(self.id),
+                    ..first
+                };
                 frames.extend((1..=*times).map(copy));
                 FaultEffect::Repeated(*times)
             }

@@ -123,7 +123,7 @@ impl Bus {
         }
         if let Some((swapped, fault)) = swapped {
             port.delayed.follow(swapped, next);
-            self.faults.count_swap(fault);
+            self.faults.count(fault);
         }
         self.release(id, now);
         Ok(displaced)
@@ -133,12 +133,9 @@ impl Bus {
     /// the frame is unaffected.
     fn strike_at_sender(&mut self, id: PortId, frame: &Frame, now: Instant) -> Vec<Delayed> {
         let (ports, delaying) = (&self.ports, &self.delaying);
-        let held = |fault: FaultId| {
-            let swaps = delaying.iter().filter_map(|id| ports[id.0].delayed.swapped());
-            swaps.filter(|(_, swaps)| *swaps == fault).count()
-        };
-        let held = ports[id.0].delayed.swapped().is_none().then_some(held);
-        let (mut frames, events) = self.faults.at_sender(&ports[id.0].name, frame, held, now);
+        let uncounted = |fault: FaultId| delaying.iter().map(|id| ports[id.0].delayed.uncounted(fault)).sum::<usize>();
+        let can_swap = ports[id.0].delayed.swapped().is_none();
+        let (mut frames, events) = self.faults.at_sender(&ports[id.0].name, frame, can_swap, uncounted, now);
         let late = self.ports[id.0].answers.as_mut().and_then(|answers| answers.delay(frame));
         if let Some(late) = late {
             for delayed in &mut frames {
@@ -171,8 +168,9 @@ impl Bus {
 
     /// Hands a port's due frames to its controller, and updates the list of ports with delayed frames.
     pub(super) fn release(&mut self, id: PortId, now: Instant) {
-        let port = &mut self.ports[id.0];
-        port.used |= port.delayed.release(&mut port.transmit, now);
+        let Self { ports, faults, .. } = self;
+        let port = &mut ports[id.0];
+        port.used |= port.delayed.release(&mut port.transmit, now, |fault| faults.count(fault));
         let (is_empty, listed) = (port.delayed.is_empty(), self.delaying.iter().position(|other| *other == id));
         match listed {
             None if !is_empty => self.delaying.push(id),

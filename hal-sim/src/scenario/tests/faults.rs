@@ -109,6 +109,7 @@ fn a_fault_without_an_effect_fails() {
         r#"delay = "220", ms = 0"#,
         r#"lose = "321", receivers = ["pvea-canopen"]"#,
         r#"swap = "321", within_ms = 5"#,
+        r#"repeat = "321", after_ms = 80000"#,
     ] {
         fails(&format!(r#"{{ fault = {{ {fault} }} }}, {{ send = "220#0F00 0020" }}, {{ send = "321#00" }}"#), 1);
     }
