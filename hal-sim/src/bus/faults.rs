@@ -150,19 +150,19 @@ impl Faults {
     pub(super) fn at_sender(
         &mut self,
         sender: &Arc<str>,
-        frame: &Frame,
+        sent: &Delayed,
         can_swap: bool,
         uncounted: impl Fn(FaultId) -> usize,
         now: Instant,
     ) -> (Vec<Delayed>, Vec<Event>) {
-        let (mut frames, mut events) = (vec![Delayed::new(*frame, now)], Vec::new());
+        let (frame, mut frames, mut events) = (&sent.frame, vec![*sent], Vec::new());
         for active in &mut self.list {
             let kind = &active.fault.kind;
             let (acts, counts_later) = (kind.acts_at_sender(), kind.counts_later());
             let can_act = acts && (can_swap || !matches!(kind, FaultKind::Swap { .. }));
             let has_left = || !counts_later || active.left.is_none_or(|left| uncounted(active.id) < left as usize);
             if can_act && has_left() && active.strikes(sender, frame, now) {
-                let effect = active.act(&mut frames, now);
+                let effect = active.act(&mut frames, sent.due);
                 if counts_later || effect.is_none() {
                     active.miss();
                 }
@@ -272,9 +272,11 @@ impl Active {
         self.left = self.left.map(|left| left + 1);
     }
 
-    /// Applies the fault to the frames that result from one sent frame. Returns the effect; `None` if the frames are
-    /// unchanged, or the fault does not act between the sending application and its controller.
-    fn act(&mut self, frames: &mut Vec<Delayed>, now: Instant) -> Option<FaultEffect> {
+    /// Applies the fault to the frames that result from one frame, which the application sends at `sent`. Returns the
+    /// effect; `None` if the frames are unchanged, or the fault does not act between the sending application and its
+    /// controller.
+    fn act(&mut self, frames: &mut Vec<Delayed>, sent: Instant) -> Option<FaultEffect> {
+        let is_swapped = frames[0].wait != Wait::Time;
         Some(match &self.fault.kind {
             FaultKind::Corrupt(corruption) => {
                 let before = frames[0].frame;
@@ -284,23 +286,26 @@ impl Active {
                 }
                 FaultEffect::Corrupted(frames[0].frame)
             }
+            // A frame that waits for its exchange has no time of its own.
+            FaultKind::Delay { .. } | FaultKind::Repeat { .. } | FaultKind::Swap { .. } if is_swapped => return None,
             FaultKind::Delay { delay, overtake } => {
-                let late = match *delay {
-                    Delay::Constant(late) => late,
-                    Delay::Uniform(from, to) => Duration::from_ticks(self.random.u64(from.as_ticks()..=to.as_ticks())),
-                    Delay::Burst(period) => {
-                        let passed = since(now, self.begins).as_ticks() % period.as_ticks();
-                        Duration::from_ticks(if passed == 0 { 0 } else { period.as_ticks() - passed })
+                let (late, period) = match *delay {
+                    Delay::Constant(late) => (late, None),
+                    Delay::Uniform(from, to) => {
+                        (Duration::from_ticks(self.random.u64(from.as_ticks()..=to.as_ticks())), None)
                     }
+                    Delay::Burst(period) => (Duration::from_ticks(0), Some(period)),
                 };
-                if late == Duration::from_ticks(0) {
-                    return None;
-                }
+                let mut effect = None;
                 for delayed in frames.iter_mut() {
-                    delayed.delay(late);
-                    delayed.is_overtaken |= *overtake;
+                    let late = period.map_or(late, |period| until_multiple(period, since(delayed.due, self.begins)));
+                    if late > Duration::from_ticks(0) {
+                        delayed.delay(late);
+                        delayed.is_overtaken |= *overtake;
+                        effect.get_or_insert(FaultEffect::Delayed(late));
+                    }
                 }
-                FaultEffect::Delayed(late)
+                return effect;
             }
             FaultKind::Repeat { times, after: interval } => {
                 let first = Delayed { wait: Wait::Time, is_overtaken: true, is_copy: true, ..frames[0] };
@@ -312,7 +317,7 @@ impl Active {
                 frames.extend((1..=*times).map(copy));
                 FaultEffect::Repeated(*times)
             }
-            FaultKind::Swap { .. } if frames[0].wait != Wait::Time => return None,
+            FaultKind::Swap { .. } if frames.len() > 1 || frames[0].due > sent => return None,
             FaultKind::Swap { within } => {
                 frames[0].wait = Wait::Next(*within, self.id);
                 FaultEffect::Swapped
@@ -327,4 +332,12 @@ impl Active {
         let fault = Arc::clone(&self.fault.name);
         Event { at: now, who: Arc::clone(sender), what: EventKind::Fault { fault, frame: *frame, effect } }
     }
+}
+
+/// Returns the time until the next multiple of `period`; 0 at a multiple.
+fn until_multiple(period: Duration, passed: Duration) -> Duration {
+    Duration::from_ticks(match passed.as_ticks() % period.as_ticks() {
+        0 => 0,
+        rest => period.as_ticks() - rest,
+    })
 }

@@ -129,20 +129,20 @@ impl Bus {
         Ok(displaced)
     }
 
-    /// Applies the faults and the answer delay to a frame from the application. Returns the resulting frames; none if
+    /// Applies the answer delay, then the faults, to a frame from the application. Returns the resulting frames; none if
     /// the frame is unaffected.
     fn strike_at_sender(&mut self, id: PortId, frame: &Frame, now: Instant) -> Vec<Delayed> {
+        let late = self.ports[id.0].answers.as_mut().and_then(|answers| answers.delay(frame));
+        let mut sent = Delayed::new(*frame, now);
+        if let Some(late) = late {
+            sent.delay(late);
+            sent.is_own = true;
+        }
         let (ports, delaying) = (&self.ports, &self.delaying);
         let uncounted = |fault: FaultId| delaying.iter().map(|id| ports[id.0].delayed.uncounted(fault)).sum::<usize>();
         let can_swap = ports[id.0].delayed.swapped().is_none();
-        let (mut frames, events) = self.faults.at_sender(&ports[id.0].name, frame, can_swap, uncounted, now);
-        let late = self.ports[id.0].answers.as_mut().and_then(|answers| answers.delay(frame));
-        if let Some(late) = late {
-            for delayed in &mut frames {
-                delayed.delay(late);
-                delayed.is_own = true;
-            }
-        } else if events.is_empty() {
+        let (mut frames, events) = self.faults.at_sender(&ports[id.0].name, &sent, can_swap, uncounted, now);
+        if !sent.is_own && events.is_empty() {
             frames.clear();
         }
         self.journal.note(|| events);

@@ -43,6 +43,8 @@ mod fault_tests;
 #[cfg(test)]
 mod rig;
 #[cfg(test)]
+mod several_faults_tests;
+#[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
