@@ -7,8 +7,9 @@ use protocol_core::frame::{Frame, Id};
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_15_CAN);
 const CRC_BITS: u32 = 15;
 
-/// CRC delimiter, ACK slot, ACK delimiter and end of frame: the bits after the CRC sequence, never stuffed.
-const TRAILER: u32 = 1 + 1 + 1 + 7;
+/// CRC delimiter, ACK slot, ACK delimiter and end of frame: the bits after the CRC sequence, never stuffed. The sender
+/// sends all of them recessive.
+pub(super) const TRAILER: u32 = 1 + 1 + 1 + 7;
 /// ACK delimiter and end of frame: the bits after the ACK slot.
 pub(super) const AFTER_ACK_SLOT: u32 = 1 + 7;
 /// The minimum number of recessive bits between two frames.

@@ -37,7 +37,7 @@ impl Bus {
     fn accept(&mut self) -> bool {
         let is_pending = |transmission: &mut Transmission| {
             let omission = transmission.omission.as_deref();
-            transmission.failure.is_none() && omission.is_some_and(|omission| omission.signalled_by.is_some())
+            transmission.error().is_none() && omission.is_some_and(|omission| omission.signalled_by.is_some())
         };
         let Some(mut transmission) = self.current.take_if(is_pending) else { return false };
         let signals = |id: &PortId| self.ports[id.0].member && self.ports[id.0].signals_errors();
@@ -49,7 +49,9 @@ impl Bus {
             None => 1,
             Some(by) => {
                 self.deliver(&transmission);
-                transmission.failure = Some(Failure::new(BusError::Bit, Some(self.ports[by.0].name.clone())));
+                let failure = Failure::new(BusError::Bit, Some(self.ports[by.0].name.clone()));
+                let gone = transmission.gone().cloned();
+                transmission.failure = Some(Box::new(Failure { gone, ..*failure }));
                 // The sender responds with an error flag one bit later, the unaffected receivers with an overload flag.
                 1 + ERROR_FLAG + ERROR_DELIMITER
             }
@@ -91,14 +93,13 @@ impl Bus {
         self.journal.note(|| {
             let Transmission { frame, start, over, failure, .. } = transmission;
             let (frame, start, at) = (*frame, instant(*start), *over);
-            let sender = sender.map(|id| ports[id.0].name.clone());
-            let Some(failure) = failure else {
-                return Some(Event { at, who: sender?, what: EventKind::Frame { frame, start } });
+            let who = sender.map(|id| &ports[id.0].name).or_else(|| transmission.gone())?.clone();
+            let Some(error) = transmission.error() else {
+                return Some(Event { at, who, what: EventKind::Frame { frame, start } });
             };
             // No error flag: the sender fell silent and no other controller listened.
-            let signalled_by = failure.signalled_by.clone()?;
-            let what = EventKind::ErrorFrame { frame, start, error: failure.error, signalled_by };
-            Some(Event { at, who: sender.or_else(|| failure.gone.clone())?, what })
+            let signalled_by = failure.as_ref()?.signalled_by.clone()?;
+            Some(Event { at, who, what: EventKind::ErrorFrame { frame, start, error, signalled_by } })
         });
     }
 
@@ -154,7 +155,8 @@ impl Bus {
     #[cold]
     fn lose(&mut self, transmission: &Transmission) -> bool {
         let Self { faults, ports, groups, senders, .. } = self;
-        let Some(sender) = senders.first() else { return false };
+        let sender = senders.first().map(|id| &ports[id.0].name).or_else(|| transmission.gone());
+        let Some(name) = sender else { return false };
         let has_receiver = |names: &[Arc<str>]| {
             let hears = |id: &PortId| {
                 let port = &ports[id.0];
@@ -162,7 +164,7 @@ impl Bus {
             };
             members(groups, transmission.rate).any(hears)
         };
-        let (frame, name) = (&transmission.frame, &ports[sender.0].name);
+        let frame = &transmission.frame;
         let struck = faults.at_receivers(name, frame, has_receiver, transmission.over);
         let mut is_lost = false;
         for event in &struck {

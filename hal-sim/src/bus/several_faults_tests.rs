@@ -1,8 +1,10 @@
 //! Several faults at one sender: each acts on the result of the previous fault.
 
-use super::fault::{Delay, FaultKind};
-use super::fault_tests::{START, SWAP, delay, millis, named, of_220};
-use super::rig::{Rig, frame};
+use protocol_core::time::Duration;
+
+use super::fault::{Delay, Fault, FaultKind};
+use super::fault_tests::{START, SWAP, delay, length, millis, named, of_220};
+use super::rig::{Rig, bits, frame};
 use super::*;
 
 const BURST: FaultKind = FaultKind::Delay { delay: Delay::Burst(millis(100)), overtake: false };
@@ -99,4 +101,26 @@ fn two_repetitions_add_up() {
     rig.send(0, frame(0x220, &[1]));
     rig.run_for(millis(100));
     assert_eq!((ends(&rig), struck(&rig)), (vec![0, 10, 20, 40], vec![1, 1]));
+}
+
+/// A fault counts for the frame whose sender is cut off after the CRC sequence.
+#[test]
+fn faults_of_the_receivers_act_after_the_sender_is_gone() {
+    let sent = frame(0x220, &[1, 2, 3]);
+    for (kind, error) in [
+        (FaultKind::Lose { receivers: vec!["b".into()] }, None),
+        (FaultKind::Omit { receivers: vec!["b".into()] }, Some(BusError::Bit)),
+    ] {
+        let mut rig = Rig::of(3);
+        let frames = FrameFilter { sender: Some("a".into()), ..FrameFilter::default() };
+        rig.bus.add_fault(Fault { frames, ..Fault::new("test", kind) }, &[], rig.now).unwrap();
+        rig.send(0, sent);
+        rig.run_for(bits(length(&sent) - 4));
+        rig.bus.disconnect(PortId(0), rig.now);
+        rig.run_for(Duration::from_millis(10));
+        let ended: Vec<_> = rig.ended.iter().map(|(_, ended)| (&*ended.from, ended.error)).collect();
+        assert_eq!(ended, [("a", error)]);
+        assert_eq!((rig.receive(1), rig.receive(2), rig.receive(2)), (None, Some(sent), None), "{error:?}");
+        assert_eq!(struck(&rig), [1], "{error:?}");
+    }
 }

@@ -220,6 +220,39 @@ fn a_sender_that_loses_its_power_breaks_its_frame_off() {
     assert_eq!((rig.ended.len(), rig.receive(1)), (1, None));
 }
 
+/// ISO 11898-1, 10.4: the sender sends recessive bits after the CRC sequence, so its silence changes none of them.
+#[test]
+fn a_frame_whose_sender_loses_its_power_after_the_crc_is_received() {
+    let sent = frame(0x123, &[0; 8]);
+    let length = FrameBits::of(&sent).on_wire();
+    // CRC delimiter, ACK slot, ACK delimiter and end of frame.
+    let trailer = 1 + 1 + 1 + 7;
+    for (left, error) in [(trailer + 1, Some(BusError::Stuff)), (trailer, None), (1, None)] {
+        let mut rig = Rig::of(3);
+        rig.send(0, sent);
+        rig.run_for(bits(length - left));
+        rig.bus.disconnect(PortId(0), rig.now);
+        let (at, ended) = rig.next();
+        assert_eq!((ended.error, ended.from.as_ref()), (error, "a"), "{left}");
+        let (end, count) = if error.is_none() { (length, 0) } else { (length - left + 20, 1) };
+        assert_eq!(at, micros(10_000) + bits(end), "{left}");
+        assert_eq!((rig.counters(1), rig.counters(2)), ((0, count), (0, count)), "{left}");
+        rig.run_for(Duration::from_secs(1));
+        assert_eq!((rig.ended.len(), rig.receive(1)), (1, error.is_none().then_some(sent)), "{left}");
+    }
+}
+
+#[test]
+fn a_restarted_device_does_not_receive_its_own_frame() {
+    let sent = frame(0x123, &[0; 8]);
+    let mut rig = Rig::of(2);
+    rig.send(0, sent);
+    rig.run_for(bits(FrameBits::of(&sent).on_wire() - 1));
+    rig.bus.drop_own(PortId(0), rig.now);
+    rig.run_for(Duration::from_millis(10));
+    assert_eq!((rig.frames(), rig.receive(0), rig.receive(1)), (vec![sent], None, Some(sent)));
+}
+
 #[test]
 fn a_frame_whose_last_listener_goes_is_not_acknowledged() {
     let mut rig = Rig::of(2);

@@ -6,7 +6,7 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-use super::bits::{AFTER_ACK_SLOT, ERROR_DELIMITER, ERROR_FLAG, FrameBits};
+use super::bits::{AFTER_ACK_SLOT, ERROR_DELIMITER, ERROR_FLAG, FrameBits, TRAILER};
 use super::clock::{Nanos, bit_times, instant, nanos};
 use super::event::WireEvent;
 use super::injector::Injector as _;
@@ -32,7 +32,7 @@ pub(super) struct Transmission {
     pub(super) end: Nanos,
     /// The value of `end` in world time, rounded up.
     pub(super) over: Instant,
-    /// The failure of the attempt; boxed because failures are rare.
+    /// The failure of the attempt, or the loss of its senders; boxed because both are rare.
     pub(super) failure: Option<Box<Failure>>,
     /// The receivers that detect an error in the last but one bit of the end of frame; boxed because omissions are
     /// rare.
@@ -50,10 +50,11 @@ pub(super) struct Omission {
     pub(super) signalled_by: Option<PortId>,
 }
 
-/// The failure of a transmission attempt.
+/// The failure of a transmission attempt, or the loss of its senders.
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
-    pub(super) error: BusError,
+    /// The error that destroys the frame; `None` if all senders were cut off after the CRC sequence.
+    pub(super) error: Option<BusError>,
     /// True if listeners at another bit rate destroyed the frame, although a receiver at the sender's rate would have
     /// acknowledged it.
     pub(super) by_other_rate: bool,
@@ -65,7 +66,7 @@ pub(super) struct Failure {
 
 impl Failure {
     pub(super) fn new(error: BusError, signalled_by: Option<Arc<str>>) -> Box<Self> {
-        Box::new(Self { error, by_other_rate: false, signalled_by, gone: None })
+        Box::new(Self { error: Some(error), by_other_rate: false, signalled_by, gone: None })
     }
 }
 
@@ -77,7 +78,12 @@ impl Transmission {
 
     /// Returns the error that destroys the frame, if any.
     pub(super) fn error(&self) -> Option<BusError> {
-        self.failure.as_ref().map(|failure| failure.error)
+        self.failure.as_ref().and_then(|failure| failure.error)
+    }
+
+    /// Returns the name of the last sender, if all senders were cut off.
+    pub(super) fn gone(&self) -> Option<&Arc<str>> {
+        self.failure.as_ref().and_then(|failure| failure.gone.as_ref())
     }
 }
 
@@ -282,7 +288,7 @@ impl Bus {
     }
 
     /// Cuts off a frame that a port is sending. Unless another sender continues the frame, the other controllers detect
-    /// a stuff error.
+    /// a stuff error, or, after the CRC sequence, receive the frame: its last bits are recessive (ISO 11898-1, 10.4).
     pub(super) fn fall_silent(&mut self, id: PortId, now: Instant) {
         let Some(transmission) = &mut self.current else { return };
         if !self.senders.contains(&id) {
@@ -296,6 +302,14 @@ impl Bus {
         let gone = Some(self.ports[id.0].name.clone());
         if let Some(failure) = &mut transmission.failure {
             failure.gone = gone;
+            return;
+        }
+        let trailer = FrameBits::of(&transmission.frame).on_wire() - TRAILER;
+        if nanos(now) >= transmission.start + bit_times(trailer, transmission.rate) {
+            // A port that stays connected does not receive its own frame.
+            self.ports[id.0].heard = transmission.end;
+            transmission.failure =
+                Some(Box::new(Failure { error: None, by_other_rate: false, signalled_by: None, gone }));
             return;
         }
         transmission.omission = None;
