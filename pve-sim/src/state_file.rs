@@ -7,7 +7,8 @@
 //!
 //! Only one simulator may use the file, because a second simulator would overwrite the changes of the first. The lock
 //! is on a separate file: each write replaces the state file, which may not even exist yet. The lock ends with the
-//! process. The lock file stays, because removing it would let two other processes lock two different files.
+//! process. The lock file stays, because removing it would let two other processes lock two different files. A write
+//! fails if somebody else has removed it.
 
 use std::ffi::OsString;
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
@@ -66,8 +67,8 @@ impl Opened {
 pub struct StateFile {
     path: PathBuf,
     kind: u32,
-    /// The lock; `None` on a file system without locks.
-    _lock: Option<File>,
+    /// The locked file; `None` on a file system without locks.
+    lock: Option<File>,
 }
 
 impl StateFile {
@@ -76,7 +77,7 @@ impl StateFile {
     /// # Errors
     /// When the file belongs to a device of another kind, comes from a newer program, is in use, or cannot be read.
     pub fn open(dir: &Path, name: &str, kind: u32) -> Result<Opened, MemoryFileError> {
-        let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, _lock: None };
+        let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, lock: None };
         fs::create_dir_all(dir).map_err(|error| file.error("create the directory", error))?;
         // A link is resolved, so that its target is replaced, and both names lock the same file.
         if file.path.is_symlink() {
@@ -86,7 +87,7 @@ impl StateFile {
         if fs::metadata(&file.path).is_ok_and(|found| !found.is_file()) {
             return Err(file.error("read", io::Error::other("not a file")));
         }
-        file._lock = file.lock()?;
+        file.lock = file.lock()?;
         let content = match file.read() {
             Ok(bytes) => file.parse(bytes)?,
             Err(error) if error.kind() == ErrorKind::NotFound => Content::New,
@@ -96,9 +97,12 @@ impl StateFile {
     }
 
     fn lock(&self) -> Result<Option<File>, MemoryFileError> {
-        let lock =
-            OpenOptions::new().write(true).create(true).truncate(false).open(self.path.with_added_extension("lock"));
-        let lock = lock.map_err(|error| self.error("lock", error))?;
+        let mut options = OpenOptions::new();
+        options.write(true).create(true).truncate(false);
+        // FILE_SHARE_READ and FILE_SHARE_WRITE: the locked file cannot be removed.
+        #[cfg(windows)]
+        std::os::windows::fs::OpenOptionsExt::share_mode(&mut options, 0x1 | 0x2);
+        let lock = options.open(self.lock_path()).map_err(|error| self.error("lock", error))?;
         match lock.try_lock() {
             Ok(()) => Ok(Some(lock)),
             Err(TryLockError::WouldBlock) => {
@@ -106,6 +110,23 @@ impl StateFile {
             }
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => Ok(None),
             Err(TryLockError::Error(error)) => Err(self.error("lock", error)),
+        }
+    }
+
+    fn lock_path(&self) -> PathBuf {
+        self.path.with_added_extension("lock")
+    }
+
+    /// Checks that the lock is still on the file at its path. If that file was removed, as with its folder, another
+    /// simulator can lock a new one.
+    #[cfg(unix)]
+    fn check_lock(&self) -> io::Result<()> {
+        use std::os::unix::fs::MetadataExt as _;
+        let Some(lock) = &self.lock else { return Ok(()) };
+        let (locked, present) = (lock.metadata()?, fs::metadata(self.lock_path()));
+        match present.is_ok_and(|present| (present.dev(), present.ino()) == (locked.dev(), locked.ino())) {
+            true => Ok(()),
+            false => Err(io::Error::other("the lock file was removed; another pve-sim may use this state file")),
         }
     }
 
@@ -197,6 +218,8 @@ impl MemoryFile for StateFile {
                 give_to_owner_of(&present, file.as_file());
             }
             file.as_file().sync_all()?;
+            #[cfg(unix)]
+            self.check_lock()?;
             take_the_place(file, &self.path)?;
             #[cfg(unix)]
             File::open(folder)?.sync_all()?;

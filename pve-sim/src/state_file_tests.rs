@@ -342,6 +342,30 @@ fn a_file_is_taken_by_one_at_a_time() {
     assert_eq!(parameters(&open(&dir).read_image()), Some(&b"other"[..]));
 }
 
+/// A simulator whose lock file was removed does not overwrite the file of the next simulator.
+#[cfg(unix)]
+#[test]
+fn a_file_without_its_lock_is_left_to_the_next() {
+    for is_folder_removed in [true, false] {
+        let dir = directory();
+        let mut first = open(&dir);
+        first.store(RecordKey::Parameters, &record(b"first")).unwrap();
+        if is_folder_removed {
+            fs::remove_dir_all(dir.path()).unwrap();
+        } else {
+            fs::remove_file(dir.path().join("valve.nvm.lock")).unwrap();
+        }
+        let mut second = open(&dir);
+        second.store(RecordKey::Parameters, &record(b"second")).unwrap();
+        assert_eq!(first.store(RecordKey::Parameters, &record(b"other")), Err(StoreError));
+        let warnings = first.take_warnings();
+        assert!(warnings.len() == 1 && warnings[0].contains("cannot write: the lock file was removed"), "{warnings:?}");
+        assert_eq!(names(dir.path()), ["valve.nvm"], "no unfinished file stays");
+        drop((first, second));
+        assert_eq!(parameters(&open(&dir).read_image()), Some(&b"second"[..]));
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_link_is_followed_and_kept() {
