@@ -199,8 +199,11 @@ impl Parser {
                 let wanted = length(code).ok_or("invalid length")?.min(8);
                 let mut data = [0; 8];
                 let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the stated length")?;
+                // A byte in base hex has two digits; a truncated file may lack the second one.
+                let is_whole = |byte: &&str| self.radix != 16 || byte.len() == 2;
+                let value = |byte| number(byte).and_then(|byte| u8::try_from(byte).ok());
                 for (room, byte) in data.iter_mut().zip(bytes) {
-                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("invalid data byte")?;
+                    *room = Some(*byte).filter(is_whole).and_then(value).ok_or("invalid data byte")?;
                 }
                 Ok(Frame::with_len(id, data, wanted))
             }

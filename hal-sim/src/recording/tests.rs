@@ -264,6 +264,17 @@ fn a_log_of_candump_may_be_called_asc() {
     assert_eq!((records, errors), (vec![frame(500_000, "720: 00")], vec![]));
 }
 
+/// A byte in base hex has two digits; at the end of a truncated file, its second digit may be missing.
+#[test]
+fn a_byte_of_asc_without_its_second_digit_is_reported() {
+    let asc = "base hex  timestamps absolute\n 1.0 1 720 Rx d 2 00 7F";
+    assert_eq!(text(asc), (vec![frame(1_000_000, "720: 00 7F")], vec![]));
+    let (records, errors) = text(asc.trim_end_matches('F'));
+    assert_eq!((records, errors), (vec![], vec!["2: invalid data byte: \"1.0 1 720 Rx d 2 00 7\"".to_owned()]));
+    let (records, errors) = text("base dec  timestamps absolute\n 1.0 1 1824 Rx d 2 0 7\n");
+    assert_eq!((records, errors), (vec![frame(1_000_000, "720: 00 07")], vec![]));
+}
+
 /// The times of a trigger block refer to the start of the measurement; a date starts a new measurement.
 #[test]
 fn asc_with_several_trigger_blocks() {
