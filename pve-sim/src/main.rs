@@ -94,7 +94,7 @@ fn execute(command: impl FnOnce(&mut dyn Write) -> Result<bool, CommandError>) -
 /// Reports the error of a command, and returns the exit code.
 fn failed(error: &CommandError) -> ExitCode {
     match error {
-        CommandError::Refused(lines) => fail(USAGE, &lines.replace('\n', "\npve-sim: ")),
+        CommandError::Refused(lines) => fail(USAGE, lines),
         CommandError::Failed(reason) => fail(FAILURE, reason),
     }
 }
@@ -120,19 +120,20 @@ fn compare(options: &ReplayOptions) -> ExitCode {
 }
 
 fn warn(line: &str) {
-    let _ = writeln!(std::io::stderr(), "pve-sim: {line}");
+    let _ = writeln!(std::io::stderr(), "pve-sim: {}", in_one_line(line));
 }
 
-/// Reports an error on stderr, and returns the exit code. Writes on a separate thread: a full pipe without a reader
+/// Reports the lines of an error on stderr, and returns the exit code. Writes on a separate thread: a full pipe without a reader
 /// must not block the exit, because signals no longer end a run.
 fn fail(code: u8, error: &dyn Display) -> ExitCode {
-    let line = format!("pve-sim: {error}\n");
-    let tell = |line: String| std::io::stderr().write_all(line.as_bytes());
+    let error = error.to_string();
+    let lines: String = error.lines().map(|line| format!("pve-sim: {}\n", in_one_line(line))).collect();
+    let tell = |lines: String| std::io::stderr().write_all(lines.as_bytes());
     let (alive, ended) = channel::<()>();
     let writer = thread::Builder::new().spawn({
-        let line = line.clone();
+        let lines = lines.clone();
         move || {
-            let _ = tell(line);
+            let _ = tell(lines);
             drop(alive);
         }
     });
@@ -140,7 +141,7 @@ fn fail(code: u8, error: &dyn Display) -> ExitCode {
         // The channel carries no message: it closes with the end of the thread.
         Ok(_) => drop(ended.recv_timeout(WRITE_TIMEOUT)),
         // The error to report may itself be that no thread can be started.
-        Err(_) => drop(tell(line)),
+        Err(_) => drop(tell(lines)),
     }
     ExitCode::from(code)
 }

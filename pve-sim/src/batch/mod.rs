@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use hal_sim::scenario::{Outcome, ReadError, Scenario};
+use hal_sim::text::in_one_line;
 
 use crate::cores::{in_order, processors};
 use crate::output::CommandError;
@@ -34,7 +35,7 @@ pub struct Options {
 /// [`CommandError`]
 pub fn run(options: &Options, out: &mut dyn Write) -> Result<bool, CommandError> {
     let scenarios = all_or_none(options.files.iter().map(|file| read(file)))?;
-    let files: Vec<String> = options.files.iter().map(|file| file.display().to_string()).collect();
+    let files: Vec<String> = options.files.iter().map(|file| shown(file)).collect();
     let outcomes = run_all(scenarios, &files, options.seed, options.verbose, out)?;
     if let Some(path) = &options.junit {
         let report = junit::report(&files, &outcomes);
@@ -63,15 +64,20 @@ fn all_or_none(read: impl Iterator<Item = Result<Scenario, String>>) -> Result<V
 }
 
 fn read(file: &Path) -> Result<Scenario, String> {
-    let text = fs::read_to_string(file).map_err(|error| format!("{}: {error}", file.display()))?;
+    let text = fs::read_to_string(file).map_err(|error| format!("{}: {error}", shown(file)))?;
     parse(file, &text)
 }
 
 fn parse(file: &Path, text: &str) -> Result<Scenario, String> {
     Scenario::parse(text).map_err(|ReadError { line, reason }| {
         let line = line.map_or_else(String::new, |line| format!("{line}:"));
-        format!("{}:{line} {reason}", file.display())
+        format!("{}:{line} {reason}", shown(file))
     })
+}
+
+/// Returns the name of a file in messages and reports.
+fn shown(file: &Path) -> String {
+    in_one_line(&file.display().to_string())
 }
 
 /// Runs the scenarios of files, and reports and returns their outcomes.

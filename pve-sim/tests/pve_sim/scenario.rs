@@ -152,6 +152,27 @@ fn a_note_with_odd_characters_is_shown_escaped() {
     assert!(text.contains("-- red\\u{1b}[31m\\u{fffe}\n") && !text.contains('\u{FFFE}'), "{text}");
 }
 
+/// A terminal would obey the control characters of a file name, and XML cannot contain them.
+#[cfg(unix)]
+#[test]
+fn file_names_are_escaped() {
+    let (folder, paths) = files(&[("\u{1B}[31m wrong.toml", WRONG), ("\u{1B}[31m empty.toml", "")]);
+    let (junit, escaped) = (folder.path().join("results.xml").display().to_string(), r"\u{1b}[31m");
+    let (code, told) = run(&["--junit", &junit, &paths[0]]);
+    assert_eq!(code, Some(1));
+    for text in [told, fs::read_to_string(&junit).expect("the results")] {
+        assert!(
+            text.contains(&format!("{escaped} wrong.toml:4: expect 720: 01")) && !text.contains('\u{1B}'),
+            "{text}"
+        );
+    }
+    for arguments in [["scenario", &paths[1]], ["scenario", &format!("{}/none", paths[0])], ["decode", &paths[1]]] {
+        let refused = output(&arguments);
+        let text = String::from_utf8(refused.stderr).expect("text");
+        assert!(text.contains(escaped) && !text.contains('\u{1B}') && text.lines().count() == 1, "{text:?}");
+    }
+}
+
 #[test]
 fn results_that_cannot_be_written_are_exit_1_with_one_line() {
     let (folder, paths) = files(&[("right.toml", RIGHT)]);
