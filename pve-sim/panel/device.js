@@ -21,6 +21,7 @@ export class Device {
   constructor(state, isOpen) {
     this.state = state;
     this.name = state.name;
+    this.kind = state.kind;
     this.isValve = state.led !== null;
     this.gauge = this.isValve ? new Gauge() : new Dial();
     this.lines = (this.isValve ? VALVE_PLOT : SENSOR_PLOT).lines;
@@ -40,7 +41,7 @@ export class Device {
   layOut(isOpen) {
     const title = `device-${this.name}`;
     const rows = this.isValve
-      ? [...(this.state.kind.endsWith("isobus") ? ["Valve"] : ["NMT", "State"]), "Solenoids", "LED"]
+      ? [...(this.kind.endsWith("isobus") ? ["Valve"] : ["NMT", "State"]), "Solenoids", "LED"]
       : ["NMT"];
     const values = this.isValve ? ["Set-point", "Position"] : ["Angle", "Position"];
     return el(
@@ -104,8 +105,8 @@ export class Device {
   }
 
   render() {
-    const { state } = this;
-    const { powered, node_id, bit_rate, kind, led } = state;
+    const { kind, state } = this;
+    const { powered, node_id, bit_rate, led } = state;
     const id = node_id === null ? "no ID" : `0x${hex(node_id, 2)}`;
     setText(this.plate, powered ? `${kind} · ${id} · ${bit_rate / 1000} kbit/s` : `${kind} · off`);
     setAttribute(this.element, "data-off", powered ? null : "");

@@ -16,8 +16,8 @@ const RECORD = 500;
 const devices = new Map();
 const bus = new Bus();
 const trace = new Trace();
-/** States that arrived before the cards of their devices. */
-const unplaced = new Map();
+/** States that arrived before the cards of their devices; null once the cards exist. */
+let unplaced = new Map();
 /** Frames that arrived while the record was being loaded; null afterwards. */
 let early = null;
 
@@ -31,7 +31,7 @@ function showLink(link, text) {
 /** Loads everything after each connection, because the simulator may be a new one. */
 async function open() {
   early = [];
-  unplaced.clear();
+  unplaced = new Map();
   await bus.open();
   place(await call("GET", "/devices"));
   const record = await call("GET", `/trace?limit=${RECORD}`);
@@ -49,7 +49,7 @@ function place(states) {
   devices.clear();
   for (const state of states) {
     const known = gone.get(state.name);
-    const isSame = known?.state.kind === state.kind;
+    const isSame = known?.kind === state.kind;
     if (isSame) {
       known.restart(state);
       gone.delete(state.name);
@@ -59,14 +59,26 @@ function place(states) {
     devices.set(state.name, device);
   }
   for (const device of gone.values()) device.end();
-  for (const state of unplaced.values()) devices.get(state.name)?.update(state);
-  unplaced.clear();
+  for (const state of unplaced?.values() ?? []) devices.get(state.name)?.update(state);
+  unplaced = null;
 }
 
 function lose() {
   bus.close();
   early = null;
   showLink("lost", "Connection lost. Reconnecting…");
+}
+
+function hearDevice(state) {
+  clock.hear(state.t_us);
+  if (unplaced) unplaced.set(state.name, state);
+  else devices.get(state.name)?.update(state);
+}
+
+/** Counts lost events, and loads the devices, because their events may be among them. */
+function miss({ events }) {
+  trace.miss(events);
+  call("GET", "/devices").then((states) => states.forEach(hearDevice), () => {});
 }
 
 function hear(frame) {
@@ -78,12 +90,8 @@ function hear(frame) {
 follow({
   open,
   lost: lose,
-  device(state) {
-    clock.hear(state.t_us);
-    if (devices.has(state.name)) devices.get(state.name).update(state);
-    else unplaced.set(state.name, state);
-  },
+  device: hearDevice,
   frame: hear,
   error: hear,
-  missed: ({ events }) => trace.miss(events),
+  missed: miss,
 });

@@ -21,3 +21,15 @@ await withPage({ url: first.url, expected: /ERR_/ }, async (page) => {
   await page.locator("#frames li", { hasText: "C0 FF EE" }).waitFor();
   await second.end();
 });
+
+// Another kind has the name, at the same instant: its card is a new one, with a dial.
+const valve = await simulate("--http", http, "--speed", "step", "--device", "pvea-canopen,name=boom");
+await withPage({ url: valve.url, expected: /ERR_/ }, async (page) => {
+  await valve.end();
+  await page.locator("#link[data-link=lost]").waitFor();
+  const sensor = await simulate("--http", http, "--speed", "step", "--device", "hat1000,name=boom");
+  await page.locator("#link[data-link=there]").waitFor();
+  assert.deepEqual([await page.locator("svg.gauge").count(), await page.locator("svg.dial").count()], [0, 1]);
+  assert.equal(await page.getByRole("article", { name: "boom" }).getByRole("slider", { name: "Angle" }).count(), 1);
+  await sensor.end();
+});

@@ -66,15 +66,16 @@ export async function withBrowser(viewing, test) {
 
 /**
  * Opens the page in a browser, and ends both after the test. An error that the browser tells of fails it, unless it is
- * `expected`, and so does a request to anybody else.
+ * `expected`, and so does a request to anybody else. The script `before` runs in the page before its own.
  */
 export async function withPage(options, test) {
-  const { url, expected, ...viewing } = options;
+  const { url, expected, before, ...viewing } = options;
   await withBrowser(viewing, async (page, browser) => {
     const trouble = [];
     page.on("pageerror", (error) => trouble.push(error.message));
     page.on("console", (message) => message.type() === "error" && !expected?.test(message.text()) && trouble.push(message.text()));
     page.on("request", (request) => request.url().startsWith(url) || trouble.push(`asks for ${request.url()}`));
+    if (before) await page.addInitScript(before);
     await page.goto(url);
     await page.locator("#link[data-link=there]").waitFor();
     await test(page, browser);
