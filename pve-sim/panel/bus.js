@@ -12,9 +12,12 @@ const BIT_RATES = [1000, 800, 500, 250, 125, 50, 20, 10];
 const PERIOD = 1000;
 /** The interval between updates of the time, in milliseconds. */
 const TICK = 200;
+/** The longest wait for an answer that the page does not report, in milliseconds. */
+const PATIENCE = 5000;
 
 export class Bus {
-  constructor() {
+  constructor(showLink) {
+    this.showLink = showLink;
     this.rate = byId("bit-rate");
     this.rate.append(...BIT_RATES.map((rate) => el("option", { value: rate * 1000 }, `${rate} kbit/s`)));
     this.rate.addEventListener("change", () => this.ask("PATCH", "/bus", { bit_rate: Number(this.rate.value) }));
@@ -38,9 +41,7 @@ export class Bus {
     clock.start(now_us, speed);
     byId("step").hidden = speed !== "step";
     setText(byId("speed"), speed === "step" ? "step" : `× ${speed}`);
-    this.isOpen = true;
-    this.show(await call("GET", "/bus"));
-    await this.faults.read();
+    await this.read();
   }
 
   /** Stops the clock after a lost connection. */
@@ -49,11 +50,19 @@ export class Bus {
     clock.stop();
   }
 
+  async read() {
+    this.show(await call("GET", "/bus"));
+    await this.faults.read();
+  }
+
   /** Reads the bus while the page is visible. A failure needs no notice, because the event stream ends, too. */
-  poll() {
-    if (!this.isOpen || document.hidden) return;
-    call("GET", "/bus").then((bus) => this.show(bus), () => {});
-    this.faults.read().catch(() => {});
+  async poll() {
+    if (!this.isOpen || this.isReading || document.hidden) return;
+    this.isReading = true;
+    const late = setTimeout(() => this.showLink("lost", "No response. Waiting…"), PATIENCE);
+    await this.read().then(() => this.isOpen && this.showLink("there", "connected"), () => {});
+    clearTimeout(late);
+    this.isReading = false;
   }
 
   /** Changes the bus, and shows its new state. */
@@ -86,8 +95,10 @@ export class Bus {
     return attempt(() => call("POST", "/bus/frames", { ...identifier(id), data, ...period }));
   }
 
-  async advance(ms) {
-    await attempt(() => call("POST", "/time", { advance_ms: ms }));
-    this.poll();
+  advance(ms) {
+    return attempt(async () => {
+      await call("POST", "/time", { advance_ms: ms });
+      await this.read();
+    });
   }
 }

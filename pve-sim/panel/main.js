@@ -14,7 +14,7 @@ const UNFOLDED = 4;
 const RECORD = 500;
 
 const devices = new Map();
-const bus = new Bus();
+const bus = new Bus(showLink);
 const trace = new Trace();
 /** States that arrived before the cards of their devices; null once the cards exist. */
 let unplaced = new Map();
@@ -40,6 +40,7 @@ async function open() {
   for (const frame of early ?? []) if (frame.t_us > last) trace.add(frame);
   early = null;
   showLink("there", "connected");
+  bus.isOpen = true;
   advancePlots();
 }
 

@@ -1,7 +1,7 @@
 // The simulator goes away and comes back, and is then another one: the page says so, and shows what there is.
 
 import assert from "node:assert/strict";
-import { simulate, withPage } from "./rig.mjs";
+import { simulate, until, withPage } from "./rig.mjs";
 
 // The system gives no port of this range to whoever asks for any: the second simulator finds it free.
 const http = `127.0.0.1:${10_000 + (process.pid % 10_000)}`;
@@ -33,3 +33,20 @@ await withPage({ url: valve.url, expected: /ERR_/ }, async (page) => {
   assert.equal(await page.getByRole("article", { name: "boom" }).getByRole("slider", { name: "Angle" }).count(), 1);
   await sensor.end();
 });
+
+// A simulator stands still: the page says so, invents no time, and does not ask again and again.
+const still = await simulate();
+await withPage({ url: still.url }, async (page) => {
+  const time = async () => parseFloat(await page.locator("#time").textContent());
+  await until(page, () => parseFloat(document.getElementById("time").textContent) > 1);
+  still.signal("SIGSTOP");
+  const stopped = await time();
+  let asked = 0;
+  page.on("request", () => (asked += 1));
+  await page.locator("#link[data-link=lost]").waitFor();
+  assert((await time()) < stopped + 3, `from ${stopped} s to ${await time()} s`);
+  assert(asked <= 2, `${asked} requests`);
+  still.signal("SIGCONT");
+  await page.locator("#link[data-link=there]").waitFor();
+});
+await still.end();

@@ -45,6 +45,7 @@ export async function simulate(...options) {
       assert(response.ok, `${method} ${path}: ${answer.error}`);
       return answer;
     },
+    signal: (name) => child.kill(name),
     async end() {
       child.kill("SIGTERM");
       await ended;
