@@ -13,7 +13,7 @@ export class Communication {
     this.rows = new Map();
     byId("kind").append(...KINDS.map((kind) => el("option", {}, kind)));
     onSubmit(byId("fault"), ({ kind, frames, count, more }) =>
-      this.ask("POST", "", () => ({ [kind]: frames || "all", ...(count && { count: Number(count) }), ...parameters(more) })),
+      this.ask("POST", "", () => add(more, { [kind]: frames || "all", ...(count && { count: Number(count) }) })),
     );
     byId("end-all").addEventListener("click", () => this.ask("DELETE", ""));
   }
@@ -38,7 +38,7 @@ export class Communication {
       setText(count, `×${struck}${is_over ? ", over" : ""}`);
     }
     for (const [key, { row }] of gone) {
-      if (row.contains(document.activeElement)) byId("end-all").focus();
+      if (row.contains(document.activeElement)) (row.nextSibling?.lastChild ?? byId("kind")).focus();
       row.remove();
       this.rows.delete(key);
     }
@@ -53,24 +53,25 @@ export class Communication {
   }
 }
 
-/** Parses words as in `ms=5..20 data.toggle=01`. */
-function parameters(text) {
-  const body = {};
-  for (const word of text.match(/\S+/g) ?? []) {
-    const [, path, value] = /^([\w.]+)=(.+)$/.exec(word) ?? [];
+/** Adds parameters to a request, as in `ms=5..20 data.toggle=01 receivers="the gateway"`. */
+function add(text, request) {
+  for (const word of text.match(/("[^"]*"|\S)+/g) ?? []) {
+    const [, path, key, part, value] = /^((\w+)(?:\.(\w+))?)=(.+)$/.exec(word.replaceAll('"', "")) ?? [];
     if (!path) throw new Error(`'${word}' is not valid; accepted: KEY=VALUE, as in ms=20`);
-    const [key, part] = path.split(".");
-    body[key] = part ? { ...body[key], [part]: read(path, value) } : read(path, value);
+    const [into, name] = part ? [(request[key] ??= {}), part] : [request, key];
+    if (typeof into !== "object" || name in into) throw new Error(`duplicate key '${path}'`);
+    into[name] = read(path, value);
   }
-  return body;
+  return request;
 }
 
-function read(key, text) {
-  if (key === "receivers") return text.split(",");
-  if (TEXTS.test(key)) return text;
-  try {
-    return JSON.parse(text.replace(/(.+)\.\.(.+)/, "[$1,$2]"));
-  } catch {
-    return text;
-  }
+const number = (text) => (/^[-+.\de]+$/i.test(text) ? Number(text) : NaN);
+
+function read(path, text) {
+  if (path === "receivers") return text.split(",");
+  if (TEXTS.test(path)) return text;
+  if (text === "true" || text === "false") return text === "true";
+  const numbers = text.split("..").map(number);
+  if (numbers.some(Number.isNaN)) return text;
+  return numbers.length > 1 ? numbers : numbers[0];
 }

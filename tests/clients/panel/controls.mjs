@@ -159,12 +159,31 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   await simulator.call("POST", "/bus/frames", { id: "000", data: "" });
   await faults.getByRole("listitem").filter({ hasText: "×1, over" }).waitFor();
   for (const name of ["gap", "corrupt", "delay-5FC"]) await press(faults.getByRole("button", { name: `End ${name}` }), "Enter");
-  await until(page, () => document.activeElement.id === "end-all" && document.querySelectorAll("#communication li").length === 1);
-  await hold(faults.getByRole("button", { name: "End insert-5FB" }));
+  // The focus goes to the next fault, then to the form: a second Enter does not end all of them.
+  const focusIsAt = (name) => until(page, (name) => (document.activeElement.ariaLabel ?? document.activeElement.id) === name, name);
+  await focusIsAt("End insert-5FB");
+  await addFault("delay", "5FC", "2", 'sender="the gateway" ms=007 probability=.5');
+  const delay = (await simulator.call("GET", "/bus/faults")).map(({ fault }) => fault).at(-1);
+  assert.equal(delay, "delay 5FC of the gateway by 7 ms, count 2, probability 0.5");
+  await press(faults.getByRole("button", { name: "End delay-5FC" }), "Enter");
+  await focusIsAt("kind");
   await press(page.getByRole("button", { name: "End all" }), "Enter");
   await until(page, () => document.querySelectorAll("#communication li").length === 0);
   await addFault("delay", "5FC", "", "ms=x", 400);
   await page.locator("#notice", { hasText: /^ms / }).waitFor();
+  for (const [parameters, key] of [
+    ["lose=221", "lose"], ["count=3", "count"], ["ms=1 ms=2", "ms"], ["data.set=01 data.set=02", "data.set"], ["data=1 data.set=01", "data.set"],
+  ]) {
+    await page.getByLabel("Parameters").fill(parameters);
+    await page.getByRole("combobox", { name: "Fault" }).selectOption("lose");
+    await page.getByLabel("Count").fill("1");
+    await page.getByRole("button", { name: "Add" }).press("Enter");
+    await page.locator("#notice", { hasText: `duplicate key '${key}'` }).waitFor();
+  }
+  await page.getByLabel("Parameters").fill('receivers="the gateway');
+  await page.getByRole("button", { name: "Add" }).press("Enter");
+  await page.locator("#notice", { hasText: "'gateway' is not valid" }).waitFor();
+  assert.deepEqual(await simulator.call("GET", "/bus/faults"), []);
 
   const frame = await hold(page.getByLabel("Frame", { exact: true }));
   await frame.fill("5FF#");
