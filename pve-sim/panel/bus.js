@@ -76,7 +76,7 @@ export class Bus {
     this.showTime();
     byId("load-bar").value = load;
     setText(byId("load-text"), `${load} %`);
-    if (document.activeElement !== this.rate) this.rate.value = bit_rate;
+    if (Number(this.rate.value) !== bit_rate) this.rate.value = bit_rate;
     const whose = id === null ? "" : ` of ${hex(id, extended ? 8 : 3)}`;
     setText(byId("disturbed"), frames > 0 ? `${frames} left${whose}` : "");
     byId("spare").disabled = frames === 0;

@@ -29,8 +29,12 @@ export class PlantControls {
     Object.assign(this, { name, answered, waiting: {}, sent: null });
     this.controls = new Map();
     this.shown = {};
-    // A control that loses the focus shows the device's value again.
-    this.element = el("div", { class: "plant", onfocusout: () => answered(null) });
+    // A control that has been changed or loses the focus shows the device's value again.
+    const refresh = () => {
+      this.shown = {};
+      answered(null);
+    };
+    this.element = el("div", { class: "plant", onchange: refresh, onfocusout: refresh });
     for (const [field, make] of Object.entries(CONTROLS)) {
       if (!(field in plant)) continue;
       const control = make((value) => this.change(field, value));
@@ -73,17 +77,21 @@ function slider(label, symbol, { min, max, limit = max, step, unit }, send) {
   const range = el("input", { type: "range", min, max, step, "aria-label": label });
   const number = el("input", { type: "number", step: "any", "aria-label": `${label} in ${symbol}` });
   const set = (value) => send(Math.round(value * unit));
+  let isTyping = false;
   range.addEventListener("input", () => {
     number.value = range.value;
     set(range.valueAsNumber);
   });
+  number.addEventListener("input", () => (isTyping = true));
+  number.addEventListener("blur", () => (isTyping = false));
   number.addEventListener("change", () => {
+    isTyping = false;
     if (!Number.isNaN(number.valueAsNumber)) set(number.valueAsNumber);
   });
   if (limit > max) number.max = limit;
   return {
     element: el("div", { class: "control" }, el("span", { class: "label" }, label), range, el("span", { class: "unit" }, number, symbol)),
-    isHeld: () => isPressed(range) || document.activeElement === number,
+    isHeld: () => isPressed(range) || isTyping,
     show(value) {
       range.value = value / unit;
       number.value = String(value / unit);

@@ -30,6 +30,7 @@ calls! {
     a_device_at_another_bit_rate_is_named_with_the_remedy: look("rates.mjs");
     the_panel_outlives_the_simulator: look("away.mjs");
     the_panel_shows_what_its_events_left_out: look("events.mjs");
+    a_control_with_the_focus_shows_the_value_of_the_device: look("values.mjs");
     twenty_valves_leave_the_browser_time: look("pace.mjs");
     a_web_page_sends_nothing_to_the_bus: look("foreign.mjs");
     the_page_of_a_campaign_is_read_filtered_and_printed: look("campaign.mjs");
