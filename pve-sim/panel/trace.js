@@ -83,7 +83,8 @@ export class Trace {
     const line = lineOf(frame);
     if (line.isTrouble) return line;
     const before = this.latest.get(line.id);
-    line.isRepeat = before?.data === line.data && before.from === line.from && line.t_us - before.t_us < REPEAT_US;
+    const isEqual = before?.data === line.data && before.from === line.from && before.meaning === line.meaning;
+    line.isRepeat = isEqual && line.t_us - before.t_us < REPEAT_US;
     if (this.latest.size >= IDENTIFIERS) this.latest.clear();
     this.latest.set(line.id, line);
     return line;

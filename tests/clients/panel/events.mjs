@@ -1,4 +1,4 @@
-// Events that the page misses, or that overtake an answer: the page shows what there is.
+// Events that the page misses, or that overtake an answer, and frames that look alike: the page shows what there is.
 
 import assert from "node:assert/strict";
 import { simulate, until, withPage } from "./rig.mjs";
@@ -65,5 +65,9 @@ await withPage({ url: simulator.url, before: hold }, async (page) => {
   answer();
   await page.locator("#link[data-link=there]").waitFor();
   await showsSupply("8");
+
+  // Remote frames without bytes differ in their length, and a data frame is none: no frame is a repeat.
+  for (const data of ["R4", "R", ""]) await simulator.call("POST", "/bus/frames", { id: "321", data });
+  await until(page, () => [...document.querySelectorAll("#frames .id")].filter((id) => id.textContent === "321").length === 3);
 });
 await simulator.end();
