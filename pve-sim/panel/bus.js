@@ -92,7 +92,7 @@ export class Bus {
   send(frame, every) {
     const [id, data] = frame.split("#");
     const period = every && { every_ms: Number(every) };
-    return attempt(() => call("POST", "/bus/frames", { ...identifier(id), data, ...period }));
+    return attempt(() => call("POST", "/bus/frames", { ...identifier(id), data: data.replaceAll(".", ""), ...period }));
   }
 
   advance(ms) {

@@ -12,8 +12,8 @@ export const hex = (number, digits) => number.toString(16).toUpperCase().padStar
 /** Returns a number's text with a true minus sign. */
 export const minus = (text) => text.replace("-", "−");
 
-/** Parses an identifier in hex; eight digits mean 29 bits, as in candump. */
+/** Parses an identifier in hex, with or without 0x; eight digits mean 29 bits, as in candump. */
 export function identifier(text) {
-  const id = parseInt(text, 16);
-  return { id, extended: text.length === 8 };
+  const digits = text.replace(/^0x/i, "");
+  return { id: parseInt(digits, 16), extended: digits.length === 8 };
 }

@@ -135,6 +135,10 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   await page.locator("#disturbed", { hasText: "5 left of 0CFE3380" }).waitFor();
   await press(page.getByRole("button", { name: "End", exact: true }), "Enter");
   assert.equal((await simulator.call("GET", "/bus")).disturb.frames, 0);
+  await page.getByLabel("frames of").fill("0x1A0");
+  await press(page.getByRole("button", { name: "Destroy" }), "Enter");
+  assert.deepEqual((await simulator.call("GET", "/bus")).disturb, { frames: 5, id: 0x1a0, extended: false });
+  await press(page.getByRole("button", { name: "End", exact: true }), "Enter");
 
   const faults = page.getByRole("list", { name: "Communication faults" });
   const addFault = async (kind, frames, count, parameters, status) => {
@@ -185,7 +189,13 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   await page.locator("#notice", { hasText: "'gateway' is not valid" }).waitFor();
   assert.deepEqual(await simulator.call("GET", "/bus/faults"), []);
 
+  // The notation of cansend, and blanks.
   const frame = await hold(page.getByLabel("Frame", { exact: true }));
+  for (const [text, meaning] of [["5FD#01.0203", "01 02 03"], ["5FD#01 0204", "01 02 04"], ["5FD#R2", "remote"], ["5FD#R", "remote"]]) {
+    await frame.fill(text);
+    await press(page.getByRole("button", { name: "Send" }), "Enter");
+    await page.locator("#frames li", { hasText: "5FD" }).last().getByText(meaning).first().waitFor();
+  }
   await frame.fill("5FF#");
   await press(page.getByRole("button", { name: "Send" }), "Enter");
   await page.locator("#frames li", { hasText: "5FF" }).waitFor();
@@ -210,7 +220,7 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   assert.equal(await lines.count(), sent);
   await page.getByRole("button", { name: "Pause" }).press("Enter");
   await until(page, shows, await onTheBus());
-  await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe -000");
+  await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe -5fd -000");
   await until(page, () => {
     const rows = [...document.querySelectorAll("#frames li")];
     return rows.length > 0 && rows.every((row) => row.textContent.includes("5FF"));
