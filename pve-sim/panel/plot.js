@@ -127,7 +127,8 @@ export class Plot {
 
   add(t, values) {
     values.forEach((value, i) => this.series[i].add(t, value));
-    this.isStale = true;
+    // With reduced motion, only time moves a plot, or a step.
+    if (!calm.matches || !clock.isRunning) this.isStale = true;
     if (seen.has(this)) paint(plots);
   }
 

@@ -56,6 +56,29 @@ await withPage({ url: simulator.url, viewport: { width: 1920, height: 1080 } }, 
   await page.getByText("No recorded frame matches the filter").waitFor();
   await filter.fill("");
   await until(page, () => document.querySelector("#trace-empty").hidden);
+
+  // Everything that screen readers announce by itself.
+  const announced = page.locator("output, [role=status], [role=alert], [role=log], [aria-live]");
+  assert.deepEqual(await announced.evaluateAll((elements) => elements.map(({ id }) => id)), ["link", "unheard", "notice"]);
 });
 
+// With reduced motion a plot moves once a second, also while the shaft turns.
+function countDrawings() {
+  window.drawings = 0;
+  const { clearRect } = CanvasRenderingContext2D.prototype;
+  CanvasRenderingContext2D.prototype.clearRect = function (...area) {
+    if (this.canvas.closest("article").ariaLabelledByElements?.[0].textContent === "hat1000") window.drawings += 1;
+    clearRect.apply(this, area);
+  };
+}
+
+await simulator.call("PATCH", "/devices/hat1000/plant", { speed_rpm: 5 });
+await withPage({ url: simulator.url, viewport: { width: 1920, height: 1080 }, reducedMotion: "reduce", before: countDrawings }, async (page) => {
+  const time = () => page.evaluate(() => [parseFloat(document.getElementById("time").textContent), window.drawings]);
+  await until(page, () => window.drawings > 0);
+  const [begin, before] = await time();
+  await until(page, (end) => parseFloat(document.getElementById("time").textContent) > end, begin + 4);
+  const [end, after] = await time();
+  assert(after > before && after - before <= end - begin + 3, `${after - before} drawings in ${end - begin} s`);
+});
 await simulator.end();
