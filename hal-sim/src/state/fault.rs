@@ -239,7 +239,9 @@ impl FaultRequest {
         fault.from = millis(self.from_ms.unwrap_or_default());
         fault.lasts = self.for_ms.map(millis);
         if let Some(name) = self.name.as_ref().filter(|name| !is_name(name)) {
-            return Err(Invalid(format!("name '{name}': must be 1 to {NAME_MAX} letters, digits and '-'")));
+            return Err(Invalid(format!(
+                "name '{name}': must be 1 to {NAME_MAX} letters, digits and '-', but not all"
+            )));
         }
         if let Some(probability) = self.probability {
             fault.probability = (probability * f64::from(ALWAYS)).round() as u32;

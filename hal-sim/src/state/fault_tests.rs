@@ -112,7 +112,7 @@ fn another_fault_is_refused_in_one_line() {
         (json!({ "insert": "220#0?" }), "insert: '220#0?' is not a frame"),
         (json!({ "omit": "220" }), "omit needs receivers"),
         (json!({ "lose": "220", "name": "" }), "name '': "),
-        (json!({ "lose": "220", "name": "all" }), "name 'all': "),
+        (json!({ "lose": "220", "name": "all" }), "name 'all': must be 1 to 64 letters, digits and '-', but not all"),
         (json!({ "lose": "220", "name": long }), "name 'xxx"),
         (json!({ "loose": "220" }), "unknown key 'loose'; did you mean 'lose'?"),
         (json!({ "lose": "220", "count": null }), "count null is not valid; "),
