@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws docs/trace.svg, the README's picture, from a real run: pve-sim in a terminal, and examples/drive.py as the master.
+"""Draws docs/trace.svg for docs/guides/bench.md from a real run: pve-sim in a terminal, and examples/drive.py as the master.
 
     cargo build && target/venv/bin/pip install rich && target/venv/bin/python docs/trace_svg.py target/debug/pve-sim
 """
