@@ -142,7 +142,7 @@ impl Golden {
 
     /// Returns the bits of [`states`](Self::states), with those of command and solenoids.
     pub(super) fn all_states(&self, simulation: &Simulation) -> impl Iterator<Item = u32> {
-        self.devices.iter().map(|node| Sample::of(simulation.world().peek(*node).as_ref()).state)
+        self.devices.iter().map(|node| Sample::of(simulation.world().view(*node).as_ref()).state)
     }
 
     /// Returns whether the bits of each device, as in [`states`](Self::states), are those in `before` or those at any
@@ -161,7 +161,7 @@ impl Golden {
         let now = simulation.now();
         let golden = self.between(earlier(now, SAMPLE), earlier(after(now, SAMPLE), Duration::from_ticks(1)));
         self.devices.iter().enumerate().all(|(place, node)| {
-            let found = Sample::of(simulation.world().peek(*node).as_ref());
+            let found = Sample::of(simulation.world().view(*node).as_ref());
             let mut near = golden.clone().map(|intervals| &intervals[place]);
             let (min, max) =
                 near.clone().fold((i16::MAX, i16::MIN), |(min, max), it| (min.min(it.min), max.max(it.max)));
@@ -207,7 +207,7 @@ impl States {
         let (first, last) = (number(earlier(now, Duration::from_ticks(1))), number(now));
         self.intervals.resize(self.intervals.len().max((last + 1) * devices), Interval::EMPTY);
         for (place, node) in self.devices.iter().enumerate() {
-            let sample = Sample::of(simulation.world().peek(*node).as_ref());
+            let sample = Sample::of(simulation.world().view(*node).as_ref());
             (first..=last).for_each(|number| self.intervals[number * devices + place].add(sample));
         }
     }

@@ -82,7 +82,7 @@ impl<'a> StateEye<'a> {
 
     fn holds(&mut self, simulation: &Simulation) -> bool {
         let (node, kind) = self.device;
-        let mut view = simulation.world().peek(node);
+        let mut view = simulation.world().view(node);
         if self.wanted.condition.position.is_none()
             && let Some(view) = &mut view
         {
@@ -91,7 +91,7 @@ impl<'a> StateEye<'a> {
         if let Some((_, holds)) = self.last.as_ref().filter(|(last, _)| *last == view) {
             return *holds;
         }
-        let holds = self.wanted.condition.holds(&DeviceState::peek(node, kind, simulation.world()));
+        let holds = self.wanted.condition.holds(&DeviceState::of(node, kind, simulation.world()));
         self.last = Some((view, holds));
         holds
     }
@@ -103,7 +103,7 @@ impl<'a> StateEye<'a> {
         if self.wanted.condition.position.is_none() {
             return limit;
         }
-        let position = world.peek(node).map(|view| view.position);
+        let position = world.view(node).map(|view| view.position);
         let Some(range) = self.wanted.condition.wanted_positions(position) else { return limit };
         let tick = after(simulation.now(), Duration::from_ticks(1));
         world.next_inside(node, &range, simulation.next().max(tick).min(limit)).max(tick).min(limit)

@@ -164,17 +164,17 @@ impl Simulation {
     }
 
     /// Returns the states of all devices.
-    pub fn states(&mut self) -> Vec<DeviceState> {
-        self.devices.iter().map(|(node, kind)| DeviceState::of(*node, *kind, &mut self.world)).collect()
+    pub fn states(&self) -> Vec<DeviceState> {
+        self.devices.iter().map(|(node, kind)| DeviceState::of(*node, *kind, &self.world)).collect()
     }
 
     /// Returns the state of the named device.
     ///
     /// # Errors
     /// [`Refusal::Unknown`]
-    pub fn state(&mut self, name: &str) -> Result<DeviceState, Refusal> {
+    pub fn state(&self, name: &str) -> Result<DeviceState, Refusal> {
         let (node, kind) = self.find(name)?;
-        Ok(DeviceState::of(node, kind, &mut self.world))
+        Ok(DeviceState::of(node, kind, &self.world))
     }
 
     /// Returns the state of the bus.

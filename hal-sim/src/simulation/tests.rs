@@ -54,7 +54,7 @@ impl Rig {
 
     fn state(&mut self, device: usize) -> DeviceState {
         let (node, kind) = self.devices[device];
-        DeviceState::of(node, kind, &mut self.world)
+        DeviceState::of(node, kind, &self.world)
     }
 
     fn read(&mut self) {
@@ -452,7 +452,7 @@ fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
             serde_json::from_str(&format!(r#"{{"position": {{"min": {min}, "max": {max}}}}}"#)).expect("one");
         let mut watch = StateWatch::new(rig.devices[1], condition);
         let mut looks = 0;
-        while !watch.look(&mut rig.world).1 {
+        while !watch.look(&rig.world).1 {
             let event = rig.world.next_event();
             let due = watch.due(event, &rig.world);
             assert!(due > rig.world.now());

@@ -267,7 +267,7 @@ impl StateWatch {
     }
 
     /// Returns the current state of the device, and whether it satisfies the condition.
-    pub fn look(&mut self, world: &mut World) -> (DeviceState, bool) {
+    pub fn look(&mut self, world: &World) -> (DeviceState, bool) {
         let state = DeviceState::of(self.node, self.kind, world);
         let holds = self.condition.holds(&state);
         let wanted = if holds { None } else { self.condition.wanted_positions(state.position) };

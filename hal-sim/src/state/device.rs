@@ -162,17 +162,8 @@ pub struct Fault {
 
 impl DeviceState {
     /// Returns the current state of a device of this kind.
-    pub fn of(node: NodeId, kind: Kind, world: &mut World) -> Self {
+    pub fn of(node: NodeId, kind: Kind, world: &World) -> Self {
         let view = world.view(node);
-        Self::with(view, node, kind, world)
-    }
-
-    /// Returns the current state of a device of this kind without changing the world, see [`World::peek`].
-    pub fn peek(node: NodeId, kind: Kind, world: &World) -> Self {
-        Self::with(world.peek(node), node, kind, world)
-    }
-
-    fn with(view: Option<View>, node: NodeId, kind: Kind, world: &World) -> Self {
         let is_valve = matches!(kind, Kind::Pve(_));
         let valve = view.as_ref().and_then(|view| view.valve);
         let at_rest = is_valve.then_some(0);

@@ -47,7 +47,7 @@ impl Rig {
     }
 
     fn look(&mut self) {
-        let state = DeviceState::of(self.node, self.kind, &mut self.world);
+        let state = DeviceState::of(self.node, self.kind, &self.world);
         let active: Vec<&str> = state.faults.iter().filter(|fault| fault.active).map(|fault| fault.fault).collect();
         let mut keys = json!(state);
         keys["faults"] = json!(active);

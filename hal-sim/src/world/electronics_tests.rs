@@ -1,11 +1,12 @@
 //! Slow devices and weak supplies, to the microsecond.
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::pve::Kind;
 
 use super::*;
 use crate::devices::{DeviceSpec, NamedDevice, named};
 use crate::memory::Memory;
-use crate::world::{Change, ClientPortId, EventKind, NodeId, World};
+use crate::world::{Change, ClientPortId, EventKind, Link, NodeId, World};
 
 /// A world with a device and a master.
 struct Rig {
@@ -153,6 +154,31 @@ fn a_slow_application_acts_in_its_cycle() {
     for (start, frame) in rig.frames(2000) {
         // The frames of one cycle follow one another.
         assert!(start % 10_000 < 2_000, "{start} {frame}");
+    }
+}
+
+/// Neither noise nor a moving link nor a view makes a slow sensor sense between its cycles.
+#[test]
+fn a_slow_sensor_senses_in_its_cycle() {
+    for device in ["hat1000,cycle-ms=500", "hat1000,cycle-ms=500,noise=10", "hat1000,cycle-ms=500,dead-band=10"] {
+        let mut rig = Rig::started(device);
+        let valve = rig.world.add("boom", Kind::PveaCanopen);
+        rig.world.power(valve, true);
+        rig.world.link(valve, rig.device, Link::default()).expect("a valve and a sensor");
+        rig.world.set_plant(valve, Change::Lever(Some(8_192))).expect("a valve");
+        rig.frames(1100);
+        rig.set(&[Change::InternalFault(true)]);
+        rig.frames(25);
+        rig.world.set_plant(valve, Change::TemperatureC(30)).expect("a valve");
+        let view = rig.world.view(rig.device).expect("power");
+        assert!(view.faults.iter().all(|fault| !fault.active), "{device}");
+        let angle = rig.world.angle_cdeg(rig.device).expect("a shaft");
+        assert!(
+            angle > 1_000 && (i64::from(view.position) - i64::from(angle) * 16_384 / 36_000).abs() <= 6,
+            "{device}"
+        );
+        rig.set(&[Change::InternalFault(false)]);
+        assert_eq!(rig.frames(1000), [], "{device}");
     }
 }
 

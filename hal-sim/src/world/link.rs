@@ -9,6 +9,7 @@ use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
+use super::node::Node;
 use super::{NodeId, World, rough};
 
 /// The parameters of a link between a valve and a sensor's shaft.
@@ -140,7 +141,8 @@ impl World {
         self.couplings.iter().find(|coupling| coupling.sensor == sensor)
     }
 
-    /// Updates the links of a device to the current time, before a valve changes or a sensor reads its shaft.
+    /// Updates the links of a device to the current time, before a valve changes or a sensor is served. The sensor senses
+    /// its shaft when it is served: with a slow cycle, in the next cycle.
     pub(super) fn follow_links(&mut self, node: NodeId) {
         if !self.couplings.is_empty() {
             self.follow_links_of(node);
@@ -158,12 +160,12 @@ impl World {
             let coupling = &mut self.couplings[number];
             (coupling.angle, coupling.reckoned) = (angle, self.now);
             let angle_cdeg = coupling.angle_cdeg(angle);
-            let node = &mut self.nodes[sensor.0];
-            if let Some(shaft) = node.inputs.shaft_mut()
+            let Node { inputs, electronics, .. } = &mut self.nodes[sensor.0];
+            if let Some(shaft) = inputs.shaft_mut()
                 && shaft.angle_cdeg != angle_cdeg
             {
                 shaft.angle_cdeg = angle_cdeg;
-                node.sense(self.now);
+                electronics.has_new_inputs = true;
             }
         }
     }

@@ -202,8 +202,8 @@ impl World {
         self.device(node).map(Device::outputs)
     }
 
-    /// Returns the inputs of a device. The error mode of the controller and the angle of a linked shaft are the values
-    /// that the device sensed last.
+    /// Returns the inputs of a device. The error mode of the controller is the value that the device sensed last. The
+    /// angle of a linked shaft is the angle when the valve or the sensor was last served.
     #[must_use]
     pub fn inputs(&self, node: NodeId) -> &Inputs {
         &self.nodes[node.0].inputs

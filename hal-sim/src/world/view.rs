@@ -7,7 +7,7 @@ use protocol_core::encoder::{POSITION_MAX, STEPS, Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use protocol_core::wire::pdo_mapping::MappingEntry;
 
-use super::node::{Node, Power};
+use super::node::Node;
 use super::{NodeId, World, rough};
 
 /// The maximum step in the search for a position change of a linked shaft. A spool that passes neutral reverses the
@@ -19,35 +19,23 @@ const SECOND: Duration = Duration::from_secs(1);
 const MINUTE: Duration = Duration::from_secs(60);
 
 impl World {
-    /// Returns the current view of a device; `None` without power.
-    pub fn view(&mut self, node: NodeId) -> Option<View> {
-        self.follow_links(node);
-        let now = self.now;
-        let Node { power, inputs, rough, .. } = &mut self.nodes[node.0];
-        let Power::On(device) = power else { return None };
-        if rough.is_rough_shaft(inputs) {
-            // The view uses a copy: only samples of the device change the state of the play.
-            let mut sampled = *rough;
-            device.sense(&sampled.sensed(inputs, now), now);
-        }
-        Some(device.view(now))
-    }
-
-    /// Returns the current view of a device without changing the world: the device does not sample a linked or rough
-    /// shaft. `None` without power.
+    /// Returns the current view of a device; `None` without power. The view changes nothing: a copy of the device samples
+    /// a linked or rough shaft.
     #[must_use]
-    pub fn peek(&self, node: NodeId) -> Option<View> {
+    pub fn view(&self, node: NodeId) -> Option<View> {
         let device = self.on(node)?;
+        let view = device.view(self.now);
         let (coupling, mut inputs) = (self.coupling_of(node), *self.inputs(node));
         if coupling.is_none() && !self.is_rough_shaft(node) {
-            return Some(device.view(self.now));
+            return Some(view);
         }
         if let (Some(coupling), Some(shaft)) = (coupling, inputs.shaft_mut()) {
             shaft.angle_cdeg = coupling.angle_at(self, self.now);
         }
-        let (mut device, mut rough) = (device.boxed(), self.nodes[node.0].rough);
-        device.sense(&rough.sensed(&inputs, self.now), self.now);
-        Some(device.view(self.now))
+        let (mut copy, mut rough) = (device.boxed(), self.nodes[node.0].rough);
+        copy.sense(&rough.sensed(&inputs, self.now), self.now);
+        // Between the cycles of a slow device, the copy may have sensed a fault that the device has not sensed yet.
+        Some(View { position: copy.view(self.now).position, ..view })
     }
 
     /// Returns the first time at which the position of a device can enter a range, if no event occurs until then;
@@ -121,8 +109,8 @@ impl World {
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
         let Some(shaft) = self.inputs(node).shaft().filter(|_| !self.is_rough_shaft(node)) else { return self.now };
-        let Some(device) = self.on(node) else { return NEVER };
-        let position = i64::from(device.view(self.now).position);
+        let Some(view) = self.view(node) else { return NEVER };
+        let position = i64::from(view.position);
         let (min, max) = (i64::from(*range.start()).max(0), i64::from(*range.end()).min(POSITION_MAX.into()));
         if min > max {
             return NEVER;

@@ -215,7 +215,7 @@ impl<'a, B: Target> Runner<'_, 'a, B> {
                 continue;
             }
             if has_arrived && limit < due {
-                // At a pause, nothing has happened. A look would sample linked shafts and change their rounding.
+                // At a pause, nothing has happened.
                 if until < end {
                     return false;
                 }
