@@ -10,7 +10,8 @@ use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
 use super::node::Node;
-use super::{NodeId, World, rough};
+use super::rough::{self, Play};
+use super::{NodeId, World};
 
 /// The parameters of a link between a valve and a sensor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,8 +113,12 @@ impl World {
         let seed = if link.noise > 0 { self.random.u64(..) } else { 0 };
         let angle_cdeg = shaft.angle_at(self.now).clamp(link.min, link.max);
         let angle = i128::from(angle_cdeg) * CDEG;
+        let mut inputs = *self.inputs(sensor);
+        if let Some(shaft) = inputs.shaft_mut() {
+            *shaft = Shaft { measuring_error: shaft.measuring_error, ..Shaft::at(angle_cdeg) };
+        }
+        self.set_inputs(sensor, inputs);
         self.couplings.push(Coupling { valve, sensor, link, angle, reckoned: self.now, seed });
-        self.set_inputs(sensor, *self.inputs(sensor));
         Ok(())
     }
 
@@ -128,7 +133,7 @@ impl World {
     pub fn angle_cdeg(&self, node: NodeId) -> Option<u32> {
         let shaft = self.nodes[node.0].inputs.shaft()?;
         let linked = self.coupling_of(node);
-        Some(linked.map_or_else(|| shaft.angle_at(self.now), |coupling| coupling.angle_at(self, self.now)))
+        Some(linked.map_or_else(|| shaft.angle_at(self.now), |coupling| coupling.at(self, self.now).0))
     }
 
     /// Returns whether a device is a valve that no shaft follows.
@@ -156,11 +161,13 @@ impl World {
             if valve != node && sensor != node {
                 continue;
             }
-            let angle = self.couplings[number].reckon(self.valve(valve), self.now);
+            let play = self.nodes[sensor.0].rough.play;
+            let (angle, play) = self.couplings[number].reckon(self.valve(valve), play, self.now);
             let coupling = &mut self.couplings[number];
             (coupling.angle, coupling.reckoned) = (angle, self.now);
             let angle_cdeg = coupling.angle_cdeg(angle);
-            let Node { inputs, electronics, .. } = &mut self.nodes[sensor.0];
+            let Node { inputs, electronics, rough, .. } = &mut self.nodes[sensor.0];
+            rough.play = play;
             if let Some(shaft) = inputs.shaft_mut()
                 && shaft.angle_cdeg != angle_cdeg
             {
@@ -197,10 +204,12 @@ impl World {
 }
 
 impl Coupling {
-    /// Returns the angle in 1/100 degree at an instant that is not before the last update. The valve must not change
-    /// before this instant.
-    pub(super) fn angle_at(&self, world: &World, at: Instant) -> u32 {
-        self.angle_cdeg(self.reckon(world.valve(self.valve), at))
+    /// Returns the angle in 1/100 degree and the play at an instant that is not before the last update. The valve must
+    /// not change before this instant.
+    pub(super) fn at(&self, world: &World, at: Instant) -> (u32, Play) {
+        let play = world.nodes[self.sensor.0].rough.play;
+        let (angle, play) = self.reckon(world.valve(self.valve), play, at);
+        (self.angle_cdeg(angle), play)
     }
 
     /// Returns the maximum speed of the shaft, in 1/100 degree per second.
@@ -212,10 +221,10 @@ impl Coupling {
         u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
     }
 
-    /// Returns the angle at `now`, in internal units. `now` must not be before the last update, and the valve must not
-    /// have changed since the last update.
-    fn reckon(&self, valve: Option<&Valve>, now: Instant) -> i128 {
-        let Some(valve) = valve else { return self.angle };
+    /// Returns the angle at `now`, in internal units, and the play, which was `play` at the last update. `now` must not
+    /// be before the last update, and the valve must not have changed since the last update.
+    fn reckon(&self, valve: Option<&Valve>, mut play: Play, now: Instant) -> (i128, Play) {
+        let Some(valve) = valve else { return (self.angle, play) };
         let (mut angle, mut at) = (self.angle, self.reckoned);
         while at < now {
             let end = valve.bends(at).min(now);
@@ -247,10 +256,15 @@ impl Coupling {
                 }
             };
             let to = i128::from(valve.opening(end));
+            let before = angle;
             angle = self.moved(angle, (flow(from) + flow(to)) * i128::from(since(end, at).as_micros()) * speed);
+            // Within an interval, the shaft turns in one direction.
+            if !play.is_none() {
+                play.turn(i64::from(self.angle_cdeg(angle)) - i64::from(self.angle_cdeg(before)));
+            }
             at = end;
         }
-        angle
+        (angle, play)
     }
 
     /// Adds the rotation caused by a flow to an angle, limited by the end stops. A shaft beyond a stop can only move

@@ -215,7 +215,11 @@ impl World {
     pub fn set_inputs(&mut self, node: NodeId, inputs: Inputs) {
         self.follow_links(node);
         let mut inputs = self.as_linked(node, inputs);
-        let Node { inputs: sensed, power, electronics, .. } = &mut self.nodes[node.0];
+        let now = self.now;
+        let Node { inputs: sensed, power, electronics, rough, .. } = &mut self.nodes[node.0];
+        if let (Some(from), Some(to)) = (sensed.shaft(), inputs.shaft()) {
+            rough.change_motion(from, to, now);
+        }
         if let (Some(valve), Some(earlier)) = (inputs.valve_mut(), sensed.valve()) {
             valve.spool.roughness = earlier.spool.roughness;
         }

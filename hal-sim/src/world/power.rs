@@ -97,6 +97,7 @@ impl World {
         }
         let node = &mut self.nodes[id.0];
         node.inputs.bus = self.bus.port(port).mode();
+        node.rough.start(now);
         node.sense(now);
         self.service(id);
     }

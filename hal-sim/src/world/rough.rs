@@ -5,7 +5,7 @@
 use protocol_core::actuator::{self, Position};
 use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
-use protocol_core::time::{Duration, Instant, NEVER};
+use protocol_core::time::{Duration, Instant, NEVER, since};
 
 use super::{NodeId, World};
 
@@ -36,13 +36,35 @@ pub(super) struct State {
     seed: u64,
     /// The time of the next deviation of a spool; [`NEVER`] without noise.
     pub(super) next: Instant,
-    /// The angle behind the play, on the side of the sensor; `None` before the first sample.
-    seen: Option<u32>,
+    /// The play of a shaft at the time `updated`.
+    pub(super) play: Play,
+    updated: Instant,
 }
 
 impl Default for State {
     fn default() -> Self {
-        Self { settings: Roughness::default(), seed: 0, next: NEVER, seen: None }
+        Self { settings: Roughness::default(), seed: 0, next: NEVER, play: Play::default(), updated: Instant::MIN }
+    }
+}
+
+/// The play between a shaft and its sensor, in 1/100 degree. The play depends only on the motion of the shaft, not on
+/// the samples of the sensor.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Play {
+    /// The largest offset in each direction; 0 until the first start of the device.
+    limit: i64,
+    /// The angle behind the play, on the side of the sensor, minus the angle of the shaft.
+    offset: i64,
+}
+
+impl Play {
+    pub(super) const fn is_none(self) -> bool {
+        self.limit == 0
+    }
+
+    /// Turns the shaft in one direction.
+    pub(super) fn turn(&mut self, by: i64) {
+        self.offset = (self.offset - by).clamp(-self.limit, self.limit);
     }
 }
 
@@ -67,40 +89,63 @@ impl State {
         self.settings != Roughness::default() && inputs.shaft().is_some()
     }
 
-    /// Returns the inputs that the device senses: the angle of a rough shaft includes play and noise. Updates the play.
-    pub(super) fn sensed(&mut self, inputs: &Inputs, now: Instant) -> Inputs {
+    /// Returns the inputs that the device senses: the angle of a rough shaft includes play and noise.
+    pub(super) fn sensed(&self, inputs: &Inputs, now: Instant) -> Inputs {
         let mut sensed = *inputs;
-        if self.is_rough_shaft(inputs)
-            && let Some(shaft) = sensed.shaft_mut()
-        {
-            let truth = shaft.angle_at(now);
-            self.seen = Some(self.played(truth));
-            let measuring_error = shaft.measuring_error;
-            *shaft = Shaft { measuring_error, ..Shaft::at(self.angle_of(truth, now)) };
+        if let Some(shaft) = sensed.shaft_mut() {
+            *shaft = self.measured(shaft, now);
         }
         sensed
     }
 
-    /// Returns the angle that the sensor measures at the instant `at` for the shaft angle `truth`. The shaft must have
-    /// turned in only one direction since the last sample.
-    pub(super) fn angle_of(&self, truth: u32, at: Instant) -> u32 {
-        let noise = i64::from(noise(self.seed, self.settings.noise, at));
-        turned(self.played(truth), noise)
+    /// Returns a shaft as its sensor measures it at `now`, with play and noise.
+    pub(super) fn measured(&self, shaft: &Shaft, now: Instant) -> Shaft {
+        if self.settings == Roughness::default() {
+            return *shaft;
+        }
+        let noise = i64::from(noise(self.seed, self.settings.noise, now));
+        let angle = i64::from(shaft.angle_at(now)) + self.play_at(shaft, now).offset + noise;
+        Shaft { measuring_error: shaft.measuring_error, ..Shaft::at(angle.rem_euclid(TURN) as u32) }
     }
 
-    /// Returns the angle behind the play for an angle of the shaft.
-    fn played(&self, truth: u32) -> u32 {
-        let (half, turn) = (i64::from(TURN_CDEG / 2), i64::from(TURN_CDEG));
-        let seen = self.seen.unwrap_or(truth);
-        // The shorter way round from the angle behind the play to the angle of the shaft.
-        let ahead = (i64::from(truth) - i64::from(seen) + half).rem_euclid(turn) - half;
-        let play = i64::from(self.settings.dead_band);
-        turned(seen, ahead - ahead.clamp(-play, play))
+    /// Begins the play of a shaft, in its middle (A), at the first start of the device.
+    pub(super) fn start(&mut self, now: Instant) {
+        if self.play.is_none() {
+            (self.play.limit, self.updated) = (self.settings.dead_band.into(), now);
+        }
+    }
+
+    /// Updates the play for a change of the shaft's motion. If the angle jumps, the shaft turns the shorter way round.
+    pub(super) fn change_motion(&mut self, from: &Shaft, to: &Shaft, now: Instant) {
+        self.play = self.play_at(from, now);
+        let jump = i64::from(to.angle_at(now)) - i64::from(from.angle_at(now));
+        self.play.turn((jump + TURN / 2).rem_euclid(TURN) - TURN / 2);
+        self.updated = now;
+    }
+
+    /// Returns the play at `now` of a shaft whose motion has not changed since the last update.
+    fn play_at(&self, shaft: &Shaft, now: Instant) -> Play {
+        let mut play = self.play;
+        play.turn(rotation(shaft, self.updated, now));
+        play
     }
 }
 
-fn turned(angle_cdeg: u32, by: i64) -> u32 {
-    (i64::from(angle_cdeg) + by).rem_euclid(i64::from(TURN_CDEG)) as u32
+const TURN: i64 = TURN_CDEG as i64;
+
+/// Returns the rotation of a shaft between two instants, in 1/100 degree. From three quarters of a turn, more than any
+/// play, the result is a whole turn.
+fn rotation(shaft: &Shaft, from: Instant, to: Instant) -> i64 {
+    /// The time for three quarters of a turn, at one turn per minute.
+    const THREE_QUARTERS: Duration = Duration::from_secs(45);
+    let direction = i64::from(shaft.speed_rpm.signum());
+    let micros = since(to, from.max(shaft.since)).as_micros();
+    if micros.saturating_mul(shaft.speed_rpm.unsigned_abs().into()) >= THREE_QUARTERS.as_micros() {
+        return direction * TURN;
+    }
+    // The difference of rounded angles: a rotation in several parts has the same result.
+    let turned = i64::from(shaft.angle_at(to)) - i64::from(shaft.angle_at(from));
+    direction * (direction * turned).rem_euclid(TURN)
 }
 
 impl World {
@@ -112,8 +157,12 @@ impl World {
         let seed = if settings.noise > 0 { self.random.u64(..) } else { 0 };
         let trembles = !is_shaft && settings.noise > 0;
         let next = if trembles { next_step(self.now) } else { NEVER };
+        let is_powered = self.is_powered(node);
         let state = &mut self.nodes[node.0];
-        state.rough = State { settings, seed, next, seen: None };
+        state.rough = State { settings, seed, next, ..State::default() };
+        if is_powered {
+            state.rough.start(self.now);
+        }
         if let Some(valve) = state.inputs.valve_mut() {
             valve.spool.roughness = actuator::Roughness { dead_band: settings.dead_band, ..Default::default() };
         }

@@ -150,6 +150,76 @@ fn a_shaft_has_play() {
     assert_eq!(rig.world.angle_cdeg(rig.sensor), Some(35_800), "the plant has the angle of the shaft");
 }
 
+/// The sensor follows behind, however far the shaft turns between two looks.
+#[test]
+fn a_turning_shaft_has_play() {
+    for (speed_rpm, play) in [(10, -500), (-10, 500), (3_000, -500), (1, -9_000), (-1, 9_000)] {
+        let mut rig = Rig::new("pvea-canopen", &format!("{SENSOR},dead-band={}", i32::abs(play)), None);
+        rig.world.set_plant(rig.sensor, Change::SpeedRpm(speed_rpm)).expect("a speed");
+        rig.world.run_for(Duration::from_secs(30));
+        for ms in [1, 1_000, 4_000, 3_500, 5_999, 59_999, 3_600_000] {
+            rig.world.run_for(Duration::from_millis(ms));
+            let angle = rig.world.angle_cdeg(rig.sensor).expect("a shaft");
+            let behind = (i64::from(angle) + i64::from(play)).rem_euclid(36_000);
+            assert_eq!(rig.seen(), position(behind as u32), "{speed_rpm} rpm, {ms} ms");
+        }
+    }
+}
+
+/// The shaft reverses, jumps and turns between two cycles of the sensor, and while the sensor has no power.
+#[test]
+fn the_play_of_a_shaft_that_no_sensor_samples() {
+    let mut rig = Rig::new("pvea-canopen", &format!("{SENSOR},dead-band=500,cycle-ms=1000"), None);
+    let mut turn = |speed_rpm, ms| {
+        rig.world.set_plant(rig.sensor, Change::SpeedRpm(speed_rpm)).expect("a speed");
+        rig.world.run_for(Duration::from_millis(ms));
+        rig.world.set_plant(rig.sensor, Change::SpeedRpm(0)).expect("a speed");
+        rig.world.angle_cdeg(rig.sensor).expect("a shaft")
+    };
+    assert_eq!([turn(10, 200), turn(-10, 100)], [1_200, 600]);
+    rig.world.run_for(Duration::from_secs(1));
+    assert_eq!(rig.seen(), position(700));
+    rig.world.power(rig.sensor, false);
+    rig.world.set_plants(rig.sensor, &[Change::AngleCdeg(2_000), Change::SpeedRpm(5)]).expect("both");
+    rig.world.run_for(Duration::from_millis(100));
+    rig.world.set_plant(rig.sensor, Change::AngleCdeg(1_600)).expect("an angle");
+    rig.world.power(rig.sensor, true);
+    assert_eq!(rig.seen(), position(1_800));
+}
+
+/// The play of a linked shaft depends on the path of the shaft, whether or not the sensor samples this path.
+#[test]
+fn a_linked_shaft_has_play() {
+    for (samples, dead_band) in [(false, 500), (true, 500), (false, 9_000), (true, 9_000)] {
+        let link = Link { rate: 36_000, max: 35_000, dead_band: 1_000, ..Link::default() };
+        let mut rig = Rig::new("pvea-canopen", &format!("{SENSOR},dead-band={dead_band}"), Some(link));
+        let angle = |rig: &Rig| i64::from(rig.world.angle_cdeg(rig.sensor).expect("a shaft"));
+        let mut behind = angle(&rig);
+        for (set_point, periods) in [(16_384, 18), (-16_384, 6), (4_000, 8), (-16_384, 20), (9_000, 7), (-3_000, 6)] {
+            let [low, high] = i16::to_le_bytes(set_point);
+            for _ in 0..periods {
+                rig.world.send(rig.master, format!("220: 0F 00 {low:02X} {high:02X}").parse().expect("a frame"));
+                if samples {
+                    rig.world.send(rig.master, READ_POSITION.parse().expect("a frame"));
+                }
+                for _ in 0..500 {
+                    rig.world.run_for(Duration::from_micros(100));
+                    behind = behind.clamp(angle(&rig) - dead_band, angle(&rig) + dead_band);
+                }
+            }
+            let expected = position(behind.rem_euclid(36_000) as u32);
+            let near = |found: i16| (found - expected).abs() <= 1;
+            assert!(near(rig.seen()), "{} for {expected}", rig.seen());
+            if samples {
+                let frames: Vec<_> = rig.world.take_received(rig.master).map(|(_, frame)| frame).collect();
+                assert!(frames.iter().any(|frame| frame.to_string().starts_with("581: 43 04 60 00")), "{frames:?}");
+            }
+        }
+    }
+}
+
+const READ_POSITION: &str = "601: 40 04 60 00 00 00 00 00";
+
 #[test]
 fn a_sensor_measures_with_noise() {
     let mut rig = Rig::new("pvea-canopen", &format!("{SENSOR},noise=20"), None);
@@ -225,7 +295,7 @@ fn reading_a_rough_link_or_a_rough_shaft_changes_nothing() {
                     }
                 }
             }
-            rig.send("601: 40 04 60 00 00 00 00 00");
+            rig.send(READ_POSITION);
             let events: Vec<String> = rig.world.take_events().map(|event| format!("{event:?}")).collect();
             (rig.world.angle_cdeg(rig.sensor), rig.seen(), events)
         };

@@ -25,15 +25,14 @@ impl World {
     pub fn view(&self, node: NodeId) -> Option<View> {
         let device = self.on(node)?;
         let view = device.view(self.now);
-        let (coupling, mut inputs) = (self.coupling_of(node), *self.inputs(node));
-        if coupling.is_none() && !self.is_rough_shaft(node) {
+        if !self.is_linked(node) && !self.is_rough_shaft(node) {
             return Some(view);
         }
-        if let (Some(coupling), Some(shaft)) = (coupling, inputs.shaft_mut()) {
-            shaft.angle_cdeg = coupling.angle_at(self, self.now);
+        let (mut copy, mut inputs) = (device.boxed(), *self.inputs(node));
+        if let (Some(shaft), Some(measured)) = (inputs.shaft_mut(), self.measured(node, self.now)) {
+            *shaft = measured;
         }
-        let (mut copy, mut rough) = (device.boxed(), self.nodes[node.0].rough);
-        copy.sense(&rough.sensed(&inputs, self.now), self.now);
+        copy.sense(&inputs, self.now);
         // Between the cycles of a slow device, the copy may have sensed a fault that the device has not sensed yet.
         Some(View { position: copy.view(self.now).position, ..view })
     }
@@ -155,17 +154,21 @@ impl World {
     /// Returns the position of a spool, or the raw position of a shaft, at the instant `at` if no event occurs until
     /// then. `at` must not be in the past.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
-        let rough = &self.nodes[node.0].rough;
-        let is_rough = self.is_rough_shaft(node);
-        let raw = |shaft: &Shaft| {
-            let seen = is_rough.then(|| Shaft::at(rough.angle_of(shaft.angle_at(at), at)));
-            i64::from(seen.as_ref().unwrap_or(shaft).position_at(at))
-        };
-        match (self.coupling_of(node), self.inputs(node).shaft(), self.valve(node)) {
-            (Some(coupling), ..) => raw(&Shaft::at(coupling.angle_at(self, at))),
-            (None, Some(shaft), _) => raw(shaft),
-            (None, None, Some(valve)) => valve.position(at).raw().into(),
-            (None, None, None) => 0,
+        match (self.measured(node, at), self.valve(node)) {
+            (Some(shaft), _) => shaft.position_at(at).into(),
+            (None, Some(valve)) => valve.position(at).raw().into(),
+            (None, None) => 0,
         }
+    }
+
+    /// Returns a shaft as its sensor measures it at the instant `at` if no event occurs until then. `at` must not be in
+    /// the past.
+    fn measured(&self, node: NodeId, at: Instant) -> Option<Shaft> {
+        let Node { inputs, rough, .. } = &self.nodes[node.0];
+        let (mut shaft, mut rough) = (*inputs.shaft()?, *rough);
+        if let Some(coupling) = self.coupling_of(node) {
+            (shaft.angle_cdeg, rough.play) = coupling.at(self, at);
+        }
+        Some(rough.measured(&shaft, at))
     }
 }
