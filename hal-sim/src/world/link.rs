@@ -26,7 +26,7 @@ pub struct Link {
     /// [`NOISE_STEP`](super::NOISE_STEP).
     pub noise: u8,
     /// The overlap of the spool: the largest deflection without flow, from 0 to 16384. Beyond this deflection, the
-    /// speed rises from 0.
+    /// speed rises from 0 to `rate` at full stroke.
     pub dead_band: u16,
 }
 
@@ -65,11 +65,6 @@ pub enum LinkError {
     Roughness,
 }
 
-/// The number of internal angle units in 1/100 degree: the full stroke in units of [`Valve::opening`], times the
-/// microseconds of a second, times 2, times 100. The factor 2 avoids the fraction 1/2 of the trapezoid formula, the
-/// factor 100 the fractions of the noise in percent.
-const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000 * PERCENT;
-
 const PERCENT: i128 = 100;
 
 /// The opening of a valve per unit of the spool position.
@@ -83,11 +78,20 @@ pub(super) struct Coupling {
     valve: NodeId,
     sensor: NodeId,
     link: Link,
-    /// The angle at the time `reckoned`, in internal units: [`CDEG`] units are 1/100 degree.
+    /// The angle at the time `reckoned`, in internal units: [`cdeg`] units are 1/100 degree.
     angle: i128,
     reckoned: Instant,
     /// The seed of the noise.
     seed: u64,
+}
+
+/// Returns the number of internal angle units in 1/100 degree: the stroke beyond the dead-band in units of
+/// [`Valve::opening`], times the microseconds of a second, times 2, times 100. The factor 2 avoids the fraction 1/2 of
+/// the trapezoid formula, the factor 100 the fractions of the noise in percent.
+fn cdeg(link: &Link) -> i128 {
+    // With the largest dead-band, nothing flows, and any unit is right.
+    let stroke = i128::from((Link::DEAD_BAND_MAX - link.dead_band).max(1)) * UNIT;
+    2 * stroke * 1_000_000 * PERCENT
 }
 
 impl World {
@@ -112,7 +116,7 @@ impl World {
         }
         let seed = if link.noise > 0 { self.random.u64(..) } else { 0 };
         let angle_cdeg = shaft.angle_at(self.now).clamp(link.min, link.max);
-        let angle = i128::from(angle_cdeg) * CDEG;
+        let angle = i128::from(angle_cdeg) * cdeg(&link);
         let mut inputs = *self.inputs(sensor);
         if let Some(shaft) = inputs.shaft_mut() {
             *shaft = Shaft { measuring_error: shaft.measuring_error, ..Shaft::at(angle_cdeg) };
@@ -180,7 +184,7 @@ impl World {
     /// Sets the angle of a linked shaft. The link continues from this angle.
     pub(super) fn turn_link(&mut self, sensor: NodeId, angle_cdeg: u32) {
         if let Some(coupling) = self.couplings.iter_mut().find(|coupling| coupling.sensor == sensor) {
-            coupling.angle = i128::from(angle_cdeg) * CDEG;
+            coupling.angle = i128::from(angle_cdeg) * cdeg(&coupling.link);
         }
     }
 
@@ -218,7 +222,7 @@ impl Coupling {
     }
 
     fn angle_cdeg(&self, angle: i128) -> u32 {
-        u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
+        u32::try_from(angle.div_euclid(cdeg(&self.link))).unwrap_or(0)
     }
 
     /// Returns the angle at `now`, in internal units, and the play, which was `play` at the last update. `now` must not
@@ -270,7 +274,7 @@ impl Coupling {
     /// Adds the rotation caused by a flow to an angle, limited by the end stops. A shaft beyond a stop can only move
     /// inwards.
     fn moved(&self, angle: i128, flow: i128) -> i128 {
-        let (min, max) = (i128::from(self.link.min) * CDEG, i128::from(self.link.max) * CDEG);
+        let [min, max] = [self.link.min, self.link.max].map(|stop| i128::from(stop) * cdeg(&self.link));
         let turned = flow * i128::from(self.link.rate);
         if turned > 0 { (angle + turned).min(max).max(angle) } else { (angle + turned).max(min).min(angle) }
     }

@@ -255,20 +255,37 @@ fn the_next_position_is_found() {
 
 #[test]
 fn within_the_dead_band_of_a_link_nothing_flows() {
-    let link = Link { rate: 10_000, max: 35_000, dead_band: 4096, ..Link::default() };
+    let link = Link { rate: 9_000, max: 35_000, dead_band: 4096, ..Link::default() };
     let mut rig = Rig::new("pvea-canopen", SENSOR, Some(link));
     rig.hold(4096, 20);
     assert_eq!(rig.world.angle_cdeg(rig.sensor), Some(0));
-    // A quarter of the stroke beyond the band: a quarter of the rate.
+    // A third of the stroke beyond the band: a third of the rate.
     rig.hold(8192, 10);
     let before = rig.world.angle_cdeg(rig.sensor).expect("a shaft");
     rig.hold(8192, 20);
-    assert_eq!(rig.world.angle_cdeg(rig.sensor), Some(before + 2_500));
+    assert_eq!(rig.world.angle_cdeg(rig.sensor), Some(before + 3_000));
     // The way back is that through neutral.
     rig.hold(-4096, 20);
     let at_rest = rig.world.angle_cdeg(rig.sensor);
     rig.hold(-4096, 5);
     assert_eq!(rig.world.angle_cdeg(rig.sensor), at_rest);
+}
+
+/// A link has its rate at full stroke, whatever its dead-band.
+#[test]
+fn the_rate_of_a_link_is_that_at_full_stroke() {
+    for (dead_band, rate, a_second) in
+        [(0, 3_000, 3_000), (1, 3_000, 3_000), (8_192, -3_001, -3_001), (16_383, 3_000, 3_000), (16_384, 3_000, 0)]
+    {
+        let link = Link { rate, max: 35_000, dead_band, ..Link::default() };
+        let mut rig = Rig::new("pvea-canopen", SENSOR, Some(link));
+        rig.world.set_plant(rig.sensor, Change::AngleCdeg(20_000)).expect("an angle");
+        rig.hold(16_384, 6);
+        let angle = |rig: &Rig| rig.world.angle_cdeg(rig.sensor).expect("a shaft") as i32;
+        let before = angle(&rig);
+        rig.hold(16_384, 20);
+        assert_eq!(angle(&rig) - before, a_second, "{dead_band}");
+    }
 }
 
 /// The angles of a link and of its sensor do not depend on how often they are read. The shaft reverses within its play,
