@@ -16,6 +16,7 @@ from pve_sim import (
     Simulator,
     SimulatorEnded,
     SimulatorError,
+    WaitTimeout,
 )
 
 
@@ -174,6 +175,21 @@ def test_a_fault_without_effect_is_an_error(sim: Simulator) -> None:
     sim.end_faults()
     with sim.bus.lose(0x220, probability=0):
         sim.send(0x220)
+
+
+def test_a_wait_in_vain_does_not_hide_a_fault_without_effect(sim: Simulator) -> None:
+    with pytest.raises(FaultWithoutEffect, match="fault lose-222 affected no frame") as error, sim.bus.lose(0x222):
+        sim.wait_frame(0x0A0, within_ms=5)
+    assert isinstance(error.value.__cause__, WaitTimeout)
+    with pytest.raises(FaultWithoutEffect), sim.bus.lose(0x222):
+        sim.valve.wait(dsm="fault-hold", within_ms=5)
+    # "Never", with a fault that has an effect.
+    sim.send(0x123, every_ms=1)
+    with pytest.raises(WaitTimeout), sim.bus.lose(0x123):
+        sim.wait_frame(0x0A0, within_ms=5)
+    with pytest.raises(WaitTimeout), sim.bus.lose(0x222, probability=0):
+        sim.wait_frame(0x0A0, within_ms=5)
+    assert sim.faults() == []
 
 
 def test_a_fault_ends_after_an_exception(sim: Simulator) -> None:
