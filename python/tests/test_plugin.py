@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from pve_sim import pytest_plugin
+
 FAILING = """
     import pytest
 
@@ -158,3 +160,9 @@ def test_tests_run_in_parallel(pytester: pytest.Pytester) -> None:
             assert valve.wait(dsm="fault-hold").t_us - since == 2_000_000
     """)
     pytester.runpytest_subprocess("-n", "4").assert_outcomes(passed=12)
+
+
+def test_the_hooks_work_with_the_pytest_of_debian_12() -> None:
+    hooks = [value.pytest_impl for value in vars(pytest_plugin).values() if hasattr(value, "pytest_impl")]
+    # Its pluggy 1.0 has no wrappers in this style.
+    assert hooks and not any(hook.get("wrapper") for hook in hooks)
