@@ -78,6 +78,7 @@ def test_every_parameter_arrives(
 ) -> None:
     fault = add(sim.bus)
     assert (fault.name, fault.fault, fault.struck, fault.is_over) == (name, text, 0, False)
+    assert fault.end() == 0
 
 
 def test_lost_set_points_shut_the_valve_down(sim: Simulator) -> None:
@@ -221,6 +222,7 @@ def test_a_fault_that_cannot_be_is_refused(sim: Simulator) -> None:
         sim.bus.lose(0x220, cuont=3)  # type: ignore[call-arg]
     with pytest.raises(InvalidValue, match=r"insert: '220#0\.\.' is not a frame"):
         sim.bus.insert(0x220, "0..")
-    sim.bus.lose(0x220, name="one")
+    one = sim.bus.lose(0x220, name="one")
     with pytest.raises(Conflict, match="a fault named 'one' is already active"):
         sim.bus.lose(0x221, name="one")
+    assert one.end() == 0

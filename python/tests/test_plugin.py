@@ -97,6 +97,7 @@ def test_what_a_test_leaves_does_not_last(pytester: pytest.Pytester) -> None:
 
         def test_leaves_a_fault(rig):
             rig.bus.lose(0x220)
+            rig.send(0x220)
             assert len(rig.faults()) == 2
 
         @pytest.mark.xfail(raises=ZeroDivisionError, strict=True)
@@ -119,6 +120,56 @@ def test_what_a_test_leaves_does_not_last(pytester: pytest.Pytester) -> None:
         [
             ">       with rig.bus.lose(0x220):",
             "E       pve_sim._errors.FaultWithoutEffect: fault lose-220 affected no frame (lose 220): *",
+        ]
+    )
+
+
+def test_a_fault_without_effect_fails_its_test(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import pytest, pve_sim
+
+        @pytest.fixture(scope="module")
+        def rig():
+            with pve_sim.Simulator(speed="step") as sim:
+                sim.bus.lose(0x222, name="lasting")
+                yield sim
+
+        def test_loses_nothing(rig):
+            rig.bus.lose(0x220)
+
+        def test_loses_nothing_later(rig):
+            fault = rig.bus.lose(0x220, from_ms=50)
+            rig.send(0x220)
+            rig.bus.lose(0x221)
+
+        def test_loses(rig):
+            rig.bus.lose(0x220)
+            rig.send(0x220)
+
+        def test_cannot_lose(rig):
+            rig.bus.lose(0x220, probability=0)
+
+        def test_knows(rig):
+            assert rig.bus.lose(0x220).end() == 0
+
+        def test_ends_all(rig):
+            rig.bus.lose(0x220)
+            rig.end_faults()
+
+        def test_fails(rig):
+            rig.bus.lose(0x220)
+            raise ZeroDivisionError
+
+        def test_has_none(rig):
+            assert rig.faults() == []
+    """)
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=5, failed=3)
+    result.stdout.fnmatch_lines(
+        [
+            "*FaultWithoutEffect: fault lose-220 affected no frame (lose 220): *",
+            "*FaultWithoutEffect: fault lose-220 affected no frame (lose 220, from 50 ms): *",
+            "E       ZeroDivisionError",
         ]
     )
 

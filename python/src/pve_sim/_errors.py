@@ -45,7 +45,7 @@ class NotHeard(SimulatorError):
 
 
 class FaultWithoutEffect(SimulatorError):
-    """A communication fault affected no frame within its `with` block, so the block has tested nothing."""
+    """A communication fault affected no frame within its `with` block or its test, which has tested nothing."""
 
 
 class WaitTimeout(SimulatorError, TimeoutError):

@@ -66,7 +66,7 @@ class IdentifierMasks(TypedDict, total=False):
 class CommunicationFault:
     """A communication fault, which lasts until `end`, the end of its `with` block, or the end of the simulator."""
 
-    def __init__(self, faults: Faults, record: Json, probability: float = 1) -> None:
+    def __init__(self, faults: Faults, record: Json, probability: float) -> None:
         self._faults = faults
         self._struck: int = record["struck"]
         self._is_over: bool = record["is_over"]
@@ -138,6 +138,8 @@ class Faults:
         self._process = process
         #: The faults that the program still references, by name.
         self._known: WeakValueDictionary[str, CommunicationFault] = WeakValueDictionary()
+        #: The probabilities of the faults of this program, by name.
+        self._probabilities: dict[str, float] = {}
 
     def add(self, request: Json) -> CommunicationFault:
         """Adds a fault."""
@@ -145,8 +147,8 @@ class Faults:
         self.read()
         record: Json = self._process.call("POST", "/bus/faults", request)
         self._forget(record["name"])
-        fault = self._known[record["name"]] = CommunicationFault(self, record, request.get("probability", 1))
-        return fault
+        self._probabilities[record["name"]] = request.get("probability", 1)
+        return self._fault(record)
 
     def read(self) -> list[CommunicationFault]:
         """Returns the faults on the bus."""
@@ -172,7 +174,9 @@ class Faults:
         """Returns the fault of a record, and updates its counts."""
         fault = self._known.get(record["name"])
         if fault is None:
-            fault = self._known[record["name"]] = CommunicationFault(self, record)
+            fault = self._known[record["name"]] = CommunicationFault(
+                self, record, self._probabilities.get(record["name"], 1)
+            )
         fault._struck, fault._is_over = record["struck"], record["is_over"]
         return fault
 

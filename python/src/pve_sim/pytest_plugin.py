@@ -88,15 +88,20 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
 
 # A wrapper of the call could raise only with pluggy 1.2, and Debian 12 has 1.0.
 @pytest.hookimpl(specname="pytest_runtest_call", trylast=True)
-def pytest_pve_sim_check() -> None:
-    """Fails a passed test in which a device ran at a different bit rate than the bus.
+def pytest_pve_sim_check(item: pytest.Item) -> None:
+    """Fails a passed test that proves nothing.
 
-    The absence of its frames proves nothing.
+    Either a device ran at a different bit rate than the bus, or a communication fault of the test affected no frame.
     """
+    __tracebackhide__ = True
     for simulator in list(running):
         # A simulator that has ended raises its own error.
         with suppress(SimulatorEnded):
             simulator.check_heard()
+    for fault in _added(item):
+        with suppress(SimulatorEnded):
+            if (without_effect := fault._end_checked()) is not None:
+                raise without_effect
 
 
 @pytest.hookimpl(hookwrapper=True)
