@@ -61,6 +61,7 @@ def test_python_can_drives_a_valve() -> None:
 
 def test_a_client_without_python_can_says_what_to_install(stepped: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "can", None)
+    monkeypatch.delitem(sys.modules, "pve_sim._client", raising=False)
     with pytest.raises(SimulatorError, match="needs python-can: pip install python-can"):
         stepped.bus()
 

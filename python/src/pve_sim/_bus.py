@@ -37,7 +37,9 @@ class Bus:
     def __call__(self, **options: Any) -> can.BusABC:
         """Returns a new python-can client of the bus, with these options.
 
-        The simulator shuts the client down when it ends.
+        In stepped time, the client is ordered with the calls: a call acts after all frames that were sent before, and
+        returns after its frames have arrived. The simulator shuts the client and its notifiers down when it ends; if it
+        dies, the client raises `SimulatorEnded`.
         """
         return self._join(**options)
 

@@ -13,8 +13,9 @@ import weakref
 from collections import deque
 from collections.abc import Sequence
 from http.client import HTTPConnection, HTTPException, HTTPResponse
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 from urllib.parse import urlsplit
+from weakref import WeakSet
 
 from ._binary import find_binary
 from ._errors import (
@@ -27,6 +28,9 @@ from ._errors import (
     StartError,
     UnknownDevice,
 )
+
+if TYPE_CHECKING:
+    from ._client import Client
 
 #: The time limits for the ready line, for an answer that takes no virtual time, and for the end of the process, in
 #: seconds. They allow for a busy machine.
@@ -49,6 +53,8 @@ class Process:
     def __init__(self, arguments: Sequence[str], executable: str | None) -> None:
         command = [executable or find_binary(), *arguments]
         self._closed = False
+        #: The python-can clients of the bus.
+        self.clients: WeakSet[Client] = WeakSet()
         #: The devices that may run at a different bit rate than the bus, and those already reported.
         self.not_heard: frozenset[str] = frozenset()
         # pve-sim has a separate process group, because Ctrl-C goes to all processes of the terminal's group, and this
@@ -122,6 +128,8 @@ class Process:
 
     def call(self, method: str, path: str, body: object = None, *, takes_time: bool = False) -> Any:
         """Returns the answer to a call, including status 408. A call that takes virtual time has no time limit."""
+        if method != "GET":
+            self._order()
         connection = self._connection(None if takes_time else _ANSWER_S)
         try:
             answer = self._ask(connection, method, path, body)
@@ -130,9 +138,15 @@ class Process:
             raise self._unanswered(method, path, error) from error
         finally:
             connection.close()
+        if takes_time:
+            self._order()
         if answer.status in (200, 408):
             return json.loads(text)
         raise self._refused(answer.status, text)
+
+    def _order(self) -> None:
+        for client in list(self.clients):
+            client.order()
 
     def check_heard(self) -> None:
         """Raises `NotHeard` for unreported devices that run, or ran, at a different bit rate than the bus."""
@@ -171,12 +185,12 @@ class Process:
     def _refused(self, status: int, text: bytes) -> SimulatorError:
         """Returns the error of an answer. Status 503 means an exhausted capacity, or a simulator that is ending."""
         refusal = _refusal(status, json.loads(text)["error"])
-        return self._ending(refusal) if status == 503 else refusal
+        return self.ending(refusal) if status == 503 else refusal
 
     def _unanswered(self, method: str, path: str, error: Exception) -> SimulatorError:
-        return self._ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
+        return self.ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
 
-    def _ending(self, otherwise: SimulatorError) -> SimulatorError:
+    def ending(self, otherwise: SimulatorError) -> SimulatorError:
         """Returns the error of an ended simulator if it ends soon, because its connections break before it exits."""
         try:
             if not self._closed:

@@ -92,7 +92,6 @@ class Simulator:
             if value is not None:
                 arguments += [option, str(value)]
         self._process = Process([*arguments, *options], None if executable is None else os.fspath(executable))
-        self._clients: WeakSet[can.BusABC] = WeakSet()
         self._faults = Faults(self._process)
         self._process.not_heard = frozenset([not_heard] if isinstance(not_heard, str) else not_heard)
         try:
@@ -156,13 +155,11 @@ class Simulator:
 
     def _join(self, **options: Any) -> can.BusABC:
         try:
-            import can
+            from ._client import Client
         except ImportError as error:
             raise SimulatorError("a client of the bus needs python-can: pip install python-can") from error
-        client = can.Bus(**self.can_options, **options)
-        self._clients.add(client)
-        # The client keeps the simulator alive.
-        client.simulator = self  # type: ignore[attr-defined]
+        client = Client(self, self._process.call("GET", "/time")["speed"] == "step", **options)
+        self._process.clients.add(client)
         return client
 
     def faults(self) -> list[CommunicationFault]:
@@ -358,9 +355,11 @@ class Simulator:
 
     def _end(self) -> None:
         running.discard(self)
-        for client in list(self._clients):
-            client.shutdown()
-        self._process.close()
+        try:
+            for client in list(self._process.clients):
+                client.shutdown()
+        finally:
+            self._process.close()
 
     def __enter__(self) -> Self:
         return self
