@@ -18,7 +18,7 @@ import can
 import pytest
 from conftest import PATIENCE, is_gone
 
-from pve_sim import Simulator, SimulatorEnded, StartError, campaign, find_binary
+from pve_sim import Simulator, SimulatorEnded, StartError, _process, campaign, find_binary
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc, or for the end of strangers")
 
@@ -104,7 +104,62 @@ def test_a_simulator_that_is_killed_ends_a_wait() -> None:
     killer.start()
     with pytest.raises(SimulatorEnded, match="signal 9"):
         sim.valve.wait(dsm="fault-hold", within_ms=600_000)
+    # A test may have caught the first error.
+    with pytest.raises(SimulatorEnded, match="signal 9"):
+        sim.close()
     sim.close()
+
+
+def test_an_end_that_stores_nothing_says_so(tmp_path: Path) -> None:
+    memory = tmp_path / "memory"
+    with (
+        pytest.raises(SimulatorEnded, match=r"(?s)did not end without an error \(exit status 1\).*memory"),
+        Simulator(speed="step", state=memory) as sim,
+    ):
+        sim.wait_frame(0x720)
+        shutil.rmtree(memory)
+        memory.touch()
+    assert is_gone(sim.pid)
+    # It hides no error of the test.
+    memory.unlink()
+    with pytest.raises(ZeroDivisionError), Simulator(speed="step", state=memory) as sim:
+        sim.wait_frame(0x720)
+        shutil.rmtree(memory)
+        memory.touch()
+        raise ZeroDivisionError
+
+
+def test_a_simulator_that_hangs_is_killed_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_process, "_END_S", 0.1)
+    sim = Simulator()
+    os.kill(sim.pid, signal.SIGSTOP)
+    with pytest.raises(SimulatorEnded, match=r"did not end within 0\.1 s and was killed"):
+        sim._process.close()
+    assert is_gone(sim.pid)
+
+
+@pytest.mark.parametrize("script", ['COMMAND "$@"', 'trap : TERM; COMMAND "$@"', 'COMMAND "$@" & wait'])
+def test_a_script_that_runs_the_command_ends_with_it(tmp_path: Path, script: str) -> None:
+    wrapper = tmp_path / "wrapper"
+    wrapper.write_text(f"#!/bin/sh\n{script.replace('COMMAND', find_binary())}\ntrue\n")
+    wrapper.chmod(0o755)
+    with Simulator(executable=str(wrapper), speed="step", state=tmp_path / "memory") as sim:
+        (child,) = Path(f"/proc/{sim.pid}/task/{sim.pid}/children").read_text().split()
+        sim.wait_frame(0x720)
+    assert is_gone(int(child)) and is_gone(sim.pid)
+    assert (tmp_path / "memory" / "pvea-canopen.nvm").exists()
+
+
+def test_a_script_that_ends_before_the_command_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_process, "_END_S", 0.1)
+    wrapper = tmp_path / "wrapper"
+    wrapper.write_text(f'#!/bin/sh\n{find_binary()} "$@" &\necho $! > {tmp_path / "pid"}\nwait\n')
+    wrapper.chmod(0o755)
+    sim = Simulator(executable=str(wrapper))
+    os.kill(sim.pid, signal.SIGKILL)
+    with pytest.raises(SimulatorEnded, match="signal 9"):
+        sim.close()
+    assert is_gone(int((tmp_path / "pid").read_text()))
 
 
 def test_a_simulator_that_is_closed_ends_a_wait() -> None:

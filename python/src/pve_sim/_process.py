@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import queue
 import re
 import signal
@@ -12,6 +13,7 @@ import threading
 import weakref
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from http.client import HTTPConnection, HTTPException, HTTPResponse
 from typing import IO, TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -94,7 +96,7 @@ class Process:
         if line:
             return line
         status = self._popen.wait()
-        self._stderr.thread.join()
+        self._stderr.thread.join(_ENDING_S)
         raise StartError(f"pve-sim did not start ({_meaning(status)}): {self._stderr.text() or 'stderr is empty'}")
 
     @property
@@ -107,23 +109,37 @@ class Process:
         return not self._closed and self._popen.poll() is not None
 
     def close(self) -> None:
-        """Ends the process; the devices store their memory first. Further calls do nothing."""
+        """Ends the process; the devices store their memory first. Further calls do nothing.
+
+        Raises:
+            SimulatorEnded: the process had ended by itself, or did not store everything.
+        """
+        if self._closed:
+            return
+        died = self.ended() if self.has_died() else None
         self._closed = True
-        self._end()
+        failure = self._end()
+        if died is not None:
+            raise died
+        if failure is not None:
+            raise SimulatorEnded(f"{failure}; its stderr:\n{self._said()}")
 
     def ended(self) -> SimulatorEnded:
         """Returns the error of a call to a simulator that has ended."""
         if self._closed:
             return SimulatorEnded("the simulator is closed")
         status = self._popen.wait()
-        self._stderr.thread.join()
-        said = "".join(self._stderr.last(10)).strip()
-        return SimulatorEnded(f"pve-sim ended by itself ({_meaning(status)}); its stderr:\n{said}")
+        return SimulatorEnded(f"pve-sim ended by itself ({_meaning(status)}); its stderr:\n{self._said()}")
+
+    def _said(self) -> str:
+        """Returns the last lines of stderr of a process that has ended."""
+        self._stderr.thread.join(_ENDING_S)
+        return "".join(self._stderr.last(10)).strip()
 
     def printed(self, lines: int) -> list[str]:
         """Returns the last lines of stdout; for a process that has ended, including its last line."""
         if self._popen.poll() is not None:
-            self._stdout.thread.join()
+            self._stdout.thread.join(_ENDING_S)
         return self._stdout.last(lines)
 
     def call(self, method: str, path: str, body: object = None, *, takes_time: bool = False) -> Any:
@@ -227,20 +243,36 @@ def _drain(pipe: IO[str], lines: deque[str], lock: threading.Lock, first: queue.
                 lines.append(line)
 
 
-def _end(popen: subprocess.Popen[str], drains: list[threading.Thread]) -> None:
-    """Ends a process. Does nothing in a fork of the process that started it."""
-    _ask_to_end(popen)
+def _end(popen: subprocess.Popen[str], drains: list[threading.Thread]) -> str | None:
+    """Ends a process, and returns its failure. Does nothing in a fork of the process that started it.
+
+    The command may be a script that runs pve-sim: the whole group is asked to end, and killed.
+    """
+    asked = _ask_to_end(popen)
+    failure = None
     try:
-        popen.wait(timeout=_END_S)
+        status = popen.wait(timeout=_END_S)
+        # A script that runs pve-sim ends by the signal.
+        if asked and status not in (0, -signal.SIGTERM):
+            failure = f"pve-sim did not end without an error ({_meaning(status)})"
     except subprocess.TimeoutExpired:
-        popen.kill()
+        failure = f"pve-sim did not end within {_END_S:g} s and was killed"
+        _kill(popen)
         popen.wait()
     for drain in drains:
-        drain.join()
+        drain.join(_END_S)
+    if any(drain.is_alive() for drain in drains):
+        # The script has ended, and pve-sim has not.
+        _kill(popen)
+        for drain in drains:
+            drain.join(_ENDING_S)
+    return failure
 
 
-def _ask_to_end(popen: subprocess.Popen[str]) -> None:
-    """Asks a process to end after all devices have stored their memory."""
+def _ask_to_end(popen: subprocess.Popen[str]) -> bool:
+    """Asks a process to end after all devices have stored their memory; returns whether it was there, and could be."""
+    if popen.poll() is not None:
+        return False
     if sys.platform == "win32":
         try:
             # Only this process receives the event, because it is a group of its own.
@@ -248,8 +280,19 @@ def _ask_to_end(popen: subprocess.Popen[str]) -> None:
         except OSError:
             # Neither process has a console.
             popen.terminate()
+            return False
     else:
-        popen.terminate()
+        with suppress(OSError):
+            os.killpg(popen.pid, signal.SIGTERM)
+    return True
+
+
+def _kill(popen: subprocess.Popen[str]) -> None:
+    if sys.platform == "win32":
+        popen.kill()
+    else:
+        with suppress(OSError):
+            os.killpg(popen.pid, signal.SIGKILL)
 
 
 def _meaning(status: int) -> str:

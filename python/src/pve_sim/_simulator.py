@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from http.client import HTTPException
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -13,7 +14,7 @@ from weakref import WeakSet
 
 from ._bus import Bus
 from ._device import Device, Devices, Sensor, Valve
-from ._errors import Conflict, InvalidValue, NotHeard, SimulatorError, UnknownDevice, WaitTimeout
+from ._errors import Conflict, InvalidValue, NotHeard, SimulatorEnded, SimulatorError, UnknownDevice, WaitTimeout
 from ._faults import CommunicationFault, Faults
 from ._process import Process
 from ._state import (
@@ -101,7 +102,8 @@ class Simulator:
                 raise UnknownDevice(f"not_heard: no device {', '.join(sorted(unknown))}")
             self._process.check_heard()
         except BaseException:
-            self._process.close()
+            with suppress(SimulatorEnded):
+                self._process.close()
             raise
         named = [(state["name"], state["kind"], is_valve(state)) for state in states]
         known = [name for name, _, _ in named]
@@ -339,6 +341,7 @@ class Simulator:
 
         Raises:
             NotHeard: a device ran at another bit rate; the process has ended nevertheless.
+            SimulatorEnded: the process had ended by itself, or a memory or the log is incomplete.
         """
         deaf: NotHeard | None = None
         try:
@@ -347,11 +350,13 @@ class Simulator:
         except NotHeard as error:
             deaf = error
         except SimulatorError:
-            # The process has ended meanwhile.
+            # The process has ended meanwhile; the end reports it.
             pass
-        self._end()
-        if deaf is not None:
-            raise deaf
+        try:
+            self._end()
+        finally:
+            if deaf is not None:
+                raise deaf
 
     def _end(self) -> None:
         running.discard(self)
@@ -367,15 +372,14 @@ class Simulator:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        ended = self._process.ended() if self._process.has_died() else None
-        if isinstance(error, Exception):
-            error.add_note(f"The last frames of pve-sim:\n{self.trace_text(_SHOWN)}")
         if error is None:
             self.close()
-        else:
+            return
+        if isinstance(error, Exception):
+            error.add_note(f"The last frames of pve-sim:\n{self.trace_text(_SHOWN)}")
+        # Nothing may hide the error of the block.
+        with suppress(SimulatorError):
             self._end()
-        if ended is not None and error is None:
-            raise ended
 
     def __repr__(self) -> str:
         return f"<Simulator {', '.join(self.devices)} at {self.bus_url}>"
