@@ -162,6 +162,25 @@ def test_a_script_that_ends_before_the_command_leaves_nothing(tmp_path: Path, mo
     assert is_gone(int((tmp_path / "pid").read_text()))
 
 
+def test_events_of_a_simulator_that_was_killed_end_with_an_error() -> None:
+    with pytest.raises(SimulatorEnded, match="signal 9"), Simulator(speed="step") as sim:
+        events = sim.events()
+        next(events)
+        os.kill(sim.pid, signal.SIGKILL)
+        for _ in range(2):
+            with pytest.raises(SimulatorEnded, match="signal 9"):
+                list(events)
+        events.close()
+        assert list(events) == []
+
+
+def test_events_keep_their_simulator() -> None:
+    events = Simulator(speed="step").events()
+    gc.collect()
+    assert next(events).kind == "device"
+    events.close()
+
+
 def test_a_simulator_that_is_closed_ends_a_wait() -> None:
     sim = Simulator()
     closer = threading.Timer(0.1, sim.close)

@@ -26,6 +26,7 @@ from pve_sim import (
     Valve,
     ValveState,
     WaitTimeout,
+    _simulator,
 )
 
 BOOT_UP, RPDO, TPDO, EMCY = 0x720, 0x220, 0x1A0, 0x0A0
@@ -261,6 +262,12 @@ def test_events_end_with_the_simulator() -> None:
     sim.close()
     assert all(event.kind == "frame" for event in events)
     with pytest.raises(StopIteration):
+        next(events)
+
+
+def test_an_event_that_cannot_be_read_is_an_error(stepped: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_simulator, "state_of", lambda _: int("none"))
+    with stepped.events() as events, pytest.raises(ValueError, match="none"):
         next(events)
 
 

@@ -54,7 +54,8 @@ class Process:
 
     def __init__(self, arguments: Sequence[str], executable: str | None) -> None:
         command = [executable or find_binary(), *arguments]
-        self._closed = False
+        #: Whether `close` was called.
+        self.is_closed = False
         #: The python-can clients of the bus.
         self.clients: WeakSet[Client] = WeakSet()
         #: The devices that may run at a different bit rate than the bus, and those already reported.
@@ -106,7 +107,7 @@ class Process:
 
     def has_died(self) -> bool:
         """Whether the process ended before `close`."""
-        return not self._closed and self._popen.poll() is not None
+        return not self.is_closed and self._popen.poll() is not None
 
     def close(self) -> None:
         """Ends the process; the devices store their memory first. Further calls do nothing.
@@ -114,10 +115,10 @@ class Process:
         Raises:
             SimulatorEnded: the process had ended by itself, or did not store everything.
         """
-        if self._closed:
+        if self.is_closed:
             return
         died = self.ended() if self.has_died() else None
-        self._closed = True
+        self.is_closed = True
         failure = self._end()
         if died is not None:
             raise died
@@ -126,7 +127,7 @@ class Process:
 
     def ended(self) -> SimulatorEnded:
         """Returns the error of a call to a simulator that has ended."""
-        if self._closed:
+        if self.is_closed:
             return SimulatorEnded("the simulator is closed")
         status = self._popen.wait()
         return SimulatorEnded(f"pve-sim ended by itself ({_meaning(status)}); its stderr:\n{self._said()}")
@@ -187,7 +188,7 @@ class Process:
         raise refused
 
     def _connection(self, timeout: float | None) -> HTTPConnection:
-        if self._closed or self._popen.poll() is not None:
+        if self.is_closed or self._popen.poll() is not None:
             raise self.ended()
         at = urlsplit(self.http)
         return HTTPConnection(at.hostname or "", at.port, timeout=timeout)
@@ -209,7 +210,7 @@ class Process:
     def ending(self, otherwise: SimulatorError) -> SimulatorError:
         """Returns the error of an ended simulator if it ends soon, because its connections break before it exits."""
         try:
-            if not self._closed:
+            if not self.is_closed:
                 self._popen.wait(timeout=_ENDING_S)
         except subprocess.TimeoutExpired:
             return otherwise

@@ -386,28 +386,40 @@ class Simulator:
 
 
 class Events(Iterator[Event]):
-    """The stream of events, from the call until it is closed or the simulator ends."""
+    """The stream of events, from the call until it or the simulator is closed. If pve-sim ends, it raises an error."""
 
     def __init__(self, process: Process) -> None:
+        self._process = process
+        self._is_closed = False
         self._connection, self._lines = process.open("/events")
 
     def __next__(self) -> Event:
         kind = ""
+        while line := self._line():
+            field, _, value = line.decode().rstrip("\r\n").partition(": ")
+            if field == "event":
+                kind = value
+            elif field == "data":
+                return _event(kind, json.loads(value))
+        if not self._is_closed:
+            ended = self._process.ending(SimulatorError("pve-sim has ended the stream of events"))
+            if not self._process.is_closed:
+                raise ended
+            self.close()
+        raise StopIteration
+
+    def _line(self) -> bytes:
+        """Returns the next line; none at the end of the stream."""
         try:
-            for line in self._lines:
-                field, _, value = line.decode().rstrip("\r\n").partition(": ")
-                if field == "event":
-                    kind = value
-                elif field == "data":
-                    return _event(kind, json.loads(value))
+            line = self._lines.readline()
         except (OSError, HTTPException, ValueError):
             # The simulator has ended, or `close` was called meanwhile.
-            pass
-        self.close()
-        raise StopIteration
+            return b""
+        return line if line.endswith(b"\n") else b""
 
     def close(self) -> None:
         """Closes the stream."""
+        self._is_closed = True
         self._lines.close()
         self._connection.close()
 
