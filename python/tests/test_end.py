@@ -53,6 +53,32 @@ def test_the_module_runs_the_command() -> None:
     assert ran.returncode == 2 and "pvea-canopen" in ran.stderr
 
 
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 0), (signal.SIGTERM, 0), (signal.SIGKILL, -9)])
+def test_a_signal_to_the_module_is_one_to_the_command(tmp_path: Path, number: signal.Signals, status: int) -> None:
+    command = [sys.executable, "-m", "pve_sim", "run", "--bus", "socketcand://127.0.0.1:0/pve0", "--no-http"]
+    with subprocess.Popen(
+        [*command, "--state", str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    ) as ran:
+        assert ran.stdout is not None and ran.stdout.readline().startswith(b"pve-sim ready")
+        os.kill(ran.pid, number)
+        assert ran.wait(PATIENCE) == status
+        # Nobody is left who holds the pipe.
+        ran.stdout.read()
+
+
+def test_an_interrupted_command_has_its_own_status(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    command = tmp_path / "command"
+    command.write_text("#!/bin/sh\ntrap 'exit 3' INT\necho ready\nread line\n")
+    command.chmod(0o755)
+    monkeypatch.setenv("PVE_SIM", str(command))
+    with subprocess.Popen(
+        [sys.executable, "-m", "pve_sim"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    ) as ran:
+        assert ran.stdout is not None and ran.stdout.readline() == b"ready\n"
+        os.killpg(ran.pid, signal.SIGINT)
+        assert ran.wait(PATIENCE) == 3
+
+
 @pytest.mark.parametrize(
     ("start", "text"),
     [

@@ -1,5 +1,6 @@
 """`python -m pve_sim`: the command, even if the scripts folder is not in PATH."""
 
+import os
 import subprocess
 import sys
 
@@ -7,9 +8,17 @@ from ._binary import find_binary
 from ._errors import StartError
 
 try:
-    sys.exit(subprocess.call([find_binary(), *sys.argv[1:]]))
+    command = [find_binary(), *sys.argv[1:]]
+    if sys.platform != "win32":
+        # Signals and the exit status are those of pve-sim.
+        os.execvp(command[0], command)
+    with subprocess.Popen(command) as running:
+        while running.poll() is None:
+            try:
+                running.wait()
+            except KeyboardInterrupt:
+                # pve-sim has received Ctrl-C, too, and ends with a status of its own.
+                continue
+    sys.exit(running.returncode)
 except (StartError, OSError) as error:
     sys.exit(str(error))
-except KeyboardInterrupt:
-    # pve-sim has received Ctrl-C, too.
-    sys.exit(0)
