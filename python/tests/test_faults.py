@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -191,6 +192,29 @@ def test_a_wait_in_vain_does_not_hide_a_fault_without_effect(sim: Simulator) -> 
     with pytest.raises(WaitTimeout), sim.bus.lose(0x222, probability=0):
         sim.wait_frame(0x0A0, within_ms=5)
     assert sim.faults() == []
+
+
+def test_a_fault_without_effect_is_told_beside_another_thread(sim: Simulator) -> None:
+    ended = threading.Event()
+
+    def poll() -> None:
+        while not ended.is_set():
+            sim.faults()
+
+    pollers = [threading.Thread(target=poll) for _ in range(2)]
+    for poller in pollers:
+        poller.start()
+    try:
+        for number in range(50):
+            with pytest.raises(FaultWithoutEffect), sim.bus.lose(0x220, name=f"gap-{number}"):
+                pass
+            with sim.bus.lose(0x123, name=f"lost-{number}") as lost:
+                sim.send(0x123)
+            assert lost.struck == 1
+    finally:
+        ended.set()
+        for poller in pollers:
+            poller.join()
 
 
 def test_a_fault_ends_after_an_exception(sim: Simulator) -> None:

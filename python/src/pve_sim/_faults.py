@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from types import TracebackType
 from typing import Self, TypedDict
 from weakref import WeakValueDictionary
@@ -136,6 +137,8 @@ class Faults:
 
     def __init__(self, process: Process) -> None:
         self._process = process
+        #: Guards the fields below. An answer and its effect on them are one step for other threads.
+        self._lock = threading.RLock()
         #: The faults that the program still references, by name.
         self._known: WeakValueDictionary[str, CommunicationFault] = WeakValueDictionary()
         #: The probabilities of the faults of this program, by name.
@@ -143,32 +146,35 @@ class Faults:
 
     def add(self, request: Json) -> CommunicationFault:
         """Adds a fault."""
-        # The new fault replaces a finished one with the same name, and its count.
-        self.read()
-        record: Json = self._process.call("POST", "/bus/faults", request)
-        self._forget(record["name"])
-        self._probabilities[record["name"]] = request.get("probability", 1)
-        return self._fault(record)
+        with self._lock:
+            # The new fault replaces a finished one with the same name, and its count.
+            self.read()
+            record: Json = self._process.call("POST", "/bus/faults", request)
+            self._forget(record["name"])
+            self._probabilities[record["name"]] = request.get("probability", 1)
+            return self._fault(record)
 
     def read(self) -> list[CommunicationFault]:
         """Returns the faults on the bus."""
-        records: list[Json] = self._process.call("GET", "/bus/faults")
-        for name in set(self._known) - {record["name"] for record in records}:
-            self._forget(name)
-        return [self._fault(record) for record in records]
+        with self._lock:
+            records: list[Json] = self._process.call("GET", "/bus/faults")
+            for name in set(self._known) - {record["name"] for record in records}:
+                self._forget(name)
+            return [self._fault(record) for record in records]
 
     def end(self, name: str | None = None) -> list[CommunicationFault]:
         """Ends a fault, or all, and returns them."""
         path = "/bus/faults" if name is None else f"/bus/faults/{name}"
-        try:
-            records: list[Json] = self._process.call("DELETE", path)
-        except UnknownDevice:
-            # Another client has ended it.
-            records = []
-        ended = [self._fault({**record, "is_over": True}) for record in records]
-        for gone in [name] if name else [fault.name for fault in ended]:
-            self._forget(gone)
-        return ended
+        with self._lock:
+            try:
+                records: list[Json] = self._process.call("DELETE", path)
+            except UnknownDevice:
+                # Another client has ended it.
+                records = []
+            ended = [self._fault({**record, "is_over": True}) for record in records]
+            for gone in [name] if name else [fault.name for fault in ended]:
+                self._forget(gone)
+            return ended
 
     def _fault(self, record: Json) -> CommunicationFault:
         """Returns the fault of a record, and updates its counts."""
