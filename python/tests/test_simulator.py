@@ -160,6 +160,44 @@ def test_a_wait_for_what_cannot_be_is_refused(stepped: Simulator) -> None:
         stepped.valve.wait(colour="red")  # type: ignore[call-arg]
 
 
+def test_a_wait_and_a_change_need_something(stepped: Simulator) -> None:
+    with pytest.raises(InvalidValue, match="wait needs a condition, such as powered=True"):
+        stepped.valve.wait(within_ms=10)
+    with pytest.raises(InvalidValue, match="plant needs a change, such as memory='ok'"):
+        stepped.valve.plant()
+    with Simulator("hat1000", speed="step") as sim:
+        with pytest.raises(InvalidValue, match="wait needs a condition"):
+            sim.sensor.wait()
+        with pytest.raises(InvalidValue, match="plant needs a change"):
+            sim.sensor.plant()
+    stepped.valve.plant(spool="stuck")
+    nothing: list[Any] = ["", {}]
+    for spool in nothing:
+        with pytest.raises(InvalidValue, match=r"^spool: "):
+            stepped.valve.plant(spool=spool)
+    assert stepped.valve.state().plant.spool == "stuck"
+
+
+def test_faults_may_be_any_collection(stepped: Simulator) -> None:
+    stepped.valve.plant(supply_mv=8000)
+    for faults in ({"supply-low"}, ("supply-low",), {"supply-low": 1}.keys()):
+        assert stepped.valve.wait(faults=faults).active_faults == ("supply-low",)
+    with pytest.raises(InvalidValue, match="faults"):
+        stepped.valve.wait(faults="supply-low", within_ms=5)
+
+
+def test_a_number_is_no_data(stepped: Simulator) -> None:
+    for data in (3, True):
+        with pytest.raises(InvalidValue, match="data is a number; accepted: bytes, such as"):
+            stepped.send(0x124, data)  # type: ignore[arg-type]
+        with pytest.raises(InvalidValue, match="data is a number"):
+            stepped.wait_frame(0x124, data, within_ms=5)  # type: ignore[arg-type]
+        with pytest.raises(InvalidValue, match="data is a number"):
+            stepped.bus.insert(0x124, data)  # type: ignore[arg-type]
+    with pytest.raises(InvalidValue):
+        stepped.send(0x124, [256])
+
+
 def test_a_frame_in_vain_tells_which(stepped: Simulator) -> None:
     with pytest.raises(WaitTimeout, match=r"frame 0A0: 12 34 \.\. was not received.* within 50 ms") as timeout:
         stepped.wait_frame(EMCY, "12 34 ..", within_ms=50)

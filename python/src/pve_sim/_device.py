@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 from urllib.parse import quote
 
-from ._errors import UnknownDevice, WaitTimeout
+from ._errors import InvalidValue, UnknownDevice, WaitTimeout
 from ._process import Process
 from ._state import Json, SensorState, ValveState, milliseconds, state_of
 
@@ -49,6 +49,8 @@ class Device(Generic[S]):
         return self._call("POST", "/power", {"reset": "watchdog"})
 
     def _plant(self, change: Mapping[str, object]) -> S:
+        if not change:
+            raise InvalidValue("plant needs a change, such as memory='ok'")
         return self._call("PATCH", "/plant", change)
 
     def _call(self, method: str, path: str, body: object = None) -> S:
@@ -57,6 +59,8 @@ class Device(Generic[S]):
     def _wait(self, wanted: Mapping[str, Any], within_ms: int) -> S:
         # pytest shows the line of the test instead.
         __tracebackhide__ = True
+        if not wanted:
+            raise InvalidValue("wait needs a condition, such as powered=True")
         condition = {"device": self.name, "state": wanted, "within_ms": within_ms}
         answer: Json = self._process.call("POST", "/wait", condition, takes_time=True)
         if "error" not in answer:
@@ -97,8 +101,8 @@ class Valve(Device[ValveState]):
             InvalidValue: an unknown field, or a value out of range.
         """
         fields: dict[str, object] = {**change}
-        if "spool" in fields:
-            fields["spool"] = fields["spool"] or "ok"
+        if "spool" in fields and fields["spool"] is None:
+            fields["spool"] = "ok"
         return self._plant(fields)
 
     def wait(self, *, within_ms: int = 5000, **state: Unpack[ValveCondition]) -> ValveState:

@@ -195,7 +195,8 @@ class Process:
 
     @staticmethod
     def _ask(connection: HTTPConnection, method: str, path: str, body: object) -> HTTPResponse:
-        data = None if body is None else json.dumps(body)
+        # A set of names is a list in JSON.
+        data = None if body is None else json.dumps(body, default=list)
         connection.request(method, f"/api/v1{path}", data, {"Content-Type": "application/json"})
         return connection.getresponse()
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypedDict
+
+from ._errors import InvalidValue
 
 #: A JSON object.
 Json = dict[str, Any]
@@ -232,7 +234,7 @@ class _Condition(TypedDict, total=False):
     powered: bool
     nmt: Nmt | None
     #: The names of the active faults, exactly.
-    faults: Sequence[str]
+    faults: Collection[str]
 
 
 class ValveCondition(_Condition, total=False):
@@ -397,7 +399,13 @@ def identifier(id: int | str, extended: bool | None) -> Json:
 
 def hexadecimal(data: bytes | bytearray | str | Iterable[int]) -> str:
     """Returns data in hex; a text is in hex already."""
-    return data.replace(" ", "") if isinstance(data, str) else bytes(data).hex()
+    if isinstance(data, int):
+        # As bytes, a number would be so many zeros.
+        raise InvalidValue(f"data is a number; accepted: bytes, such as bytes([{data}]), or a text in hex")
+    try:
+        return data.replace(" ", "") if isinstance(data, str) else bytes(data).hex()
+    except ValueError as error:
+        raise InvalidValue(f"data: {error}") from error
 
 
 def milliseconds(t_us: int) -> str:
