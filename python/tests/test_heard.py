@@ -93,11 +93,22 @@ def test_a_wait_in_vain_and_the_end_tell_of_it() -> None:
 def test_the_fixtures_fail_the_test(pytester: pytest.Pytester) -> None:
     pytester.makepyfile("""
         import pytest
+        from pve_sim import Simulator
 
         @pytest.mark.pve_sim("pvea-canopen", speed="step")
         def test_is_left_alone(pve_sim):
             pve_sim.wait_frame(0x720)
             pve_sim.set_bit_rate(500_000)
+
+        @pytest.fixture
+        def only_the_valve():
+            sim = Simulator("pvea-canopen", speed="step")
+            sim.wait_frame(0x720)
+            sim.set_bit_rate(500_000)
+            return sim.valve
+
+        def test_has_a_device(only_the_valve):
+            assert only_the_valve.state().powered
 
         @pytest.mark.pve_sim("pvea-canopen", "hat1000,bit-rate=500k", speed="step")
         def test_does_not_start(pve_sim):
@@ -108,5 +119,6 @@ def test_the_fixtures_fail_the_test(pytester: pytest.Pytester) -> None:
             pve_sim.wait_frame(0x720)
     """)
     result = pytester.runpytest_subprocess()
-    result.assert_outcomes(failed=1, errors=1, passed=1)
-    result.stdout.fnmatch_lines(["*NotHeard: pvea-canopen runs at 250 kbit/s and the bus at 500 kbit/s: *"])
+    result.assert_outcomes(failed=2, errors=1, passed=1)
+    result.stdout.fnmatch_lines(["*NotHeard: pvea-canopen runs at 250 kbit/s and the bus at 500 kbit/s: *"] * 2)
+    result.stdout.fnmatch_lines(["*the last frames of <Simulator pvea-canopen at *"] * 2)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 from urllib.parse import quote
 
 from ._errors import InvalidValue, UnknownDevice, WaitTimeout
-from ._process import Process
 from ._state import Json, SensorState, ValveState, milliseconds, state_of
 
 if TYPE_CHECKING:
     from typing import Unpack
 
+    from ._simulator import Simulator
     from ._state import SensorChange, SensorCondition, ValveChange, ValveCondition
 
 S = TypeVar("S", ValveState, SensorState)
@@ -22,8 +22,10 @@ D = TypeVar("D")
 class Device(Generic[S]):
     """A device. Its methods return the state of the device at one instant."""
 
-    def __init__(self, process: Process, name: str, kind: str) -> None:
-        self._process = process
+    def __init__(self, simulator: Simulator, name: str, kind: str) -> None:
+        # The simulator lives as long as the device.
+        self._simulator: Simulator = simulator
+        self._process = simulator._process
         #: The name, as in `name=`.
         self.name = name
         #: The kind, as in `--device`.

@@ -10,7 +10,7 @@ from http.client import HTTPException
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlencode, urlsplit
-from weakref import WeakSet
+from weakref import WeakSet, WeakValueDictionary
 
 from ._bus import Bus
 from ._device import Device, Devices, Sensor, Valve
@@ -105,19 +105,34 @@ class Simulator:
             with suppress(SimulatorEnded):
                 self._process.close()
             raise
-        named = [(state["name"], state["kind"], is_valve(state)) for state in states]
-        known = [name for name, _, _ in named]
-        valves = {name: Valve(self._process, name, kind) for name, kind, valve in named if valve}
-        sensors = {name: Sensor(self._process, name, kind) for name, kind, valve in named if not valve}
-        #: The valves by name.
-        self.valves: Devices[Valve] = Devices(valves, known)
-        #: The angle sensors by name.
-        self.sensors: Devices[Sensor] = Devices(sensors, known)
-        #: All devices by name, in the order of the start.
-        self.devices: Devices[Valve | Sensor] = Devices({name: (valves | sensors)[name] for name in known}, known)
+        self._kinds = {state["name"]: (state["kind"], is_valve(state)) for state in states}
+        # A device keeps its simulator, and not the other way round: without a cycle, the last reference ends the process.
+        self._devices: WeakValueDictionary[str, Valve | Sensor] = WeakValueDictionary()
         running.add(self)
 
     # Devices.
+
+    @property
+    def valves(self) -> Devices[Valve]:
+        """The valves by name."""
+        return Devices({name: it for name, it in self.devices.items() if isinstance(it, Valve)}, list(self._kinds))
+
+    @property
+    def sensors(self) -> Devices[Sensor]:
+        """The angle sensors by name."""
+        return Devices({name: it for name, it in self.devices.items() if isinstance(it, Sensor)}, list(self._kinds))
+
+    @property
+    def devices(self) -> Devices[Valve | Sensor]:
+        """All devices by name, in the order of the start."""
+        return Devices({name: self._device(name) for name in self._kinds}, list(self._kinds))
+
+    def _device(self, name: str) -> Valve | Sensor:
+        device = self._devices.get(name)
+        if device is None:
+            kind, is_valve = self._kinds[name]
+            device = self._devices[name] = (Valve if is_valve else Sensor)(self, name, kind)
+        return device
 
     @property
     def valve(self) -> Valve:
@@ -382,7 +397,7 @@ class Simulator:
             self._end()
 
     def __repr__(self) -> str:
-        return f"<Simulator {', '.join(self.devices)} at {self.bus_url}>"
+        return f"<Simulator {', '.join(self._kinds)} at {self.bus_url}>"
 
 
 class Events(Iterator[Event]):
