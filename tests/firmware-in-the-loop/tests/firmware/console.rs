@@ -1,9 +1,13 @@
 //! The words of the console (docs/board.md): what acts on the valve, what it is, and its power.
 
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
+use firmware_in_the_loop::rig::ImageRig;
+use protocol_core::controller::BitRate;
 use protocol_core::device::Kind;
+use protocol_core::frame::Frame;
 use protocol_core::time::Duration;
 
-use super::client::{ImageClient, SAVE, download};
+use super::client::{ImageClient, SAVE, VALVE, download};
 
 const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
 /// Characters of a line.
@@ -183,6 +187,22 @@ fn kept_bus_off_it_is_silent_until_it_may_recover() {
     client.expect(NO_ERROR);
     assert_eq!(client.read(0x1018, 1), 0x0100_0019);
     assert_eq!(client.read(0x2019, 0), 1);
+}
+
+/// As docs/board.md expects it of a board ("The first day on silicon"): the boot-up, which nobody acknowledged, is not in
+/// a mailbox any more when the valve sends it again.
+#[test]
+fn kept_off_before_anybody_acknowledged_it_boots_once_and_reports_bus_off() {
+    let mut client = ImageClient::started(ImageRig::with_device(&NUCLEO_F429ZI, BitRate::Kbit250, &VALVE));
+    let master = client.rig.master;
+    client.rig.boards.world.remove_client_port(master);
+    client.wait_ms(500);
+    client.obeyed("bus_off on");
+    client.obeyed("bus_off off");
+    client.rig.master = client.rig.boards.world.add_client_port("another node");
+    let told: Vec<String> = client.listen_ms(100).iter().map(Frame::to_string).collect();
+    assert_eq!(told, ["720: 00", NO_ERROR, "0A0: 40 81 11 01 00 00 00 00", NO_ERROR]);
+    client.end_without_reset();
 }
 
 #[test]
