@@ -139,7 +139,9 @@ impl Board {
     /// Returns the time of the next poll if no event occurs before.
     fn next_look(&self, device: &SendDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
-        let is_calm = self.plant.inputs.bus == BusErrorMode::ErrorActive && !can::retry();
+        // The retry is needed in every error mode.
+        let is_blocked = can::retry();
+        let is_calm = self.plant.inputs.bus == BusErrorMode::ErrorActive && !is_blocked;
         due.min(now + if is_calm { FEED } else { LOOK })
     }
 

@@ -271,7 +271,16 @@ fn a_frame_that_is_taken_back_on_the_wire_and_then_destroyed_is_sent_once() {
 
 #[test]
 fn an_urgent_frame_does_not_wait_for_an_interrupt_that_does_not_come() {
-    let mut client = scene();
+    for (failures, mode) in [(0, "error-active"), (20, "error-passive")] {
+        let mut client = scene();
+        client.rig.boards.world.inject(DestroyNext::frames_of("board", failures));
+        client.read(0x1018, 1);
+        assert_eq!(client.status_of("bus"), mode);
+        the_emergency_goes_first(client);
+    }
+}
+
+fn the_emergency_goes_first(mut client: ImageClient) {
     // Less urgent than an emergency, more urgent than all else.
     let flood = |client: &mut ImageClient, ms: u64| {
         (0..PER_MS * ms).for_each(|_| client.send("0B0: 00 00 00 00 00 00 00 00"));
