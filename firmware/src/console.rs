@@ -36,7 +36,7 @@ pub enum Command {
     Status,
     /// Make the board a new device of this kind, with this serial number.
     Kind(Kind, Option<u32>),
-    /// Make the board a new device of the present kind without a node ID, with this serial number.
+    /// Make the board a new device of the present kind without a node ID, with this serial number or the present one.
     Blank(Option<u32>),
     /// Restart the board as after power-up.
     PowerCycle,

@@ -49,10 +49,11 @@ impl Settings {
         Self { kind, blank: false, fresh: true, chosen: true, serial }
     }
 
-    /// Returns the settings for a new device without a node ID; `None` for a kind that always has an address.
+    /// Returns the settings for a new device of the same kind without a node ID; `None` for a kind that always has an
+    /// address. The serial number stays unless another one is given.
     #[must_use]
-    pub const fn new_blank(kind: Kind, serial: Option<u32>) -> Option<Self> {
-        if kind.can_be_blank() { Some(Self { blank: true, ..Self::new(kind, serial) }) } else { None }
+    pub fn blank(self, serial: Option<u32>) -> Option<Self> {
+        self.kind.can_be_blank().then(|| Self { blank: true, fresh: true, serial: serial.or(self.serial), ..self })
     }
 
     /// Returns the device setup for a new memory.
@@ -166,19 +167,33 @@ mod tests {
     fn another_image_makes_a_new_device_unless_the_kind_was_chosen() {
         let other = Kind::ALL.into_iter().find(|kind| *kind != DEFAULT_KIND).unwrap();
         assert_eq!(Settings::at_start(None), Settings::DEFAULT);
-        for stored in [Settings::DEFAULT, Settings::new(other, Some(7)), Settings::new_blank(CANOPEN, None).unwrap()] {
+        let chosen = Settings::new(CANOPEN, None);
+        for stored in [Settings::DEFAULT, Settings::new(other, Some(7)), chosen.blank(None).unwrap()] {
             assert_eq!(Settings::at_start(Some(stored)), stored);
         }
         let of_another_image = Settings { kind: other, ..Settings::DEFAULT };
-        assert_eq!(Settings::at_start(Some(of_another_image)), Settings { fresh: true, ..Settings::DEFAULT });
+        for stored in [Some(of_another_image), of_another_image.blank(None)] {
+            assert_eq!(Settings::at_start(stored), Settings { fresh: true, ..Settings::DEFAULT });
+        }
+    }
+
+    #[test]
+    fn a_blank_device_keeps_its_serial_number_unless_it_gets_another() {
+        for (before, given, serial) in
+            [(None, None, None), (None, Some(8), Some(8)), (Some(7), None, Some(7)), (Some(7), Some(8), Some(8))]
+        {
+            let blank = Settings::new(CANOPEN, before).blank(given).unwrap();
+            assert_eq!(blank, Settings { blank: true, ..Settings::new(CANOPEN, serial) });
+            assert_eq!(blank.blank(None), Some(blank));
+        }
     }
 
     #[test]
     fn a_blank_device_has_no_node_id() {
         for kind in [CANOPEN, SENSOR] {
-            assert_eq!(Settings::new_blank(kind, None).unwrap().setup().node_id, None);
+            assert_eq!(Settings::new(kind, None).blank(None).unwrap().setup().node_id, None);
         }
-        assert_eq!(Settings::new_blank(ISOBUS, None), None);
+        assert_eq!(Settings::new(ISOBUS, None).blank(None), None);
         assert_eq!(Settings::new(ISOBUS, Some(7)).setup().serial, Some(7));
         assert_eq!(Settings::DEFAULT.setup(), Setup::new(Settings::DEFAULT.kind));
     }

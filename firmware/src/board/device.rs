@@ -185,7 +185,7 @@ impl Board {
                 Some(Answer::Status)
             }
             Command::Kind(kind, serial) => self.become_new(Some(Settings::new(kind, serial))),
-            Command::Blank(serial) => self.become_new(Settings::new_blank(self.settings.kind, serial)),
+            Command::Blank(serial) => self.become_new(self.settings.blank(serial)),
             Command::PowerCycle => Some(Answer::Restart),
             Command::Help => Some(Answer::Help((&self.plant.inputs.product).into())),
         }
