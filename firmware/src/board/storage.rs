@@ -97,7 +97,7 @@ pub(super) async fn run(
     // A static, because the contents are too large for the stack.
     static CONTENTS: ConstStaticCell<Contents> = ConstStaticCell::new(Contents::empty());
     let contents = CONTENTS.take();
-    let mut memory = Memory { sectors, buffer: [0; BUFFER] };
+    let mut memory = Memory { sectors, buffer: [0; BUFFER], pending: None };
     let mut done = Done::Started(memory.start(contents), contents);
     loop {
         results.send(done).await;
@@ -106,6 +106,7 @@ pub(super) async fn run(
             Request::Store(key, record) => Done::Stored(key, memory.store(key, &record)),
             Request::Read(contents) => {
                 memory.read(contents);
+                memory.hide_previous(contents);
                 Done::Read(contents)
             }
             Request::Become(settings) => Done::Became(memory.set(settings)),
@@ -116,23 +117,37 @@ pub(super) async fn run(
 struct Memory {
     sectors: Sectors,
     buffer: [u8; BUFFER],
+    /// The settings of a start that the flash does not hold yet. If they are fresh, it may still hold the records of the
+    /// previous device, and the next start would remove all records.
+    pending: Option<Settings>,
 }
 
 impl Memory {
-    /// Reads all contents after power-up, and removes the records of a previous device. Returns the settings.
+    /// Reads all contents after power-up, without those of a previous device. Returns the settings.
     fn start(&mut self, contents: &mut Contents) -> Settings {
         let stored = self.read(contents);
-        let mut settings = Settings::at_start(stored);
+        let settings = Settings::at_start(stored);
+        self.pending = Some(settings).filter(|settings| settings.fresh || stored != Some(*settings));
+        self.hide_previous(contents);
+        // The next store or start repeats a failed attempt.
+        let _ = self.take_over();
+        settings
+    }
+
+    /// Removes the records of a previous device and writes the settings, unless this has succeeded already.
+    fn take_over(&mut self) -> Result<(), StoreError> {
+        let Some(settings) = self.pending else { return Ok(()) };
         if settings.fresh {
-            // A failed removal is repeated at the next start.
-            settings.fresh = self.clear().is_err();
+            self.records().clear()?;
+        }
+        self.set(Settings { fresh: false, ..settings })
+    }
+
+    /// Removes the records of a previous device from the contents.
+    fn hide_previous(&self, contents: &mut Contents) {
+        if self.pending.is_some_and(|settings| settings.fresh) {
             contents.image.clear();
         }
-        if stored != Some(settings) {
-            // A failed write is repeated at the next start.
-            let _ = self.set(settings);
-        }
-        settings
     }
 
     /// Reads all contents. A memory without an intact entry is erased and reported as damaged. Returns the stored
@@ -146,16 +161,16 @@ impl Memory {
         contents.setting.as_deref().and_then(Settings::decode)
     }
 
+    /// Writes a record. It is refused while the next start would remove it.
     fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
+        self.take_over()?;
         self.records().store(key, record)
     }
 
-    fn clear(&mut self) -> Result<(), StoreError> {
-        self.records().clear()
-    }
-
     fn set(&mut self, settings: Settings) -> Result<(), StoreError> {
-        self.records().store_setting(&settings.encode())
+        self.records().store_setting(&settings.encode())?;
+        self.pending = None;
+        Ok(())
     }
 
     const fn records(&mut self) -> Records<'_, &mut Sectors> {

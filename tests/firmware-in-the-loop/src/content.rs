@@ -5,7 +5,7 @@ use firmware::settings::Settings;
 use hal_sim::memory;
 use hal_sim::{Memory, World};
 use nvm::Records;
-use protocol_core::device::{Kind, Setup};
+use protocol_core::device::Setup;
 use protocol_core::frame::Frame;
 use protocol_core::memory::{Record, RecordKey, seal};
 use protocol_core::time::{Duration, after};
@@ -36,7 +36,8 @@ pub fn stored_after(device: impl Into<Setup>, frames: &[Frame]) -> Vec<u8> {
         world.send(client, *frame);
         world.run_until(after(world.now(), STORE));
     }
-    with_setting(world.memory(node).flash().image().to_vec(), setup.kind)
+    let settings = Settings { fresh: false, ..Settings::new(setup.kind, None) };
+    with_settings(world.memory(node).flash().image().to_vec(), settings)
 }
 
 /// Returns the content after so many stores of the parameters that the next one erases a sector.
@@ -57,13 +58,16 @@ pub fn worn(content: &[u8]) -> Vec<u8> {
     panic!("the flash takes {MANY} stores without an erase");
 }
 
-/// Adds the setting that makes the image this kind of device.
-fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
+/// Returns the content with the settings that a start of the image finds.
+///
+/// # Panics
+/// Panics if the content has another length than the flash.
+#[must_use]
+pub fn with_settings(content: Vec<u8>, settings: Settings) -> Vec<u8> {
     let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
     let mut buffer = [0; nvm::BUFFER];
-    let setting = Settings { fresh: false, ..Settings::new(kind, None) }.encode();
     let mut records = Records::new(&mut flash, &mut buffer);
-    records.store_setting(&setting).expect("this flash does not fail");
+    records.store_setting(&settings.encode()).expect("this flash does not fail");
     flash.image().to_vec()
 }
 

@@ -1,11 +1,13 @@
 //! The bus goes on while the memory is written and erased (SPEC 6): nothing is lost, and every answer is on time.
 
+use firmware::settings::Settings;
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::{Operation, SECTOR_SIZE};
 use firmware_in_the_loop::rig::ImageRig;
 use hal_sim::Event;
 use protocol_core::controller::BitRate;
+use protocol_core::device::{Kind, pve};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
@@ -172,6 +174,51 @@ fn a_memory_that_makes_no_sense_is_erased_as_a_whole_before_anything_is_written(
         let begun: Vec<_> = flash.journal().iter().map(Operation::erased).collect();
         assert_eq!(begun[..2], [Some(0), Some(SECTOR_SIZE)], "{}", board.name);
         assert!(begun[2..].iter().all(Option::is_none), "{}: {begun:?}", board.name);
+    }
+}
+
+/// The settings with which the next start removes the records of the device before: chosen at the console, and written
+/// by an image of another kind.
+fn of_a_new_device() -> [Settings; 2] {
+    let chosen = Settings::new(Kind::Pve(pve::Kind::PveoCanopen), None);
+    [chosen, Settings { fresh: false, chosen: false, ..chosen }]
+}
+
+/// A new device whose memory failed at its start, and still holds the parameters of the device before.
+fn started_with_a_failing_memory(settings: Settings) -> ImageClient {
+    let save = [frame("620: 23 28 10 01 A1 00 00 00"), frame("620: 23 10 10 01 73 61 76 65")];
+    let content = content::with_settings(content::stored_after(&VALVE, &save), settings);
+    let rig = ImageRig::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &content);
+    rig.boards.connections(rig.board).flash.lock().set_fails(true);
+    let mut client = ImageClient::started(rig);
+    client.expect_boot();
+    assert_eq!(client.read(0x1028, 1), 0x8000_0000, "it is new");
+    client
+}
+
+#[test]
+fn a_reset_of_a_new_device_does_not_bring_back_records_that_could_not_be_removed() {
+    for settings in of_a_new_device() {
+        let mut client = started_with_a_failing_memory(settings);
+        client.send("000: 81 20");
+        while client.receive() != Some(frame("720: 00")) {}
+        assert_eq!(client.read(0x1028, 1), 0x8000_0000, "{settings:?}");
+        client.end_without_reset();
+    }
+}
+
+#[test]
+fn what_a_new_device_saves_is_kept_although_its_memory_failed_at_the_start() {
+    for settings in of_a_new_device() {
+        let mut client = started_with_a_failing_memory(settings);
+        assert_eq!(client.sdo(download(0x1010, 1, 4, SAVE))[0], 0x80, "an abort");
+        client.connections().flash.lock().set_fails(false);
+        client.write(0x1028, 1, 4, 0xA2);
+        client.write(0x1010, 1, 4, SAVE);
+        client.rig.power_cycle();
+        while client.receive() != Some(frame("720: 00")) {}
+        assert_eq!(client.read(0x1028, 1), 0xA2, "{settings:?}");
+        client.end_without_reset();
     }
 }
 
