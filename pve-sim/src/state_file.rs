@@ -119,12 +119,10 @@ impl StateFile {
 
     /// Checks that the lock is still on the file at its path. If that file was removed, as with its folder, another
     /// simulator can lock a new one.
-    #[cfg(unix)]
     fn check_lock(&self) -> io::Result<()> {
-        use std::os::unix::fs::MetadataExt as _;
         let Some(lock) = &self.lock else { return Ok(()) };
         let (locked, present) = (lock.metadata()?, fs::metadata(self.lock_path()));
-        match present.is_ok_and(|present| (present.dev(), present.ino()) == (locked.dev(), locked.ino())) {
+        match present.is_ok_and(|present| is_same_file(&present, &locked)) {
             true => Ok(()),
             false => Err(io::Error::other("the lock file was removed; another pve-sim may use this state file")),
         }
@@ -218,7 +216,6 @@ impl MemoryFile for StateFile {
                 give_to_owner_of(&present, file.as_file());
             }
             file.as_file().sync_all()?;
-            #[cfg(unix)]
             self.check_lock()?;
             take_the_place(file, &self.path)?;
             #[cfg(unix)]
@@ -257,6 +254,18 @@ impl MemoryFile for StateFile {
         }
         unreachable!("every number up to u32::MAX has a `.bad` file")
     }
+}
+
+#[cfg(unix)]
+fn is_same_file(one: &fs::Metadata, other: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    (one.dev(), one.ino()) == (other.dev(), other.ino())
+}
+
+/// Returns true: on Windows, a locked file cannot be removed, so no other file takes its path.
+#[cfg(not(unix))]
+const fn is_same_file(_: &fs::Metadata, _: &fs::Metadata) -> bool {
+    true
 }
 
 /// Renames a finished file over the file at `path`, with retries on Windows; removes the finished file if every attempt
