@@ -205,7 +205,7 @@ def test_a_fault_without_effect_is_told_beside_another_thread(sim: Simulator) ->
     for poller in pollers:
         poller.start()
     try:
-        for number in range(50):
+        for number in range(10):
             with pytest.raises(FaultWithoutEffect), sim.bus.lose(0x220, name=f"gap-{number}"):
                 pass
             with sim.bus.lose(0x123, name=f"lost-{number}") as lost:
