@@ -166,7 +166,7 @@ pub(super) struct ReactionTable {
 #[schema(as = Expected)]
 pub(crate) enum Expected {
     /// A frame, as in "1A0#0F00 0020". "?" matches any hex digit, ".." at the end any bytes, and an identifier alone
-    /// any data.
+    /// any frame.
     Frame(String),
     /// Several frames.
     Frames(Vec<String>),

@@ -170,11 +170,23 @@ fn frames_count_since_an_earlier_instant_also_the_own_ones() {
     assert!(said.contains("expect 000: 01 .. since 301 ms within 0 ms: failed at 500.000 ms"), "{said}");
     passes(&steps(r#"never = "000", since_ms = 301, for_ms = 1"#));
     let said = fails(&steps(r#"never = "000", since_ms = 300, for_ms = 1"#), 1);
-    assert!(said.contains("never 000: .. since 300 ms for 1 ms: failed at 500.000 ms"), "{said}");
+    assert!(said.contains("never 000 since 300 ms for 1 ms: failed at 500.000 ms"), "{said}");
     // The own frame proves nothing otherwise, and a frame of a fault never does.
     fails(&steps(r#"expect = "000#01..", within_ms = 100"#), 1);
     let insert = r#"{ at_ms = 300, fault = { insert = "7FF#00" } }, { after_ms = 50, "#;
     fails(&format!(r#"{insert} expect = "7FF", since_ms = 300, within_ms = 0 }}"#), 1);
+}
+
+/// An identifier alone stands for any frame, `#..` for data frames.
+#[test]
+fn remote_frames_count_for_an_identifier_alone() {
+    let after = |check: &str| format!("{{ after_ms = 10, send = \"321#R4\" }}, {{ {check}, since_ms = 0 }}");
+    let text = fails(&after(r#"never = "321", for_ms = 100"#), 1);
+    assert!(text.contains("x.toml:4: never 321 since 0 ms for 100 ms: failed at "), "{text}");
+    assert!(text.contains("seen      321: R4  at "), "{text}");
+    passes(&after(r#"expect = "321""#));
+    passes(&after(r#"expect = "321#R4""#));
+    passes(&after(r#"never = "321#..", for_ms = 100"#));
 }
 
 /// A prohibition whose frames count from a time that does not come, or that the history has forgotten, proves nothing.
@@ -217,7 +229,7 @@ fn frames_in_any_order_are_given_to_whom_they_fit() {
 #[test]
 fn a_frame_that_must_not_come_is_shown_with_what_was_before() {
     let text = fails(r#"{ never = "5A0" }, { send = "620#4000 1000 0000 0000" }, { after_ms = 5 }"#, 1);
-    assert!(text.contains("x.toml:4: never 5A0: ..: failed at "), "{text}");
+    assert!(text.contains("x.toml:4: never 5A0: failed at "), "{text}");
     assert!(text.contains("seen      5A0: 43 00 10 00 98 01 00 00  at "), "{text}");
     assert!(text.contains("->  620: 40 00 10 00 00 00 00 00  master → pvea-canopen: SDO read"), "{text}");
     // Until the end of the scenario, or of the prohibition's duration.

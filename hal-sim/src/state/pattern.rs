@@ -36,7 +36,7 @@ pub struct Pattern {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Content {
-    /// Data frames with any data.
+    /// Any frames, also remote frames.
     Any,
     /// Data frames with these bytes. With `true`, any further bytes may follow.
     Data(Vec<Digits>, bool),
@@ -114,14 +114,13 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
     let pairs = (0..bytes.len()).step_by(2).map(|place| Digits::parse(&bytes[place..place + 2]));
     let bytes = pairs.collect::<Option<Vec<Digits>>>().ok_or("invalid hex digits")?;
     match bytes.len() {
-        0 if is_open => Ok(Content::Any),
         0..=MAX_LEN => Ok(Content::Data(bytes, is_open)),
         _ => Err("more than 8 bytes"),
     }
 }
 
 impl Pattern {
-    /// Creates a pattern for an identifier. `None` for `data` matches any data.
+    /// Creates a pattern for an identifier. `None` for `data` matches any frame, also a remote frame.
     ///
     /// # Errors
     /// [`Invalid`] if `data` is not valid.
@@ -141,7 +140,7 @@ impl Pattern {
         self.has_id_of(frame) && self.differences(frame).is_some_and(|bytes| bytes.is_empty())
     }
 
-    /// Returns whether the pattern matches remote frames.
+    /// Returns whether the pattern matches remote frames alone.
     pub const fn is_remote(&self) -> bool {
         matches!(self.content, Content::Remote(_))
     }
@@ -157,11 +156,11 @@ impl Pattern {
         is_extended == self.is_extended && self.id.fit(value)
     }
 
-    /// Returns the indices of the bytes that do not match, including missing and surplus bytes. `None` if exactly one
-    /// of frame and pattern is remote, or if both are remote with different lengths.
+    /// Returns the indices of the bytes that do not match, including missing and surplus bytes. `None` if the pattern
+    /// has data and the frame is remote, or the reverse, or if both are remote with different lengths.
     pub fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
         match (&self.content, frame.is_remote()) {
-            (Content::Any, false) => Some(Vec::new()),
+            (Content::Any, _) => Some(Vec::new()),
             (Content::Remote(length), true) if frame.len() == *length => Some(Vec::new()),
             (Content::Data(bytes, is_open), false) => {
                 let data = frame.data();
@@ -222,7 +221,7 @@ impl fmt::Display for Pattern {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.id.write(f, if self.is_extended { 8 } else { 3 })?;
         match &self.content {
-            Content::Any => write!(f, ": .."),
+            Content::Any => Ok(()),
             Content::Remote(length) => write!(f, ": R{length}"),
             Content::Data(bytes, is_open) => {
                 write!(f, ":")?;
@@ -268,7 +267,14 @@ mod tests {
         assert!(matches("1A0#0F..", "1A0#0F") && matches("1A0#0F ..", "1A0#0F00 1234") && !matches("1A0#0F..", "1A0#"));
         assert!(matches("1A0", "1A0#") && matches("1A0#..", "1A0#01") && !matches("1A0#", "1A0#01"));
         assert!(matches("7??#00", "720#00") && !matches("7??#00", "00000720#00") && !matches("7??#00", "0A0#00"));
-        assert!(matches("18EEFF??", "18EEFF80#01") && !matches("1A0", "1A0#R") && !matches("1A0#R1", "1A0#R2"));
+        assert!(matches("18EEFF??", "18EEFF80#01"));
+    }
+
+    #[test]
+    fn remote_frames_match_an_identifier_alone_and_their_length() {
+        assert!(matches("1A0", "1A0#R") && matches("1A?", "1A0#R4") && matches("18EEFF80", "18EEFF80#R8"));
+        assert!(matches("1A0#R1", "1A0#R1") && !matches("1A0#R1", "1A0#R2") && !matches("1A0#R", "1A0#"));
+        assert!(!matches("1A0#..", "1A0#R") && !matches("1A0#", "1A0#R") && !matches("1A0#??", "1A0#R1"));
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub(super) struct FrameToCome {
     /// Whether the identifier has 29 bits.
     extended: Option<bool>,
     /// The data: exactly these bytes in hex. `?` stands for any digit, and `..` at the end for any further bytes; `R`,
-    /// `R1` … stand for a remote frame. By default, any data.
+    /// `R1` … stand for a remote frame. By default, any frame.
     #[schema(value_type = Option<DataPattern>)]
     data: Option<String>,
 }
