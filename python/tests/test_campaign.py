@@ -93,6 +93,18 @@ def test_a_fault_that_does_not_act_proves_nothing(plan: Path) -> None:
     assert (result.verdict, result.struck, result.passed) == ("not-injected", 0, False)
 
 
+def test_a_proof_that_holds_before_the_fault_proves_nothing(plan: Path) -> None:
+    def stops(sim: Simulator) -> None:
+        careless(sim)
+        sim.send(0x000, "0220", every_ms=5)
+
+    for cell in pve_sim.campaign(plan)[1::2]:
+        result = cell.run(stops)
+        reason = "detected: the proof holds without a fault, at 504 ms (seed 1), and so proves nothing"
+        assert (result.verdict, result.reason) == ("not-injected", reason), cell
+        assert cell.run(careful).reason is None
+
+
 def test_a_controller_receives_each_frame_once_and_no_lost_one(plan: Path) -> None:
     with Simulator("pvea-canopen@0x20", speed="step") as sim:
         sim.advance(50)

@@ -25,6 +25,14 @@ const TOLERANCE: i32 = 328;
 #[error("{0}")]
 pub struct CampaignError(pub(super) String);
 
+impl CampaignError {
+    /// The refusal of a proof of detection that holds at an instant without a fault.
+    pub(super) fn proof_without_fault(at: Instant, seed: u64) -> Self {
+        let at_ms = since(at, Instant::from_ticks(0)).as_millis();
+        Self(format!("detected: the proof holds without a fault, at {at_ms} ms (seed {seed}), and so proves nothing"))
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct Golden {
     pub(super) seed: u64,
@@ -91,7 +99,7 @@ impl Golden {
     pub(super) fn run<M: Master>(plan: &Plan, master: &M, seed: u64) -> Result<Self, CampaignError> {
         let mut rig = Rig::new(plan, master, seed, false);
         let devices: Vec<NodeId> = rig.target.simulation().devices().iter().map(|(node, _)| *node).collect();
-        let from = after(Instant::from_ticks(0), Duration::from_millis(plan.instants.from_ms.into()));
+        let from = plan.instants.begin();
         let to = after(Instant::from_ticks(0), Duration::from_millis(plan.instants.to_ms.into()));
         let end = after(to, plan.observe + SAMPLE);
         let states = States { devices, intervals: Vec::new() };
@@ -106,10 +114,7 @@ impl Golden {
             rig.oracles.look(rig.target.simulation());
             record.states.add(rig.target.simulation());
             if let Some(detected) = rig.oracles.detected() {
-                let at_ms = after(from, detected).as_millis();
-                return Err(CampaignError(format!(
-                    "detected: the proof holds without a fault, at {at_ms} ms (seed {seed}), and so proves nothing"
-                )));
+                return Err(CampaignError::proof_without_fault(after(from, detected), seed));
             }
             now = next_sample(now);
         }

@@ -1,7 +1,7 @@
 //! Instants: effects that end before the next sample, and the exact times of positions.
 
+use super::judge_tests::judged;
 use super::*;
-use crate::simulation::Simulation;
 
 const ISOBUS: &str = r#"
 devices = ["pvea-isobus@0x80,name=valve"]
@@ -70,28 +70,6 @@ fn an_effect_that_ends_before_the_next_sample_is_found() {
     }
 }
 
-/// Runs a cell whose controller is outside.
-fn judged(campaign: &'static Campaign<'static>, number: u64, is_exact: bool) -> CellResult {
-    let cell = campaign.numbered(number).expect("a cell");
-    let (mut simulation, mut judge) = Judge::new(campaign, cell, is_exact).expect("a row");
-    simulation.power_up(crate::Duration::from_millis(0));
-    loop {
-        go(&mut simulation, &mut judge);
-        if let Some(result) = judge.result() {
-            return result.clone();
-        }
-    }
-}
-
-fn go(simulation: &mut Simulation, judge: &mut Judge) {
-    simulation.go(judge.due());
-    while let Some(happened) = simulation.take_event() {
-        judge.event(&happened);
-    }
-    simulation.poll();
-    judge.poll(simulation);
-}
-
 #[test]
 fn an_effect_before_the_next_sample_is_found_with_a_controller_outside() {
     for (scenario, fault) in BETWEEN.into_iter().filter(|(scenario, _)| *scenario == ISOBUS) {
@@ -100,7 +78,7 @@ fn an_effect_before_the_next_sample_is_found_with_a_controller_outside() {
         let plan = Box::leak(Box::new(plan(scenario, fault, 7, NEVER_SAFE)));
         let campaign = Box::leak(Box::new(Campaign::new(plan).unwrap_or_else(|error| panic!("{error}"))));
         for (number, is_exact) in (0..10).flat_map(|number| is_exact.iter().map(move |is_exact| (number, *is_exact))) {
-            let result = judged(campaign, number, is_exact);
+            let (result, _) = judged(campaign, number, is_exact, &[]);
             assert_ne!(result.verdict, Verdict::NoEffect, "{fault}, exact: {is_exact}: {result:?}");
         }
     }

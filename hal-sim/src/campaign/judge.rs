@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 use protocol_core::time::{Instant, NEVER, after};
 
 use super::cell::{Cell, CellResult};
-use super::golden::Golden;
+use super::golden::{CampaignError, Golden};
 use super::observe::Observation;
 use super::oracles::Oracles;
 use super::run::{Campaign, Row};
+use super::verdict::Observed;
 use crate::scenario::runner::Watch as _;
 use crate::simulation::{Happened, Simulation};
 
@@ -25,11 +26,15 @@ pub struct Judge {
     cell: Cell,
     is_exact: bool,
     oracles: Oracles<'static>,
+    /// The search for the proof before the fault, from the first instant of the plan on; `None` from the fault on.
+    unfaulted: Option<Oracles<'static>>,
     observation: Observation<'static>,
     /// The states of the devices just before the fault.
     before: Option<Vec<u32>>,
     due: Instant,
     result: Option<CellResult>,
+    /// The reason for the verdict if the proof held before the fault.
+    reason: Option<String>,
 }
 
 impl Judge {
@@ -50,10 +55,12 @@ impl Judge {
             cell,
             is_exact,
             oracles: Oracles::new(campaign.plan(), &simulation),
+            unfaulted: Some(Oracles::of_proof(campaign.plan(), &simulation)),
             observation: Observation::new(campaign.plan(), vec![(cell.at, Some(&row.fault))]),
             before: None,
-            due: cell.at,
+            due: campaign.plan().instants.begin().min(cell.at),
             result: None,
+            reason: None,
         };
         Some((simulation, judge))
     }
@@ -61,6 +68,9 @@ impl Judge {
     /// Observes a bus event.
     pub fn event(&mut self, happened: &Happened) {
         self.oracles.event(happened);
+        if let Some(unfaulted) = &mut self.unfaulted {
+            unfaulted.event(happened);
+        }
     }
 
     /// Returns the next instant at which the caller must call [`poll`](Self::poll).
@@ -81,14 +91,23 @@ impl Judge {
         self.result.as_ref()
     }
 
+    /// Returns the reason for the verdict [`NotInjected`](super::Verdict::NotInjected) if the proof of detection held
+    /// before the fault.
+    #[must_use]
+    pub fn reason(&self) -> Option<&str> {
+        self.reason.as_deref()
+    }
+
     /// Injects the fault once its instant is reached, and checks devices and oracles afterwards.
     pub fn poll(&mut self, simulation: &mut Simulation) {
+        self.look_before_fault(simulation);
         let now = simulation.now();
         // Events at the instant of the fault precede the fault.
         let is_early = now < self.cell.at || (now == self.cell.at && simulation.next() <= now);
         if self.result.is_some() || is_early {
             return;
         }
+        self.unfaulted = None;
         self.before.get_or_insert_with(|| self.golden.states(simulation));
         self.observation.inject(simulation, &mut self.oracles);
         self.observation.poll(simulation);
@@ -101,6 +120,28 @@ impl Judge {
             }
             ControlFlow::Continue(due) => due,
         };
+    }
+
+    /// Decides the cell if the proof holds before the fault: a controller that gives the proof without a fault detects
+    /// nothing. The golden run has another controller.
+    fn look_before_fault(&mut self, simulation: &Simulation) {
+        let now = simulation.now();
+        let Some(oracles) = self.unfaulted.as_mut().filter(|_| now >= self.campaign.plan().instants.begin()) else {
+            return;
+        };
+        if oracles.have_begun() {
+            oracles.look(simulation);
+        } else {
+            oracles.begin(None, simulation);
+        }
+        self.due = oracles.due(simulation, self.cell.at);
+        if let Some(detected) = oracles.detected() {
+            let at = after(self.campaign.plan().instants.begin(), detected);
+            self.reason = Some(CampaignError::proof_without_fault(at, self.row.seed).to_string());
+            let observed = Observed { struck: 0, is_alive: true, had_effect: false, detected: None, safe: None };
+            self.result = Some(self.campaign.result(self.cell, self.row, self.golden, &observed));
+            (self.due, self.unfaulted) = (NEVER, None);
+        }
     }
 
     fn compare(&mut self, simulation: &Simulation) {

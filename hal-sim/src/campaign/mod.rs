@@ -35,6 +35,8 @@ mod verdict;
 #[cfg(test)]
 mod instant_tests;
 #[cfg(test)]
+mod judge_tests;
+#[cfg(test)]
 mod oracle_tests;
 #[cfg(test)]
 mod plan_tests;

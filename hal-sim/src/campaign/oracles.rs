@@ -132,6 +132,11 @@ impl<'a> Oracles<'a> {
         Self { proof, safe, fault: None, effect: None, detected: None }
     }
 
+    /// Creates oracles that look only for the proof.
+    pub(super) fn of_proof(plan: &'a Plan, simulation: &Simulation) -> Self {
+        Self { safe: None, ..Self::new(plan, simulation) }
+    }
+
     /// Returns whether the oracles look for the proof and the safe state.
     pub(super) const fn have_begun(&self) -> bool {
         self.fault.is_some()

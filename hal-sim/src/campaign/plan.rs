@@ -1,6 +1,6 @@
 //! The checked plan of a campaign.
 
-use protocol_core::time::Duration;
+use protocol_core::time::{Duration, Instant};
 use toml::{Table, Value};
 
 use super::fault::{self, PlanFault};
@@ -52,6 +52,11 @@ impl Instants {
             return Err("give either step_ms = 10 or at = \"each frame\"".to_owned());
         }
         Ok(())
+    }
+
+    /// Returns the first instant.
+    pub(super) fn begin(&self) -> Instant {
+        Instant::from_millis(self.from_ms.into())
     }
 
     /// Returns the number of instants; `None` for instants at the ends of frames.

@@ -69,14 +69,15 @@ impl Live {
             }
             let longest = Duration::from_micros(cell.until_us).div_f64(self.speed.max(1e-6)) + PATIENCE;
             if has_ended || began.elapsed() > longest {
-                break Judged { verdict: Verdict::Hung, detected_us: None, safe_us: None, struck: 0 };
+                break Judged { verdict: Verdict::Hung, detected_us: None, safe_us: None, struck: 0, reason: None };
             }
             thread::sleep(PAUSE);
         };
         let said = program.end();
-        let Judged { verdict, detected_us, safe_us, struck } = judged;
+        let Judged { verdict, detected_us, safe_us, struck, reason } = judged;
         let cell = Cell { number: Some(number), at_us, verdict, detected_us, safe_us, struck };
-        Ok((cell, format!("{}\n{OUTPUT}{said}", text(&simulator.trace)).trim_end().to_owned()))
+        let reason = reason.map_or_else(String::new, |reason| format!("-- {reason}\n"));
+        Ok((cell, format!("{}\n{reason}{OUTPUT}{said}", text(&simulator.trace)).trim_end().to_owned()))
     }
 }
 

@@ -116,6 +116,8 @@ pub struct Judged {
     pub safe_us: Option<u64>,
     /// The number of frames that a communication fault affected; 1 for any other fault once it has acted.
     pub struck: u64,
+    /// The reason for the verdict not-injected if the proof of detection held before the fault.
+    pub reason: Option<String>,
 }
 
 /// The virtual time.

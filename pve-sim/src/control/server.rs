@@ -96,6 +96,7 @@ impl ControlServer {
             detected_us: result.detected_us,
             safe_us: result.safe_us,
             struck: result.struck,
+            reason: judge.reason().map(str::to_owned),
         });
         Ok(JudgedCell { decided: result.is_some(), until_us: judge.end().as_micros(), result })
     }

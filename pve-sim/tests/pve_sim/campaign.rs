@@ -288,6 +288,20 @@ fn time_begins_when_the_program_listens_and_its_folder_is_that_of_the_plan() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn a_proof_that_holds_without_the_fault_and_with_the_program_proves_nothing() {
+    let files = Files::new();
+    // The program does not start the valve; the scenario does.
+    files.write("idle.sh", &LISTENER.replace("heard=$heard,emcy", ":"));
+    let plan = with_program("[\"bash\", \"idle.sh\", \"{bus}\"]").replace("ms = 20", "ms = 500");
+    files.write("idle.toml", &(plan + "detected = { expect = { nmt = \"pre-operational\" }, within_ms = 10 }\n"));
+    let ended = output(&["campaign", &files.text("idle.toml"), "--cell", "0"]);
+    let told = String::from_utf8(ended.stdout).expect("text");
+    let reason = "\n-- detected: the proof holds without a fault, at 500 ms (seed 1), and so proves nothing\n";
+    assert!(told.contains(reason) && told.contains(": not-injected at 500.000 ms"), "{told}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
 fn programs_end_with_an_interrupted_campaign() {
     let files = Files::new();
     let script = "[\"sh\", \"-c\", \"sleep 1000 & echo $! > pid; mv pid child; wait\"]";

@@ -29,6 +29,8 @@ class CellResult:
     struck: int
     #: The exception of a controller that failed. If it failed before the verdict, the verdict is "hung".
     error: Exception | None = None
+    #: The reason for the verdict "not-injected" if the proof of detection held before the fault.
+    reason: str | None = None
 
     @property
     def passed(self) -> bool:
@@ -88,8 +90,8 @@ class Cell:
                 sim.advance(max(1, (answer["until_us"] - sim.now_us()) // 1000))
                 answer = _answer(sim)
             result = answer["result"]
-            keys = ("verdict", "detected_us", "safe_us", "struck")
-            return CellResult(**{key: result[key] for key in keys}, error=error)
+            keys = ("verdict", "detected_us", "safe_us", "struck", "reason")
+            return CellResult(**{key: result.get(key) for key in keys}, error=error)
 
 
 def _answer(sim: Simulator) -> dict[str, Any]:
