@@ -21,9 +21,9 @@ where
 
 /// Tells the device which of its frames the controller has sent.
 ///
-/// The [pump] does this by itself. A platform does it before a call of [`Device::sense`] that does not directly follow the
-/// pump, because what a device does with an input depends on the frames that are still unsent. The frames of a controller
-/// that goes bus-off must still be there.
+/// The [pump] ends with the same. A platform calls this function if a frame may have been sent since, before it passes
+/// inputs to the device, because what the device does with them depends on the frames that are still unsent. If the
+/// controller has gone bus-off, the call precedes the drop of its frames.
 pub fn note_sent<D, C>(device: &mut D, can: &C, now: Instant)
 where
     D: Device + ?Sized,
@@ -47,7 +47,6 @@ where
     D: Device + ?Sized,
     C: Controller,
 {
-    note_sent(device, can, now);
     receive(device, can, now);
     device.poll(now);
     // The filters are set before answers are sent, so that a client that has received its answer can rely on the
@@ -55,21 +54,27 @@ where
     if let Some(filters) = device.take_filters() {
         can.set_filters(&filters);
     }
+    let mut hands_out = false;
     loop {
         while let Some(which) = device.take_abort() {
             can.abort(which);
         }
         while let Some(frame) = device.next_frame(now) {
             match can.transmit(&frame) {
-                Ok(None) => {}
+                Ok(None) => hands_out = true,
                 Ok(Some(overtaken)) => device.give_back(overtaken),
                 Err(_) => {
                     device.give_back(frame);
-                    return device.next_effect(false);
+                    hands_out = false;
+                    break;
                 }
             }
         }
         if can.holds(Filter::ALL) {
+            // A new frame needs no look at the others: the pump is called again when a frame was sent.
+            if !hands_out {
+                device.sent_except(&|which| can.holds(which), now);
+            }
             return device.next_effect(false);
         }
         if !device.all_sent(now) {

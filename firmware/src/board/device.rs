@@ -101,7 +101,9 @@ impl Board {
             if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
-            note_sent(device, &self.link.can, now);
+            if events.include(Event::Sent) && !events.are_only(Event::Sent) {
+                self.note_sent(device, now);
+            }
             let answer = self.look(events, device);
             if self.link.settle(&mut self.wake_up).await {
                 // The wait took time, so received frames take effect at the present time.
@@ -134,6 +136,13 @@ impl Board {
             self.look_at_memory(device);
         }
         if events.include(Event::Controls) { self.look_at_controls(device) } else { None }
+    }
+
+    /// Tells the device which of its frames are sent, before it takes an input or a frame that came at the same time.
+    // `inline(never)` keeps the rare call out of the loop, in which each frame counts.
+    #[inline(never)]
+    fn note_sent(&self, device: &mut SendDevice, now: Instant) {
+        note_sent(device, &self.link.can, now);
     }
 
     /// Returns the time of the next poll if no event occurs before.

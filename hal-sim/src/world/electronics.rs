@@ -73,6 +73,11 @@ impl Default for State {
 }
 
 impl State {
+    /// Returns whether the application has a slow cycle.
+    pub(super) fn is_slow(&self) -> bool {
+        self.settings.cycle.as_ticks() > 0
+    }
+
     /// Returns the start of the first application cycle at or after an instant.
     pub(super) fn cycle_from(&self, at: Instant) -> Instant {
         let cycle = self.settings.cycle.as_ticks();

@@ -218,8 +218,11 @@ impl World {
         let port = bus.port_mut(port_id);
         let (mode, was_bus_off) = (port.mode(), port.take_bus_off());
         let has_new_inputs = std::mem::take(&mut electronics.has_new_inputs) || rough.is_rough_shaft(inputs);
-        if has_new_inputs || was_bus_off || mode != inputs.bus {
+        let has_news = has_new_inputs || was_bus_off || mode != inputs.bus;
+        if has_news || electronics.is_slow() {
             note_sent(&mut **device, &DeviceCan::new(bus, port_id, now), now);
+        }
+        if has_news {
             // A slow application notices a bus-off that has begun and ended between two cycles.
             let missed = (was_bus_off && mode != BusErrorMode::BusOff).then_some(BusErrorMode::BusOff);
             for mode in missed.into_iter().chain([mode]) {

@@ -67,7 +67,12 @@ pub(in crate::board) fn retry() -> bool {
 impl Transmission {
     /// Returns whether a frame that passes a filter is pending.
     pub(super) fn holds(&self, which: Filter) -> bool {
-        self.staged.is_some_and(|frame| which.passes(&frame)) || occupied().any(|mailbox| passes(which, mailbox))
+        if self.tx.is_idle() && self.staged.is_none() {
+            return false;
+        }
+        which == Filter::ALL
+            || self.staged.is_some_and(|frame| which.passes(&frame))
+            || occupied().any(|mailbox| passes(which, mailbox))
     }
 
     /// Accepts a frame for transmission. Returns the less urgent frame that the new frame displaces, if any.
