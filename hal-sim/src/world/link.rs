@@ -9,7 +9,6 @@ use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::node::Node;
 use super::rough::{self, Play};
 use super::{NodeId, World};
 
@@ -150,8 +149,8 @@ impl World {
         self.couplings.iter().find(|coupling| coupling.sensor == sensor)
     }
 
-    /// Updates the links of a device to the current time, before a valve changes or a sensor is served. The sensor senses
-    /// its shaft when it is served: with a slow cycle, in the next cycle.
+    /// Updates the links of a device to the current time, before a valve changes or a sensor is served. A sensor with a
+    /// slow cycle senses its shaft in the next cycle.
     pub(super) fn follow_links(&mut self, node: NodeId) {
         if !self.couplings.is_empty() {
             self.follow_links_of(node);
@@ -170,13 +169,17 @@ impl World {
             let coupling = &mut self.couplings[number];
             (coupling.angle, coupling.reckoned) = (angle, self.now);
             let angle_cdeg = coupling.angle_cdeg(angle);
-            let Node { inputs, electronics, rough, .. } = &mut self.nodes[sensor.0];
-            rough.play = play;
-            if let Some(shaft) = inputs.shaft_mut()
+            let node = &mut self.nodes[sensor.0];
+            node.rough.play = play;
+            if let Some(shaft) = node.inputs.shaft_mut()
                 && shaft.angle_cdeg != angle_cdeg
             {
                 shaft.angle_cdeg = angle_cdeg;
-                electronics.has_new_inputs = true;
+                if node.electronics.is_slow() {
+                    node.electronics.has_new_inputs = true;
+                } else {
+                    node.sense(self.now);
+                }
             }
         }
     }
