@@ -71,9 +71,12 @@ struct Safety<'a> {
 struct StateEye<'a> {
     wanted: &'a Wanted,
     device: (NodeId, Kind),
-    /// The last view, and the result of its check.
-    last: Option<(Option<View>, bool)>,
+    /// What was seen last, and the result of its check.
+    last: Option<(Seen, bool)>,
 }
+
+/// The view of a device, and the position of its spool.
+type Seen = (Option<View>, Option<i16>);
 
 impl<'a> StateEye<'a> {
     fn new(wanted: &'a Wanted, simulation: &Simulation) -> Option<Self> {
@@ -82,17 +85,19 @@ impl<'a> StateEye<'a> {
 
     fn holds(&mut self, simulation: &Simulation) -> bool {
         let (node, kind) = self.device;
-        let mut view = simulation.world().view(node);
-        if self.wanted.condition.position.is_none()
-            && let Some(view) = &mut view
-        {
-            view.position = 0;
+        let world = simulation.world();
+        let mut seen = (world.view(node), world.spool_position(node));
+        if self.wanted.condition.position.is_none() {
+            seen.1 = None;
+            if let Some(view) = &mut seen.0 {
+                view.position = 0;
+            }
         }
-        if let Some((_, holds)) = self.last.as_ref().filter(|(last, _)| *last == view) {
+        if let Some((_, holds)) = self.last.as_ref().filter(|(last, _)| *last == seen) {
             return *holds;
         }
-        let holds = self.wanted.condition.holds(&DeviceState::of(node, kind, simulation.world()));
-        self.last = Some((view, holds));
+        let holds = self.wanted.condition.holds(&DeviceState::of(node, kind, world));
+        self.last = Some((seen, holds));
         holds
     }
 
@@ -103,7 +108,7 @@ impl<'a> StateEye<'a> {
         if self.wanted.condition.position.is_none() {
             return limit;
         }
-        let position = world.view(node).map(|view| view.position);
+        let position = world.spool_position(node).or_else(|| world.view(node).map(|view| view.position));
         let Some(range) = self.wanted.condition.wanted_positions(position) else { return limit };
         let tick = after(simulation.now(), Duration::from_ticks(1));
         world.next_inside(node, &range, simulation.next().max(tick).min(limit)).max(tick).min(limit)

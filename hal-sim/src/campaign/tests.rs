@@ -81,6 +81,29 @@ fn a_fault_that_does_not_act_is_no_success() {
     assert_eq!(verdicts(profile, CAREFUL), [Verdict::NoEffect; 6]);
 }
 
+/// A power cut does not close a spool at once, and a stuck one never.
+#[test]
+fn without_power_a_spool_is_safe_once_its_springs_have_closed_it() {
+    let result = |scenario: &str, fault: &str| {
+        let text = format!(
+            "scenario = \"x\"\nfaults = [{{ {fault} }}]\nobserve_ms = 300\n\
+             instants = {{ from_ms = 400, to_ms = 400, step_ms = 10 }}\n\
+             safe = {{ within_ms = 100, expect = {{ position = 0 }} }}"
+        );
+        let plan = Plan::parse(&text, |_| Ok(scenario.to_owned())).unwrap_or_else(|error| panic!("{text}: {error:?}"));
+        let result = campaign(&plan).cell(campaign(&plan).numbered(0).expect("a cell")).expect("a result");
+        (result.verdict, result.safe_us)
+    };
+    let stuck = CAREFUL.replace("{ at_ms = 500 }", "{ at_ms = 399, plant = { spool = \"stuck\" } }, { at_ms = 500 }");
+    for fault in ["power = { on = false }", "power = { on = false }, for_ms = 20", "power = { reset = \"watchdog\" }"] {
+        // A quarter of the stroke takes 37.5 ms; the last unit of the position counts as neutral.
+        let (verdict, safe_us) = result(CAREFUL, fault);
+        assert_eq!(verdict, Verdict::Safe, "{fault}");
+        assert!(safe_us.is_some_and(|us| (37_480..=37_500).contains(&us)), "{fault}: {safe_us:?}");
+        assert_eq!(result(&stuck, fault).0, Verdict::NotSafe, "{fault}");
+    }
+}
+
 #[test]
 fn a_state_that_holds_only_for_a_moment_is_not_safe() {
     // The master moves the spool from side to side, so the spool passes neutral.

@@ -39,6 +39,8 @@ fn a_spool_takes_the_times_that_are_written() {
             assert!(is_close, "round {round}: {seen:?}, not {wanted:?}");
         }
         nodes.iter().for_each(|node| world.power(*node, false));
+        // The springs return the spool to neutral.
+        world.run_for(Duration::from_millis(400));
     }
 }
 

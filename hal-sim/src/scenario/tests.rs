@@ -323,6 +323,19 @@ fn a_wrong_byte_is_marked_and_every_failure_is_told() {
     assert!(text.ends_with("no bus traffic since the previous failure\n"), "{text}");
 }
 
+/// The springs take 37.5 ms for a quarter of the stroke, with and without a program.
+#[test]
+fn a_spool_returns_in_its_time_without_power() {
+    for power in ["{ on = false }", "{ reset = \"watchdog\" }"] {
+        let cut = |within_ms| {
+            format!("{ACTIVE}, {{ power = {power}, expect = {{ position = 0 }}, within_ms = {within_ms} }}")
+        };
+        passes(&cut(38));
+        fails(&cut(37), 1);
+        fails(&cut(38).replace("{ power", "{ plant = { spool = \"stuck\" } }, { power"), 1);
+    }
+}
+
 #[test]
 fn a_power_cut_in_the_middle_of_a_write_is_a_power_cut() {
     // "save" has no response, and the defaults are restored at the next start.

@@ -42,7 +42,7 @@ pub struct DeviceState {
     /// The set-point; null for an angle sensor.
     #[schema(required)]
     pub set_point: Option<SetPointValue>,
-    /// The position. For a valve, the spool position, −16384…16384; neutral without power. For an angle sensor, object
+    /// The position. For a valve, the spool position, −16384…16384, with or without power. For an angle sensor, object
     /// 0x6004; null without power.
     #[schema(required, minimum = -16384, maximum = 16384)]
     pub position: Option<i16>,
@@ -166,7 +166,6 @@ impl DeviceState {
         let view = world.view(node);
         let is_valve = matches!(kind, Kind::Pve(_));
         let valve = view.as_ref().and_then(|view| view.valve);
-        let at_rest = is_valve.then_some(0);
         Self {
             t_us: world.now().as_micros(),
             name: world.name(node).to_owned(),
@@ -178,7 +177,7 @@ impl DeviceState {
             dsm: valve.and_then(|valve| valve.dsm).map(DeviceStateMachine::from),
             command: valve.and_then(|valve| valve.command).map(Command::from),
             set_point: valve.map(|valve| valve.set_point.into()),
-            position: view.as_ref().map_or(at_rest, |view| Some(view.position)),
+            position: view.as_ref().map(|view| view.position).or_else(|| world.spool_position(node)),
             solenoids: is_valve.then(|| valve.is_some_and(|valve| valve.solenoids)),
             led: is_valve.then(|| valve.map_or(Led::OFF, Led::from)),
             faults: faults(kind, view.as_ref()),

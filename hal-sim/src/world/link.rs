@@ -9,6 +9,7 @@ use protocol_core::device::Inputs;
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
+use super::node::{Node, Power};
 use super::rough::{self, Play};
 use super::{NodeId, World};
 
@@ -203,10 +204,13 @@ impl World {
         inputs
     }
 
-    /// Returns the valve of a running device; `None` if the device has no valve, is off, or still starts. The valve
-    /// of a device that does not run counts as neutral (A), its state after the start.
+    /// Returns the valve of a device, which only its springs move while the program does not run; `None` for a sensor.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
-        self.on(node)?.valve()
+        let Node { power, released, .. } = &self.nodes[node.0];
+        match power {
+            Power::On(device) => device.valve(),
+            Power::Off | Power::Coming(..) => released.as_ref(),
+        }
     }
 }
 

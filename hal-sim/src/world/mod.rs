@@ -150,6 +150,7 @@ impl World {
             memory,
             inputs: Inputs::default(),
             power: Power::Off,
+            released: None,
             write: None,
             forced_bus_off: false,
             frames_dropped: 0,
@@ -216,7 +217,8 @@ impl World {
         self.follow_links(node);
         let mut inputs = self.as_linked(node, inputs);
         let now = self.now;
-        let Node { inputs: sensed, power, electronics, rough, .. } = &mut self.nodes[node.0];
+        let state = &mut self.nodes[node.0];
+        let Node { inputs: sensed, power, electronics, rough, .. } = state;
         if let (Some(from), Some(to)) = (sensed.shaft(), inputs.shaft()) {
             rough.change_motion(from, to, now);
         }
@@ -225,6 +227,9 @@ impl World {
         }
         *sensed = Inputs { bus: sensed.bus, ..inputs };
         electronics.has_new_inputs = matches!(power, Power::On(_));
+        if !electronics.has_new_inputs {
+            state.release(now);
+        }
         self.watch_supply(node);
         self.service(node);
     }

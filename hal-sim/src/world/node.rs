@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use protocol_core::actuator::SpoolTimes;
+use protocol_core::actuator::{Drive, SpoolTimes, Valve};
 use protocol_core::device::{AnyDevice, Device, Effect, Inputs, StartCause, Viewable};
 use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
@@ -67,6 +67,9 @@ pub(super) struct Node {
     pub(super) memory: Memory,
     pub(super) inputs: Inputs,
     pub(super) power: Power,
+    /// The valve while its program does not run: the solenoids are off, and springs, lever and faults of the spool act.
+    /// `None` for a running device and for a sensor.
+    pub(super) released: Option<Valve>,
     pub(super) write: Option<Write>,
     pub(super) forced_bus_off: bool,
     /// The number of frames that the device had dropped when it was last served.
@@ -112,6 +115,31 @@ impl Node {
     pub(super) fn sense(&mut self, now: Instant) {
         if let Power::On(device) = &mut self.power {
             device.sense(&self.rough.sensed(&self.inputs, now), now);
+        }
+    }
+
+    /// Switches the solenoids off and applies the present inputs to the spool. The program must not run.
+    pub(super) fn release(&mut self, now: Instant) {
+        let Self { factory, memory, inputs, released, .. } = self;
+        let Some(inputs) = inputs.valve() else { return };
+        if released.is_none() {
+            // A device that has never run has the spool of a new device, in neutral.
+            *released = factory(&memory.peek_image(), StartCause::PowerOn, now).valve().cloned();
+        }
+        if let Some(valve) = released {
+            valve.drive(Drive::Off, now);
+            valve.sense(inputs, now);
+        }
+    }
+
+    /// Tells the newly started program where the spool is, by one measurement.
+    pub(super) fn take_over_spool(&mut self, now: Instant) {
+        let mut inputs = self.inputs;
+        if let (Power::On(device), Some(released), Some(valve)) =
+            (&mut self.power, self.released.take(), inputs.valve_mut())
+        {
+            valve.spool.measured = Some(released.position(now));
+            device.sense(&inputs, now);
         }
     }
 

@@ -1,4 +1,6 @@
 //! Power-on, power-off, and the effects of a start or restart on the hardware of a device.
+//!
+//! The mechanics outlast the electronics: the spool of a valve is kept from the end of a program to the next start.
 
 use protocol_core::device::{Restart, StartCause};
 use protocol_core::time::{Duration, Instant, after, since};
@@ -98,6 +100,7 @@ impl World {
         let node = &mut self.nodes[id.0];
         node.inputs.bus = self.bus.port(port).mode();
         node.rough.start(now);
+        node.take_over_spool(now);
         node.sense(now);
         self.service(id);
     }
@@ -107,7 +110,10 @@ impl World {
         let now = self.now;
         self.rate_changes += 1;
         let node = &mut self.nodes[id.0];
-        node.power = Power::Off;
+        if let Power::On(device) = std::mem::replace(&mut node.power, Power::Off) {
+            node.released = device.valve().cloned();
+        }
+        node.release(now);
         if let Some(write) = node.write.take() {
             let (passed, whole) = (since(now, write.began), since(write.done, write.began));
             node.memory.store_cut(write.key, &write.record, passed.as_ticks(), whole.as_ticks());
@@ -178,3 +184,7 @@ impl Node {
         self.electronics.settings.brown_out_mv.zip(supply).is_some_and(|(limit, supply)| supply < limit)
     }
 }
+
+#[cfg(test)]
+#[path = "power_tests.rs"]
+mod tests;

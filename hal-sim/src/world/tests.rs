@@ -463,7 +463,7 @@ fn a_power_cut_planned_for_a_word_takes_the_device_along() {
 }
 
 #[test]
-fn the_position_of_a_valve_without_power_changes_at_an_event_alone() {
+fn the_position_of_a_valve_at_rest_without_power_changes_at_an_event_alone() {
     let mut world = World::new(RATE, 1);
     let valve = world.add("valve", crate::ValveKind::PveaCanopen);
     for _ in 0..2 {

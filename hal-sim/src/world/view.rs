@@ -43,7 +43,6 @@ impl World {
     #[must_use]
     pub fn next_inside(&self, node: NodeId, range: &RangeInclusive<i16>, limit: Instant) -> Instant {
         let Some(valve) = self.valve(node) else {
-            // A valve without power is neutral until an event.
             if self.inputs(node).shaft().is_none() {
                 return limit;
             }
@@ -70,6 +69,12 @@ impl World {
     #[must_use]
     pub fn tpdo(&self, node: NodeId) -> Option<(u32, &[MappingEntry])> {
         self.on(node)?.tpdo()
+    }
+
+    /// Returns the position of the spool of a valve, with or without power; `None` for another device.
+    #[must_use]
+    pub fn spool_position(&self, node: NodeId) -> Option<i16> {
+        Some(self.valve(node)?.position(self.now).raw())
     }
 
     /// Returns whether the spool of a valve floats. The position objects then contain the value for float (SPEC 2).

@@ -189,6 +189,7 @@ struct Seen {
 #[derive(Debug, PartialEq)]
 struct DeviceSeen {
     view: Option<View>,
+    spool: Option<i16>,
     outputs: Option<Outputs>,
     inputs: Inputs,
     plant: Vec<Change>,
@@ -282,6 +283,7 @@ impl Run {
         let received = client.iter_mut().flat_map(|client| std::iter::from_fn(|| client.receive().ok())).collect();
         let devices = devices.iter().map(|(_, node)| DeviceSeen {
             view: world.view(*node),
+            spool: world.spool_position(*node),
             outputs: world.outputs(*node),
             inputs: *world.inputs(*node),
             plant: world.plant(*node).collect(),
