@@ -31,6 +31,7 @@ fn percent(temperature_c: i16) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use protocol_core::actuator::SpoolFault;
     use protocol_core::controller::BitRate;
     use protocol_core::device::pve;
     use protocol_core::time::Duration;
@@ -79,6 +80,22 @@ mod tests {
         let (usual, cold) = (stroke(25), stroke(-20));
         assert_eq!(usual[7], 16_384);
         assert!(cold[7] < 11_000 && cold[11] > cold[7], "{cold:?}");
+    }
+
+    /// Oil that warms up does not hold a drifting spool.
+    #[test]
+    fn a_spool_drifts_in_warming_oil() {
+        let (mut world, valve, master) = moving();
+        world.set_plant(valve, Change::Spool(SpoolFault::Drifting)).expect("a valve");
+        for step in 0..3500_i16 {
+            if step % 100 == 0 {
+                world.send(master, "220: 0F 00 00 20".parse().expect("a frame"));
+            }
+            world.set_plant(valve, Change::TemperatureC(step / 175 - 20)).expect("a temperature");
+            world.run_for(Duration::from_millis(1));
+        }
+        let faults = world.view(valve).expect("power").faults;
+        assert!(faults.iter().any(|fault| fault.name == "spool-not-at-set-point" && fault.count == 1), "{faults:?}");
     }
 
     #[test]

@@ -343,3 +343,22 @@ fn what_is_too_rough_is_refused() {
         assert!(refused.starts_with(reason), "{refused}");
     }
 }
+
+/// A spool that does not hold its position is found by monitor 1, rough or not.
+#[test]
+fn a_rough_spool_drifts() {
+    for (valve, set_point) in [
+        ("pvea-canopen,noise=1", 8192),
+        ("pvea-canopen,noise=1", 13_107),
+        ("pvea-canopen,noise=1000,stroke-ms=500", 8192),
+        ("pvea-canopen,noise=1000,stroke-ms=500,dead-band=5", 8192),
+    ] {
+        let mut rig = Rig::new(valve, SENSOR, None);
+        let drifting = Change::Spool(actuator::SpoolFault::Drifting);
+        rig.world.set_plant(rig.valve, drifting).expect("a valve");
+        rig.hold(set_point, 60);
+        let faults = rig.world.view(rig.valve).expect("power").faults;
+        let is_found = faults.iter().any(|fault| fault.name == "spool-not-at-set-point" && fault.count == 1);
+        assert!(is_found, "{valve}, {set_point}: {faults:?}");
+    }
+}

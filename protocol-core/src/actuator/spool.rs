@@ -176,6 +176,10 @@ impl From<SpoolSense> for Influence {
             SpoolSense { fault: SpoolFault::Stuck, .. } => Self::Stuck,
             SpoolSense { lever: Some(position), .. } => Self::At(position),
             SpoolSense { fault: SpoolFault::None, roughness: Roughness::NONE, .. } => Self::Device,
+            // The solenoids do not hold a drifting spool, so it does not tremble.
+            SpoolSense { fault: fault @ SpoolFault::Drifting, roughness, .. } => {
+                Self::Impaired(fault, Roughness { offset: Position::NEUTRAL, ..roughness })
+            }
             SpoolSense { fault, roughness, .. } => Self::Impaired(fault, roughness),
         }
     }
@@ -206,7 +210,11 @@ impl Spool {
         if (influence, rates) != (self.influence, self.rates) {
             self.influence = influence;
             self.rates = rates;
-            self.plan(self.at(now), now);
+            // Neither roughness nor rates bring a creeping spool back to its set-point.
+            let creeps_on = matches!(influence, Influence::Impaired(SpoolFault::Drifting, _)) && self.path.creeps(now);
+            if !creeps_on {
+                self.plan(self.at(now), now);
+            }
         }
     }
 

@@ -211,6 +211,11 @@ impl Path {
         }
     }
 
+    /// Returns whether the spool creeps, or has crept to the end of its path.
+    pub(super) fn creeps(&self, now: Instant) -> bool {
+        self.creep.as_ref().is_some_and(|creep| now >= creep.start)
+    }
+
     /// Returns the next time after `now` at which the velocity may change; [`NEVER`] once the spool is at rest. The
     /// last microsecond of a leg may cover a shorter distance, so the velocity also changes at the beginning of that
     /// microsecond.

@@ -115,6 +115,13 @@ fn another_sense_does_not_disturb_the_drift() {
     rig.drive(0, to(8192));
     rig.sense(500, |inputs| inputs.supply_mv = 23_000);
     assert_eq!(rig.position(925), 9830);
+    // Neither do oil that grows cold, noise, or a dead-band.
+    for at in 1000..1500 {
+        rig.sense(at, |inputs| inputs.spool.times = SpoolTimes::new(at as u16, at as u16).unwrap());
+        let offset = Position::new(if at % 2 == 0 { 300 } else { -300 }).unwrap();
+        rig.sense(at, |inputs| inputs.spool.roughness = Roughness { offset, dead_band: 7 });
+    }
+    assert_eq!([1500, 1725, 9000].map(|at| rig.position(at)), [11_008, 11_468, 11_468]);
 }
 
 #[test]
