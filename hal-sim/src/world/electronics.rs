@@ -16,8 +16,8 @@ pub struct Electronics {
     /// The minimum and maximum delay of an answer (A). Answers are SDO, LSS and UDS responses, J1939 acknowledgements,
     /// aborts of the transport protocol, and a DM2 in one frame.
     pub answer: (Duration, Duration),
-    /// The cycle time of the application, which reads frames and inputs and sends frames only once per cycle (A). With
-    /// 0, the application reacts immediately.
+    /// The cycle time of the application, which reads frames and inputs and sends frames only once per cycle (A). Faults
+    /// and lever of the spool are such inputs. With 0, the application reacts immediately.
     pub cycle: Duration,
     /// The supply voltage in mV below which a valve is off (A). The valve restarts when the supply reaches this
     /// voltage. `None` if the valve never switches off.
