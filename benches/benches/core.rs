@@ -227,14 +227,14 @@ fn sdo_segment(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>>
 }
 
 // An RPDO of two objects and its TPDO (741–926 in C). The master repeats its set-point.
-#[library_benchmark(config = budget(510))]
+#[library_benchmark(config = budget(515))]
 #[bench::same_set_point(active("220: 0F 00 00 10"))]
 fn rpdo_to_tpdo(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // The same with a new set-point.
-#[library_benchmark(config = budget(565))]
+#[library_benchmark(config = budget(575))]
 #[bench::new_set_point(active("220: 0F 00 00 20"))]
 fn rpdo_to_tpdo_new(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
@@ -277,7 +277,7 @@ fn hat_sdo_download(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
 }
 
 // A SYNC and the TPDO of the position, due by its number or because the position has changed.
-#[library_benchmark(config = budget(299))]
+#[library_benchmark(config = budget(305))]
 #[bench::every(sensor(1, "080:").into())]
 #[bench::on_change(sensor(0, "080:").into())]
 fn hat_sync_to_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
@@ -315,7 +315,7 @@ fn avef_due(next: Option<&str>) -> Box<Exchange<PveIsobus>> {
 }
 
 // A request to all and the address claim (83 in sae-j1939-rs, without a pump).
-#[library_benchmark(config = budget(200))]
+#[library_benchmark(config = budget(206))]
 #[bench::to_all(claimed("18EAFF27: 00 EE 00"))]
 fn claim_request(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
     exchange.run()
