@@ -46,6 +46,19 @@ const ALSO_TRUE: &[(&str, usize, &str, &str)] = &[
     ("bus-off", 3, "expect: the key is never", "nobody waits for the position: the bus-off comes before it"),
     ("boom-and-sensor", 9, "expect: the key is never", "nobody waits for neutral: the next set-point comes before it"),
     (
+        "fault-insertion-isobus",
+        9,
+        "expect: the key is never",
+        "nobody waits for the position: the claim of the address comes before it",
+    ),
+    (
+        "fault-insertion-isobus",
+        9,
+        "\"extend\" is \"emergency-stop\"",
+        "as the emergency stop begins, the spool is still where it was",
+    ),
+    ("fault-delay-isobus", 12, "\"blocked\" is \"extend\"", "as the step begins, the valve still extends"),
+    (
         "lost-avc",
         9,
         "expect: the key is never",
