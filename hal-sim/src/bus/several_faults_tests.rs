@@ -62,7 +62,7 @@ fn a_burst_gathers_delayed_frames_and_copies() {
     assert_eq!(rig.effects[1], FaultEffect::Delayed(millis(70)));
 }
 
-/// The application is in front of the faults.
+/// The answer delay of a slow application precedes the faults at the sender.
 #[test]
 fn a_burst_gathers_slow_answers() {
     let mut rig = rig_with(&[BURST]);

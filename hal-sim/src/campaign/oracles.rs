@@ -71,7 +71,7 @@ struct Safety<'a> {
 struct StateEye<'a> {
     wanted: &'a Wanted,
     device: (NodeId, Kind),
-    /// What was seen last, and the result of its check.
+    /// The last state that was checked, and the result of the check.
     last: Option<(Seen, bool)>,
 }
 

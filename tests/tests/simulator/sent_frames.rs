@@ -1,4 +1,4 @@
-//! What a device knows of its frames: those that have left the controller are sent, whatever else waits there.
+//! Frames that have left the controller count as sent, whatever else waits there.
 
 use hal_sim::scenario::Scenario;
 
